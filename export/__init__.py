@@ -1,0 +1,1 @@
+"""Panoramas to labels, crops, training, evaluation and ONNX; runs from a checkout."""

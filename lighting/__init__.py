@@ -1,0 +1,31 @@
+"""Light from one outdoor photo: sun, sky, camera, and an HDR environment map."""
+
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from lighting.envmap import render
+    from lighting.exr import read_exr, write_exr
+    from lighting.parameters import Lighting
+    from lighting.pipeline import Estimator, estimate
+
+__all__ = ["Estimator", "Lighting", "__version__", "estimate", "read_exr", "render", "write_exr"]
+
+_HOME = {
+    "Estimator": "pipeline",
+    "estimate": "pipeline",
+    "render": "envmap",
+    "Lighting": "parameters",
+    "read_exr": "exr",
+    "write_exr": "exr",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the public names on first use, so that `lighting --help` stays quick."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"lighting.{_HOME[name]}"), name)

@@ -1,0 +1,33 @@
+"""Transfer functions between linear light and display values, Rec.709 primaries throughout."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.floating[Any]]
+
+LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709, D65
+
+
+def srgb_decode(value: ArrayLike) -> Floats:
+    """Linear light of sRGB-encoded values, both in [0, 1] (IEC 61966-2-1)."""
+    v = np.asarray(value)
+    return np.where(v <= 0.04045, v / 12.92, ((np.maximum(v, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_encode(linear: ArrayLike) -> Floats:
+    """sRGB-encoded values in [0, 1] of linear light, clipped to [0, 1] (IEC 61966-2-1)."""
+    v = np.clip(linear, 0.0, 1.0)
+    return np.where(v <= 0.0031308, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055)
+
+
+def luminance(linear: ArrayLike) -> Floats:
+    """Relative luminance (...) of linear Rec.709 colours (..., 3)."""
+    return np.asarray(np.asarray(linear) @ LUMINANCE_WEIGHTS)
+
+
+def tone_map(image: ArrayLike, exposure: float = 1.0) -> NDArray[np.uint8]:
+    """Display picture of linear radiance: exposure, sRGB transfer, clip; any shape, 8 bits."""
+    scaled = np.asarray(image, dtype=np.float32) * np.float32(exposure)
+    return np.asarray(np.round(srgb_encode(scaled) * 255.0), dtype=np.uint8)

@@ -1,0 +1,28 @@
+"""Everything that can go wrong, as sentences for people.
+
+Exit codes of the command line and HTTP problems map from these classes alone.
+"""
+
+
+class LightingError(Exception):
+    """Base of every error this package raises on purpose; its text is one clear sentence."""
+
+
+class PhotoError(LightingError):
+    """The bytes given are not a photo that can be read."""
+
+
+class PhotoTooLargeError(PhotoError):
+    """The photo exceeds the limit on bytes or pixels."""
+
+
+class ParameterError(LightingError, ValueError):
+    """A lighting parameter is missing, of the wrong type or outside its range."""
+
+
+class ModelError(LightingError):
+    """The network's file is missing, damaged or of an unknown layout."""
+
+
+class EnvironmentMapError(LightingError):
+    """A file is not an environment map that can be read, or cannot be written."""

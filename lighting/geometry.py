@@ -1,0 +1,136 @@
+"""Axes, angles, lat-long pixels and pinhole rays: the only place where signs are decided.
+
+Frame: right-handed, +Y up, gravity-aligned. The camera looks along -Z at azimuth 0 and +X is to its
+right. Azimuth is 0 where the camera points and grows to the right (clockwise seen from above), in
+(-180, 180] degrees; elevation is degrees above the horizon.
+
+Lat-long image: width = 2 x height, row 0 is the zenith, the centre column is azimuth 0, the right half is
+right of the camera. Pixel coordinates are continuous with centres at (i + 0.5), and the seam wraps.
+
+Camera: elevation positive looks up; roll positive turns the camera clockwise about its viewing axis as its
+holder sees it, so that the horizon in the picture turns counter-clockwise. Field of view is vertical.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.floating[Any]]
+
+
+def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
+    """Unit vectors (..., 3) of azimuth and elevation [deg], which broadcast."""
+    az, el = np.broadcast_arrays(np.radians(azimuth), np.radians(elevation))
+    return np.stack([np.sin(az) * np.cos(el), np.sin(el), -np.cos(az) * np.cos(el)], axis=-1)
+
+
+def angles(direction: ArrayLike) -> tuple[Floats, Floats]:
+    """Azimuth in (-180, 180] and elevation in [-90, 90] [deg] of vectors (..., 3) of any length."""
+    x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
+    azimuth = np.degrees(np.arctan2(x, -z))
+    elevation = np.degrees(np.arctan2(y, np.hypot(x, z)))
+    return wrap_azimuth(azimuth), elevation
+
+
+def wrap_azimuth(azimuth: ArrayLike) -> Floats:
+    """The same azimuth [deg] in (-180, 180]."""
+    return -np.mod(180.0 - np.asarray(azimuth, dtype=np.float64), 360.0) + 180.0
+
+
+def angle_between(a: ArrayLike, b: ArrayLike) -> Floats:
+    """Angle [deg] between vectors (..., 3), exact for tiny and for opposite angles (Kahan's formula)."""
+    a, b = (np.asarray(v, dtype=np.float64) for v in (a, b))
+    a, b = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in (a, b))
+    return np.degrees(2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)))
+
+
+def latlong_angles(height: int) -> tuple[Floats, Floats]:
+    """Azimuth of the columns (2H,) and elevation of the rows (H,) [deg], at pixel centres."""
+    azimuth = ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 360.0
+    elevation = (0.5 - (np.arange(height) + 0.5) / height) * 180.0
+    return azimuth, elevation
+
+
+def latlong_directions(height: int) -> Floats:
+    """Unit vectors (H, 2H, 3) of a lat-long image's pixel centres."""
+    azimuth, elevation = latlong_angles(height)
+    return direction(azimuth[None, :], elevation[:, None])
+
+
+def latlong_pixel(direction: ArrayLike, height: int) -> Floats:
+    """Continuous pixel coordinates (..., 2) as (x, y); x in [0, 2H), y in [0, H]."""
+    azimuth, elevation = angles(direction)
+    x = np.mod((azimuth / 360.0 + 0.5) * 2 * height, 2 * height)
+    return np.stack([x, (0.5 - elevation / 180.0) * height], axis=-1)
+
+
+def latlong_solid_angle(height: int) -> Floats:
+    """Solid angle [sr] of one pixel in each row (H,); the whole image sums to 4 pi."""
+    edges = np.cos(np.linspace(0.0, np.pi, height + 1))
+    return (edges[:-1] - edges[1:]) * (np.pi / height)
+
+
+def camera_axes(azimuth: float, elevation: float, roll: float) -> Floats:
+    """The camera's right, up and forward unit vectors as rows (3, 3); angles in deg."""
+    forward = direction(azimuth, elevation)
+    right = direction(azimuth + 90.0, 0.0)
+    up = np.cross(right, forward)
+    c, s = np.cos(np.radians(roll)), np.sin(np.radians(roll))
+    return np.stack([c * right - s * up, s * right + c * up, forward])
+
+
+def focal_length(height: float, vertical_fov: float) -> float:
+    """Focal length [pixels] of a pinhole camera whose picture is `height` pixels tall."""
+    return float(0.5 * height / np.tan(np.radians(vertical_fov) / 2.0))
+
+
+def camera_directions(
+    width: int, height: int, vertical_fov: float, azimuth: float = 0.0, elevation: float = 0.0, roll: float = 0.0
+) -> Floats:
+    """Unit vectors (H, W, 3) through the pixel centres of a pinhole camera; angles in deg."""
+    focal = focal_length(height, vertical_fov)
+    x = (np.arange(width) + 0.5 - 0.5 * width) / focal
+    y = (0.5 * height - np.arange(height) - 0.5) / focal
+    right, up, forward = camera_axes(azimuth, elevation, roll)
+    rays = x[None, :, None] * right + y[:, None, None] * up + forward
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+
+
+def camera_pixel(
+    direction: ArrayLike,
+    width: int,
+    height: int,
+    vertical_fov: float,
+    azimuth: float = 0.0,
+    elevation: float = 0.0,
+    roll: float = 0.0,
+) -> Floats:
+    """Continuous pixel coordinates (..., 2) as (x, y) of directions (..., 3); NaN behind the camera."""
+    x, y, z = np.moveaxis(np.asarray(direction) @ camera_axes(azimuth, elevation, roll).T, -1, 0)
+    focal = focal_length(height, vertical_fov)
+    z = np.where(z > 1e-9, z, np.nan)
+    return np.stack([0.5 * width + focal * x / z, 0.5 * height - focal * y / z], axis=-1)
+
+
+def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:
+    """Bilinear samples (..., C) of a lat-long image (H, 2H, C) along directions (..., 3).
+
+    Wraps at the seam; across a pole it continues on the opposite side.
+    """
+    height, width = image.shape[:2]
+    pixel = latlong_pixel(direction, height) - 0.5
+    x0, y0 = np.floor(pixel[..., 0]).astype(np.intp), np.floor(pixel[..., 1]).astype(np.intp)
+    fx = (pixel[..., 0] - x0)[..., None].astype(np.float32)
+    fy = (pixel[..., 1] - y0)[..., None].astype(np.float32)
+    flat = image.reshape(height * width, -1)
+
+    def texel(x: NDArray[np.intp], y: NDArray[np.intp]) -> Floats:
+        beyond = (y < 0) | (y >= height)
+        column = np.mod(np.where(beyond, x + width // 2, x), width)
+        row = np.where(y < 0, -1 - y, np.where(y >= height, 2 * height - 1 - y, y))
+        return np.asarray(flat[row * width + column])
+
+    top = texel(x0, y0) * (1 - fx) + texel(x0 + 1, y0) * fx
+    bottom = texel(x0, y0 + 1) * (1 - fx) + texel(x0 + 1, y0 + 1) * fx
+    return np.asarray(top * (1 - fy) + bottom * fy)

@@ -1,0 +1,208 @@
+"""The records between the network and the sky: what it expects, what it said, what the user gets.
+
+Names and units are the same in Python, JSON, command-line options, HTTP parameters, EXR attributes and CSV columns.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ModelError, ParameterError
+from lighting.geometry import angles, direction, wrap_azimuth
+from lighting.sky import sky_coefficients
+from lighting.sun_grid import grid_directions, most_likely, radius
+
+SKY_MODEL = "hosek-wilkie"
+GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
+
+RANGES: dict[str, tuple[float, float]] = {
+    "sun_azimuth": (-180.0, 180.0),  # deg, 0 = where the camera points, positive to the right
+    "sun_elevation": (0.0, 90.0),  # deg above the horizon
+    "sun_visibility": (0.0, 1.0),  # probability that direct sunlight reaches the scene
+    "radius_50": (0.0, 180.0),  # deg around the sun's direction that hold 50 % of the probability
+    "radius_90": (0.0, 180.0),  # the same for 90 %
+    "turbidity": (1.0, 10.0),  # Linke, as Hosek-Wilkie uses it
+    "ground_albedo": (0.0, 1.0),
+    "exposure": (1e-6, 1e6),  # photo's linear values / sky radiance
+    "camera_elevation": (-90.0, 90.0),  # deg, positive looks up
+    "camera_roll": (-180.0, 180.0),  # deg, positive turns the camera clockwise
+    "vertical_fov": (1.0, 170.0),  # deg
+}
+
+
+@dataclass(frozen=True)
+class ModelSpec:
+    """What a network expects and means; travels as JSON in the ONNX file's metadata."""
+
+    name: str
+    version: str
+    width: int  # of the input canvas, pixels
+    height: int
+    mean: tuple[float, float, float]  # of sRGB values in [0, 1]; also fills the canvas around the photo
+    std: tuple[float, float, float]
+    sun_grid: str  # layout name, see sun_grid.py
+    licence: str = "Apache-2.0"
+    training_data: str = ""
+
+    def to_json(self) -> str:
+        """One line of JSON."""
+        return json.dumps({f.name: getattr(self, f.name) for f in fields(self)})
+
+    @classmethod
+    def from_json(cls, text: str) -> "ModelSpec":
+        """The spec that `to_json` wrote; ModelError if it is of another layout."""
+        try:
+            values = json.loads(text)
+            spec = cls(**{**values, "mean": tuple(values["mean"]), "std": tuple(values["std"])})
+        except (ValueError, TypeError, KeyError) as error:
+            raise ModelError(f"The model's metadata does not describe its input: {error}.") from error
+        grid_directions(spec.sun_grid)
+        return spec
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the network said about one photo."""
+
+    spec: ModelSpec
+    sun_probability: NDArray[np.float32]  # (N,) over the cells of spec.sun_grid, sums to 1
+    sun_visibility: float
+    turbidity: float
+    exposure: float
+    camera_elevation: float
+    camera_roll: float
+    vertical_fov: float
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """The light of one photo and the camera that took it; units and ranges in RANGES."""
+
+    sun_azimuth: float
+    sun_elevation: float
+    turbidity: float
+    exposure: float
+    ground_albedo: float = GROUND_ALBEDO
+    sun_visibility: float = 1.0
+    radius_50: float = 0.0
+    radius_90: float = 0.0
+    camera_elevation: float = 0.0
+    camera_roll: float = 0.0
+    vertical_fov: float = 50.0
+    model_name: str = "none"
+    model_version: str = "0"
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in RANGES.items():
+            check_range(name, getattr(self, name), low, high)
+
+    @property
+    def sun_direction(self) -> NDArray[np.floating[Any]]:
+        """Unit vector (3,) towards the sun, in the frame of geometry.py."""
+        return direction(self.sun_azimuth, self.sun_elevation)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON record; `sun.direction` and `sky.coefficients` follow from the other fields."""
+        return {
+            "model": {"name": self.model_name, "version": self.model_version},
+            "sun": {
+                "azimuth": self.sun_azimuth,
+                "elevation": self.sun_elevation,
+                "direction": [round(float(v), 6) for v in self.sun_direction],
+                "visibility": self.sun_visibility,
+                "radius_50": self.radius_50,
+                "radius_90": self.radius_90,
+            },
+            "sky": {
+                "model": SKY_MODEL,
+                "turbidity": self.turbidity,
+                "ground_albedo": self.ground_albedo,
+                "exposure": self.exposure,
+                "coefficients": sky_coefficients(self.sun_elevation, self.turbidity, self.ground_albedo),
+            },
+            "camera": {
+                "elevation": self.camera_elevation,
+                "roll": self.camera_roll,
+                "vertical_fov": self.vertical_fov,
+            },
+        }
+
+    @classmethod
+    def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
+        """The record that `to_dict` wrote; what may be absent takes its default, derived values are recomputed.
+
+        Raises ParameterError, naming the field, for one that is missing, of the wrong type or out of range.
+        """
+        sun, sky = _section(record, "sun", required=True), _section(record, "sky", required=True)
+        camera, model = _section(record, "camera"), _section(record, "model")
+        if sky.get("model", SKY_MODEL) != SKY_MODEL:
+            raise ParameterError(f"sky.model is {sky['model']!r}; only {SKY_MODEL!r} is known.")
+        given: dict[str, Any] = {
+            "sun_azimuth": sun.get("azimuth"),
+            "sun_elevation": sun.get("elevation"),
+            "sun_visibility": sun.get("visibility"),
+            "radius_50": sun.get("radius_50"),
+            "radius_90": sun.get("radius_90"),
+            "turbidity": sky.get("turbidity"),
+            "ground_albedo": sky.get("ground_albedo"),
+            "exposure": sky.get("exposure"),
+            "camera_elevation": camera.get("elevation"),
+            "camera_roll": camera.get("roll"),
+            "vertical_fov": camera.get("vertical_fov"),
+        }
+        for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
+            if given[name] is None:
+                raise ParameterError(f"The lighting record lacks {name}.")
+        present = {name: value for name, value in given.items() if value is not None}
+        return cls(
+            **present,
+            model_name=str(model.get("name", "none")),
+            model_version=str(model.get("version", "0")),
+        )
+
+
+def check_range(name: str, value: object, low: float, high: float) -> None:
+    """Raise a one-sentence ParameterError unless `value` is a finite number in [low, high]."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ParameterError(f"{name} must be a finite number, not {value!r}.")
+    if not low <= value <= high:
+        raise ParameterError(f"{name} is {value:g}; it must lie in {low:g} to {high:g}.")
+
+
+def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
+    section = record.get(name) if isinstance(record, Mapping) else None
+    if section is None and not required:
+        return {}
+    if not isinstance(section, Mapping):
+        raise ParameterError(f"The lighting record needs an object {name!r}.")
+    return section
+
+
+def lighting_from(prediction: Prediction) -> Lighting:
+    """What the user gets of what the network said: the sun's best direction and every value inside its range."""
+    grid = prediction.spec.sun_grid
+    sun = most_likely(prediction.sun_probability, grid)
+    azimuth, elevation = angles(sun)
+    values = {
+        "sun_azimuth": float(wrap_azimuth(azimuth)),
+        "sun_elevation": float(elevation),
+        "sun_visibility": prediction.sun_visibility,
+        "radius_50": radius(prediction.sun_probability, 0.5, grid, sun),
+        "radius_90": radius(prediction.sun_probability, 0.9, grid, sun),
+        "turbidity": prediction.turbidity,
+        "exposure": prediction.exposure,
+        "camera_elevation": prediction.camera_elevation,
+        "camera_roll": prediction.camera_roll,
+        "vertical_fov": prediction.vertical_fov,
+    }
+    inside = {name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()}
+    return Lighting(**inside, model_name=prediction.spec.name, model_version=prediction.spec.version)
+
+
+def _significant(value: float, digits: int = 6) -> float:
+    return float(f"{value:.{digits}g}")

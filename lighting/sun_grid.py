@@ -1,0 +1,109 @@
+"""The discrete sky on which the network votes for the sun; shared with training.
+
+A grid has a layout name, which travels in the model's metadata:
+
+- ``fibonacci:N``: N directions of equal solid angle over the upper hemisphere, on a golden spiral.
+- ``rings:ExA``: E elevations times A azimuths, the bins of Hold-Geoffroy et al. (CVPR 2017) with 5x32.
+
+Cells belong to the upper hemisphere: a sun is at or above the horizon.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lighting.errors import ModelError
+from lighting.geometry import angle_between, direction
+
+Floats = NDArray[np.floating[Any]]
+
+_GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # degrees
+_MODE_RADIUS = 25.0  # degrees around the best cell over which the soft decoding averages
+_SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) that finds the best mode
+
+
+def grid_directions(layout: str) -> Floats:
+    """Unit vectors (N, 3) of the cells of a layout; raises ModelError for an unknown one."""
+    return _grid(layout)[0]
+
+
+def grid_solid_angle(layout: str) -> Floats:
+    """Solid angle [sr] of each cell (N,); sums to 2 pi."""
+    return _grid(layout)[1]
+
+
+@lru_cache(maxsize=8)
+def _grid(layout: str) -> tuple[Floats, Floats]:
+    kind, _, size = layout.partition(":")
+    try:
+        if kind == "fibonacci":
+            return _fibonacci(int(size))
+        if kind == "rings":
+            elevations, azimuths = size.split("x")
+            return _rings(int(elevations), int(azimuths))
+    except ValueError:
+        pass
+    raise ModelError(f"The sun grid layout {layout!r} is not known; expected 'fibonacci:N' or 'rings:ExA'.")
+
+
+def _fibonacci(count: int) -> tuple[Floats, Floats]:
+    index = np.arange(count)
+    elevation = np.degrees(np.arcsin(1.0 - (index + 0.5) / count))
+    return direction(index * _GOLDEN_ANGLE, elevation), np.full(count, 2 * np.pi / count)
+
+
+def _rings(elevations: int, azimuths: int) -> tuple[Floats, Floats]:
+    edges = np.linspace(0.0, 90.0, elevations + 1)
+    centres = (edges[1:] + edges[:-1]) / 2
+    azimuth = ((np.arange(azimuths) + 0.5) / azimuths - 0.5) * 360.0
+    height = np.diff(np.sin(np.radians(edges)))
+    cells = direction(azimuth[None, :], centres[:, None]).reshape(-1, 3)
+    return cells, np.repeat(height * 2 * np.pi / azimuths, azimuths)
+
+
+def soft_label(direction: ArrayLike, concentration: ArrayLike, layout: str) -> Floats:
+    """Target probabilities (..., N): a von Mises-Fisher lobe around directions (..., 3), normalised over the cells.
+
+    `concentration` (...) is kappa; CVPR 2017 uses 80, about 6.4 deg of standard deviation per axis.
+    """
+    cosine = np.asarray(direction) @ grid_directions(layout).T
+    weight = np.exp(np.asarray(concentration)[..., None] * (cosine - 1.0)) * grid_solid_angle(layout)
+    return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
+
+
+def most_likely(probability: ArrayLike, layout: str) -> Floats:
+    """The sun's direction (3,) of probabilities (N,): the mean of the cells around the strongest mode.
+
+    The mode is sought in the density smoothed by a 4 deg kernel; the average over 25 deg around it removes
+    the grid's own error.
+    """
+    p = np.asarray(probability, dtype=np.float64)
+    cells = grid_directions(layout)
+    peak = cells[int(np.argmax(_smoothing_kernel(layout) @ p))]
+    near = p * (angle_between(cells, peak) <= _MODE_RADIUS)
+    mean = near @ cells
+    return np.asarray(mean / np.linalg.norm(mean))
+
+
+@lru_cache(maxsize=8)
+def _smoothing_kernel(layout: str) -> NDArray[np.float32]:
+    cells = grid_directions(layout)
+    return np.exp(_SMOOTHING * (cells @ cells.T - 1.0)).astype(np.float32)
+
+
+def radius(probability: ArrayLike, share: float, layout: str, centre: ArrayLike) -> float:
+    """Angle [deg] around direction `centre` (3,) that holds `share` (0 to 1) of the probability (N,)."""
+    p = np.asarray(probability, dtype=np.float64)
+    distance = angle_between(grid_directions(layout), centre)
+    order = np.argsort(distance)
+    held = np.cumsum(p[order]) / p.sum()
+    return float(np.interp(share, np.concatenate([[0.0], held]), np.concatenate([[0.0], distance[order]])))
+
+
+def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats:
+    """Probability density [1/sr] at directions (..., 3) of probabilities (..., N): that of the nearest cell."""
+    cell = np.argmax(np.asarray(direction) @ grid_directions(layout).T, axis=-1)
+    at = np.take_along_axis(np.asarray(probability), cell[..., None], axis=-1)[..., 0]
+    return np.asarray(at / grid_solid_angle(layout)[cell])
