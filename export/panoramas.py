@@ -1,0 +1,193 @@
+"""A folder of 360° x 180° panoramas with what is known about each: `panoramas.csv` and the pictures it names.
+
+Only the columns `name`, `file`, `kind`, `place` and `split` are required; the folder's format is documented in
+the README beside this file. Pictures of one place share sky and ground, so a place belongs to one split only.
+"""
+
+import csv
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.colour import srgb_decode
+from lighting.errors import LightingError
+
+INDEX = "panoramas.csv"
+REQUIRED = ("name", "file", "kind", "place", "split")
+OPTIONAL = ("sun", "direct", "scene", "label", "licence")  # and the numbers below
+CHOICES = {
+    "kind": ("ldr", "hdr"),
+    "split": ("train", "val"),
+    "sun": ("visible", "inferred", "none", "unknown"),
+    "direct": ("", "yes", "partly", "no"),
+}
+NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_uncertainty": (0.0, 180.0)}  # deg
+
+_PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
+_RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commercial|no ?derivatives|share-?alike)\b")
+
+
+class DataError(LightingError):
+    """A folder of panoramas is missing, incomplete or contradicts itself."""
+
+
+@dataclass(frozen=True)
+class Panorama:
+    """One row of the index; None or an empty string where the index says nothing."""
+
+    name: str
+    path: Path  # of the picture, absolute
+    kind: str  # "ldr" (sRGB, 8 bits) or "hdr" (OpenEXR, linear Rec.709)
+    place: str
+    split: str  # "train" or "val"
+    sun: str = "unknown"  # "visible", "inferred" (from shadows and glow), "none" (overcast) or "unknown"
+    sun_azimuth: float | None = None  # deg, 0 = centre column, positive to the right
+    sun_elevation: float | None = None  # deg above the horizon
+    sun_uncertainty: float | None = None  # deg, one sigma
+    direct: str = ""  # direct sunlight reaches the scene: "yes", "partly", "no" or "" where not known
+    scene: str = ""
+    label: str = ""  # how the sun's direction was found
+    licence: str = ""
+
+
+def read_index(folder: str | Path, split: str | None = None, *, licensed_only: bool = False) -> list[Panorama]:
+    """The folder's panoramas, in the index's order; DataError if the folder or a row cannot be used.
+
+    `split` keeps one split; `licensed_only` keeps the rows that `is_permissive` accepts.
+    """
+    root = Path(folder).resolve()
+    panoramas = [_panorama(root, row, line) for line, row in enumerate(_rows(root), start=2)]
+    _check_unique(panoramas)
+    _check_places(panoramas)
+    kept = (p for p in panoramas if split in (None, p.split))
+    return [p for p in kept if not licensed_only or is_permissive(p.licence)]
+
+
+def is_permissive(licence: str) -> bool:
+    """Whether the licence field states a permissive licence: CC0, CC-BY, MIT, Apache, BSD or public domain.
+
+    A licence inferred from the file's name counts as stated. Refused: a licence that is absent, unknown or only likely, one that is the repository's and not the picture's
+    ("as repo"), and any that forbids commercial use or changes or asks for the same licence (NC, ND, SA).
+    """
+    text = licence.lower().replace("_", " ")
+    return bool(_PERMISSIVE.search(text)) and not _RESTRICTED.search(text)
+
+
+def read_picture(panorama: Panorama) -> NDArray[Any]:
+    """Pixels (H, 2H, 3) as published: uint8 sRGB of an LDR picture, float32 linear Rec.709 of an HDR one."""
+    try:
+        pixels = _read_ldr(panorama.path) if panorama.kind == "ldr" else _read_hdr(panorama.path)
+    except DataError:
+        raise
+    except Exception as error:  # the EXR reader raises bare RuntimeErrors, Pillow half a dozen kinds
+        raise DataError(f"The panorama {panorama.path} cannot be read: {error}.") from error
+    height, width = pixels.shape[:2]
+    if width != 2 * height:
+        raise DataError(f"The panorama {panorama.path} is {width} x {height} pixels, not twice as wide as high.")
+    return pixels
+
+
+def read_linear(panorama: Panorama, height: int | None = None) -> NDArray[np.float32]:
+    """Linear Rec.709 float32 (H, 2H, 3), averaged over areas down to `height` rows where that is fewer."""
+    pixels = read_picture(panorama)
+    linear = _DECODED[pixels] if panorama.kind == "ldr" else pixels
+    return linear if height is None else shrink(linear, height)
+
+
+def shrink(image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
+    """A lat-long image (H, 2H, C) averaged over areas down to `height` rows; the same image if it has no more."""
+    if height >= image.shape[0]:
+        return image
+    size = (2 * height, height)
+    planes = (np.ascontiguousarray(image[..., c], dtype=np.float32) for c in range(image.shape[2]))
+    return np.stack([np.asarray(Image.fromarray(p).resize(size, Image.Resampling.BOX)) for p in planes], axis=-1)
+
+
+_DECODED: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
+
+
+def _rows(root: Path) -> list[Mapping[str, str]]:
+    if not root.is_dir():
+        raise DataError(f"There is no folder {root}.")
+    try:
+        with (root / INDEX).open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, restval="")
+            missing = [name for name in REQUIRED if name not in (reader.fieldnames or ())]
+            if missing:
+                raise DataError(f"{root / INDEX} has no column {', '.join(missing)}.")
+            return list(reader)
+    except FileNotFoundError as error:
+        raise DataError(f"The folder {root} has no {INDEX}.") from error
+    except (OSError, ValueError, csv.Error) as error:
+        raise DataError(f"{root / INDEX} cannot be read: {error}.") from error
+
+
+def _panorama(root: Path, row: Mapping[str, str], line: int) -> Panorama:
+    where = f"{root / INDEX}, line {line}"
+    text = {key: (row.get(key) or "").strip() for key in (*REQUIRED, *OPTIONAL)}
+    text["sun"] = text["sun"] or "unknown"
+    for key in REQUIRED:
+        if not text[key]:
+            raise DataError(f"{where}: the column {key} is empty.")
+    for key, allowed in CHOICES.items():
+        if text[key] not in allowed:
+            raise DataError(f"{where}: {key} is {text[key]!r}, not one of {', '.join(filter(None, allowed))}.")
+    path = root / text.pop("file")
+    if not path.is_file():
+        raise DataError(f"{where}: there is no picture {path}.")
+    values: dict[str, Any] = {**text, **{key: _number(row, key, where) for key in NUMBERS}}
+    return Panorama(path=path, **values)
+
+
+def _number(row: Mapping[str, str], key: str, where: str) -> float | None:
+    text = (row.get(key) or "").strip()
+    if not text:
+        return None
+    low, high = NUMBERS[key]
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise DataError(f"{where}: {key} is {text!r}, not a number from {low:g} to {high:g}.")
+    return value
+
+
+def _check_unique(panoramas: Iterable[Panorama]) -> None:
+    seen: set[str] = set()
+    for panorama in panoramas:
+        if panorama.name in seen:
+            raise DataError(f"The panorama {panorama.name} appears twice in the index.")
+        seen.add(panorama.name)
+
+
+def _check_places(panoramas: Iterable[Panorama]) -> None:
+    split: dict[str, str] = {}
+    for panorama in panoramas:
+        if split.setdefault(panorama.place, panorama.split) != panorama.split:
+            raise DataError(f"The place {panorama.place} is in both splits, so val would not be unseen.")
+
+
+def _read_ldr(path: Path) -> NDArray[np.uint8]:
+    with Image.open(path, formats=["JPEG", "PNG", "WEBP"]) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.uint8)
+
+
+def _read_hdr(path: Path) -> NDArray[np.float32]:
+    import OpenEXR
+
+    with OpenEXR.File(str(path)) as file:
+        channels = file.channels()
+        name = next((key for key in ("RGB", "RGBA") if key in channels), None)
+        if name is None:
+            raise DataError(f"The panorama {path} has no channels R, G and B.")
+        pixels = np.array(channels[name].pixels[..., :3], dtype=np.float32)
+    finite = np.nan_to_num(pixels, nan=0.0, posinf=65504.0, neginf=0.0)  # half floats end at 65504
+    return np.maximum(finite, 0.0)
