@@ -73,8 +73,9 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
 def is_permissive(licence: str) -> bool:
     """Whether the licence field states a permissive licence: CC0, CC-BY, MIT, Apache, BSD or public domain.
 
-    A licence inferred from the file's name counts as stated. Refused: a licence that is absent, unknown or only likely, one that is the repository's and not the picture's
-    ("as repo"), and any that forbids commercial use or changes or asks for the same licence (NC, ND, SA).
+    One inferred from the file's name counts as stated. Refused: a licence that is absent, unknown or only likely, one
+    that is the repository's and not the picture's ("as repo"), and any that forbids commercial use or changes or asks
+    for the same licence (NC, ND, SA).
     """
     text = licence.lower().replace("_", " ")
     return bool(_PERMISSIVE.search(text)) and not _RESTRICTED.search(text)
