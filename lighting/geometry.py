@@ -40,9 +40,13 @@ def wrap_azimuth(azimuth: ArrayLike) -> Floats:
 
 def angle_between(a: ArrayLike, b: ArrayLike) -> Floats:
     """Angle [deg] between vectors (..., 3), exact for tiny and for opposite angles (Kahan's formula)."""
-    a, b = (np.asarray(v, dtype=np.float64) for v in (a, b))
-    a, b = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in (a, b))
-    return np.degrees(2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)))
+    u, v = _unit(a), _unit(b)
+    return np.degrees(2.0 * np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1)))
+
+
+def _unit(vector: ArrayLike) -> Floats:
+    v = np.asarray(vector, dtype=np.float64)
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 def latlong_angles(height: int) -> tuple[Floats, Floats]:

@@ -51,8 +51,8 @@ def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tup
     """Coefficients (3, 9) and mean radiance (3,) of a sky, rows r, g, b; sun elevation in deg.
 
     With theta the angle from the zenith and gamma that from the sun [rad], a channel's radiance is the product of
-    its mean radiance, 1 + c0 exp(c1 / (cos theta + 0.01)) and
-    c2 + c3 exp(c4 gamma) + c5 cos^2 gamma + c6 (1 + cos^2 gamma) / (1 + c8^2 - 2 c8 cos gamma)^1.5 + c7 sqrt(cos theta).
+    its mean radiance, 1 + c0 exp(c1 / (cos theta + 0.01)) and c2 + c3 exp(c4 gamma) + c5 cos^2 gamma + c6 chi +
+    c7 sqrt(cos theta) with chi = (1 + cos^2 gamma) / (1 + c8^2 - 2 c8 cos gamma)^1.5.
     Raises ParameterError out of range.
     """
     elevation = _checked("sun elevation", sun_elevation)
