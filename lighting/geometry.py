@@ -41,7 +41,8 @@ def wrap_azimuth(azimuth: ArrayLike) -> Floats:
 def angle_between(a: ArrayLike, b: ArrayLike) -> Floats:
     """Angle [deg] between vectors (..., 3), exact for tiny and for opposite angles (Kahan's formula)."""
     u, v = _unit(a), _unit(b)
-    return np.degrees(2.0 * np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1)))
+    half = np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1))
+    return np.asarray(np.degrees(2.0 * half))
 
 
 def _unit(vector: ArrayLike) -> Floats:
