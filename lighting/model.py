@@ -1,0 +1,120 @@
+"""The network: an ONNX file that carries its own description, run by onnxruntime.
+
+Input `photo`, float32 (N, 3, H, W), is the canvas of photo.place. Output `sun_probability`, float32 (N, G), sums to 1
+over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. The metadata key
+`spec` holds a ModelSpec as JSON.
+"""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ModelError
+from lighting.parameters import ModelSpec, Prediction
+from lighting.sun_grid import grid_directions
+
+PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
+OUTPUTS = ("sun_probability", "parameters")
+
+_ERRORS_ONLY = 3  # onnxruntime's scale of log severities
+
+
+class Model:
+    """A loaded network; one may be shared by several threads."""
+
+    def __init__(self, session: Any, spec: ModelSpec) -> None:
+        self.session = session
+        self.spec = spec
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str] | None = None, threads: int = 0) -> "Model":
+        """The network in an ONNX file, by default the one in this package.
+
+        `threads` is how many work on one photo; 0 takes every CPU this process may use. Raises ModelError for a file
+        that is missing, damaged, or of another layout than this module's.
+        """
+        file = packaged_model() if path is None else Path(path)
+        session = _session(file, threads or _available_cpus())
+        metadata = session.get_modelmeta().custom_metadata_map
+        if "spec" not in metadata:
+            raise ModelError(f"{file} is not a lighting network: its metadata has no 'spec'.")
+        spec = ModelSpec.from_json(metadata["spec"])
+        _check_layout(session, spec, file)
+        return cls(session, spec)
+
+    def predict(self, batch: NDArray[np.float32]) -> list[Prediction]:
+        """What the network says about each photo of a batch (N, 3, H, W); N may be 0."""
+        expected = (3, self.spec.height, self.spec.width)
+        if batch.ndim != 4 or batch.shape[1:] != expected:
+            raise ValueError(f"The network takes a batch of shape (N, {expected}), not {batch.shape}.")
+        if len(batch) == 0:
+            return []
+        probability, parameters = self._run(batch)
+        return [_prediction(self.spec, p, q) for p, q in zip(probability, parameters, strict=True)]
+
+    def _run(self, batch: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        try:
+            outputs: list[NDArray[np.float32]] = self.session.run(OUTPUTS, {"photo": batch})
+        except Exception as error:  # onnxruntime's errors share no public base class
+            raise ModelError(f"The network failed: {_first_line(error)}") from error
+        cells = len(grid_directions(self.spec.sun_grid))
+        if [o.shape for o in outputs] != [(len(batch), cells), (len(batch), len(PARAMETERS))]:
+            raise ModelError(f"The network answered in shapes {[o.shape for o in outputs]}, not {cells} cells.")
+        if not all(np.isfinite(o).all() for o in outputs):
+            raise ModelError("The network's answer is not finite.")
+        return outputs
+
+
+def packaged_model() -> Path:
+    """The one network in this package; ModelError if there is none or a choice."""
+    folder = Path(__file__).parent / "data"
+    found = sorted(folder.glob("outdoor-*.onnx"))
+    if len(found) != 1:
+        raise ModelError(f"{folder} must hold exactly one outdoor-<version>.onnx; it holds {len(found)}.")
+    return found[0]
+
+
+def _available_cpus() -> int:
+    """CPUs this process may run on, which inside a container are fewer than the machine's."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _session(file: Path, threads: int) -> Any:
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = _ERRORS_ONLY
+    if not file.is_file():
+        raise ModelError(f"There is no network at {file}.")
+    try:
+        return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's errors share no public base class
+        raise ModelError(f"{file} is not an ONNX network that can be read: {_first_line(error)}") from error
+
+
+def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
+    cells = len(grid_directions(spec.sun_grid))
+    expected = {
+        "photo": [3, spec.height, spec.width],
+        "sun_probability": [cells],
+        "parameters": [len(PARAMETERS)],
+    }
+    found = {port.name: port.shape[1:] for port in [*session.get_inputs(), *session.get_outputs()]}
+    if found != expected:
+        raise ModelError(f"{file} is a network of another layout: {found} where {expected} is expected.")
+
+
+def _prediction(spec: ModelSpec, probability: NDArray[np.float32], parameters: NDArray[np.float32]) -> Prediction:
+    named = dict(zip(PARAMETERS, map(float, parameters), strict=True))
+    return Prediction(spec=spec, sun_probability=probability, **named)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

@@ -1,0 +1,94 @@
+"""Pictures and a tiny network that several test modules share."""
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+from PIL import Image
+
+from lighting.parameters import ModelSpec
+from lighting.sun_grid import grid_directions
+
+TINY = ModelSpec(
+    name="tiny",
+    version="0.0.1",
+    width=48,
+    height=32,
+    mean=(0.5, 0.4, 0.3),
+    std=(0.2, 0.25, 0.3),
+    sun_grid="rings:3x8",
+)
+
+
+def scene(width: int, height: int) -> NDArray[np.uint8]:
+    """A smooth picture (h, w, 3) that looks different each way up: red grows to the right, green downwards."""
+    x, y = np.linspace(0, 255, width), np.linspace(0, 255, height)
+    blue = np.full((height, width), 90.0)
+    return np.stack([np.tile(x, (height, 1)), np.tile(y[:, None], (1, width)), blue], axis=-1).round().astype(np.uint8)
+
+
+def encode(image: Image.Image | NDArray[Any], file_format: str = "JPEG", **options: Any) -> bytes:
+    """The bytes of a picture file."""
+    picture = image if isinstance(image, Image.Image) else Image.fromarray(image)
+    stream = BytesIO()
+    picture.save(stream, file_format, **options)
+    return stream.getvalue()
+
+
+def write_network(
+    path: Path,
+    spec: ModelSpec = TINY,
+    *,
+    cells: int | None = None,
+    metadata: dict[str, str] | None = None,
+    bias: float = 0.0,
+) -> Path:
+    """An ONNX file of the real layout: a softmax and six numbers, both linear in the mean colour of the canvas."""
+    count = len(grid_directions(spec.sun_grid)) if cells is None else cells
+    random = np.random.default_rng(7)
+    parameters = np.array([3.0, 0.1, 4.0, -1.0, 50.0, 0.8]) + bias
+    constants = {
+        "sun_weight": random.normal(0, 3, (3, count)),
+        "parameter_weight": random.normal(0, 0.05, (3, 6)),
+        "parameter_bias": parameters,
+    }
+    graph = helper.make_graph(
+        [
+            helper.make_node("ReduceMean", ["photo"], ["colour"], axes=[2, 3], keepdims=0),
+            helper.make_node("MatMul", ["colour", "sun_weight"], ["logits"]),
+            helper.make_node("Softmax", ["logits"], ["sun_probability"], axis=1),
+            helper.make_node("MatMul", ["colour", "parameter_weight"], ["slope"]),
+            helper.make_node("Add", ["slope", "parameter_bias"], ["parameters"]),
+        ],
+        "tiny",
+        [helper.make_tensor_value_info("photo", TensorProto.FLOAT, ["N", 3, spec.height, spec.width])],
+        [
+            helper.make_tensor_value_info("sun_probability", TensorProto.FLOAT, ["N", count]),
+            helper.make_tensor_value_info("parameters", TensorProto.FLOAT, ["N", 6]),
+        ],
+        [numpy_helper.from_array(v.astype(np.float32), k) for k, v in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
+    helper.set_model_props(model, {"spec": spec.to_json()} if metadata is None else metadata)
+    onnx.checker.check_model(model)
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+@pytest.fixture(scope="session")
+def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The path of a tiny network that is valid in every respect."""
+    return write_network(tmp_path_factory.mktemp("network") / "outdoor-0.0.1.onnx")
+
+
+@pytest.fixture
+def photo_path(tmp_path: Path) -> Path:
+    """A JPEG on disk, 320 x 240."""
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(encode(scene(320, 240)))
+    return path
