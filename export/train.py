@@ -1,0 +1,283 @@
+"""One readable loop that trains either network on crops drawn on the fly; stops and resumes at any time.
+
+The folder it writes holds config.json (everything the run depends on, with the commit), log.jsonl and checkpoint.pt.
+"""
+
+import hashlib
+import json
+import math
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.utils.data import DataLoader, Dataset
+
+from export.augment import augment
+from export.crops import Source, generator, load_source, paper_camera, sampling_weights, take, training_camera
+from export.labels import read_labels
+from export.network import build, encode, specs
+from export.panoramas import DataError, Panorama, read_index
+from lighting.atomic import replacing
+from lighting.parameters import ModelSpec
+from lighting.photo import place
+from lighting.sun_grid import grid_directions, soft_label
+
+PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Everything a training run depends on besides the data."""
+
+    data: str  # folder of panoramas
+    labels: str  # CSV of `python -m export label`
+    out: str  # folder for config.json, log.jsonl and checkpoint.pt
+    network: str = "outdoor"  # or "cvpr2017"
+    version: str = "1.0.0"
+    crops: int = 100_000  # drawn in all
+    batch: int = 32
+    learning_rate: float = 8e-4
+    weight_decay: float = 0.05
+    warmup: float = 0.03  # share of the run
+    ema: float = 0.998  # per step, of the averaged weights that are kept in the end
+    target_width: float = 4.0  # deg per axis, added in quadrature to each label's own uncertainty
+    tune_share: float = 0.08  # of the training places, held out for the log and the temperature
+    sharpness: float = 0.45  # lowest share of the canvas's resolution that a crop keeps
+    licensed_only: bool = False  # train on permissively licensed panoramas alone
+    pretrained: bool = True
+    workers: int = 2
+    checkpoint_minutes: float = 4.0
+
+
+class Batch(NamedTuple):
+    """Tensors of B crops; NaN parameters are unknown, sun targets without a sun are all zero."""
+
+    photo: Tensor  # (B, 3, H, W)
+    sun: Tensor  # (B, G)
+    parameters: Tensor  # (B, 6)
+
+
+class Crops(Dataset[Batch]):
+    """Training crops by number: number i is the same crop in every run over the same panoramas."""
+
+    def __init__(self, sources: Sequence[Source], spec: ModelSpec, config: TrainConfig, *, tune: bool = False) -> None:
+        self.sources, self.spec, self.config, self.tune = sources, spec, config, tune
+        self.chances = np.cumsum(sampling_weights([s.panorama for s in sources]))
+
+    def __len__(self) -> int:
+        return 8 * len(self.sources) if self.tune else self.config.crops
+
+    def __getitem__(self, index: int) -> Batch:
+        if index >= len(self):
+            raise IndexError(index)
+        if self.tune:
+            source = self.sources[index % len(self.sources)]
+            return self._batch(source, index, "tune")
+        pick = generator("panorama", index, "train").random()
+        source = self.sources[min(int(np.searchsorted(self.chances, pick)), len(self.sources) - 1)]
+        return self._batch(source, index, "train")
+
+    def _batch(self, source: Source, index: int, purpose: str) -> Batch:
+        rng = generator(source.panorama.name, index, purpose)
+        camera = paper_camera(rng) if self.tune else training_camera(rng)
+        crop = take(source, camera, self.spec, rng.uniform(self.config.sharpness, 1.0))
+        pixels, gain = augment(crop, rng)
+        parameters = crop.parameters
+        parameters[1] *= gain
+        sun = np.zeros(0)
+        if math.isfinite(crop.sun_elevation):
+            width = math.hypot(crop.sun_uncertainty, self.config.target_width)
+            sun = soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid)
+        cells = torch.zeros(len(grid_directions(self.spec.sun_grid)))
+        cells[: len(sun)] = torch.from_numpy(sun)
+        return Batch(torch.from_numpy(place(pixels, self.spec)), cells, torch.from_numpy(parameters))
+
+
+def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Panorama], list[Panorama]]:
+    """Panoramas to train on and panoramas of held-out places; a place's side depends on its name alone."""
+
+    def held_out(panorama: Panorama) -> bool:
+        return int(hashlib.sha256(panorama.place.encode()).hexdigest(), 16) % 1000 < 1000 * share
+
+    return [p for p in panoramas if not held_out(p)], [p for p in panoramas if held_out(p)]
+
+
+def load_sources(panoramas: Sequence[Panorama], labels: str) -> list[Source]:
+    """Panoramas in memory with the turbidity and exposure of their sky fits where those are trusted."""
+    known = {label.name: label for label in read_labels(Path(labels))}
+    nan = math.nan
+
+    def load(panorama: Panorama) -> Source:
+        label = known.get(panorama.name)
+        fitted = label is not None and label.fit_ok
+        return load_source(panorama, *((label.turbidity, label.exposure) if label and fitted else (nan, nan)))
+
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(load, panoramas))
+
+
+def losses(sun: Tensor, raw: Tensor, batch: Batch) -> dict[str, Tensor]:
+    """Mean losses of one batch by name, each over the crops that have the target."""
+    has_sun = batch.sun.sum(dim=1) > 0.5
+    cross_entropy = -(batch.sun * F.log_softmax(sun.float(), dim=1)).sum(dim=1)
+    target = torch.cat([encode(batch.parameters[:, :5]), batch.parameters[:, 5:]], dim=1)
+    known = torch.isfinite(target)
+    target = torch.where(known, target, torch.zeros_like(target))
+    fit = F.smooth_l1_loss(raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
+    seen = F.binary_cross_entropy_with_logits(raw[:, 5].float(), target[:, 5], reduction="none")
+    by_parameter = _masked_mean(fit, known[:, :5])
+    return {
+        "sun": _masked_mean(cross_entropy, has_sun),
+        "parameters": (by_parameter * by_parameter.new_tensor(PARAMETER_WEIGHTS)).sum(),
+        "visibility": _masked_mean(seen, known[:, 5]),
+    }
+
+
+def _masked_mean(value: Tensor, mask: Tensor) -> Tensor:
+    return (value * mask).sum(dim=0) / mask.sum(dim=0).clamp_min(1)
+
+
+def learning_rate(step: int, steps: int, warmup: float) -> float:
+    """Factor on the learning rate: a linear rise, then half a cosine down to zero."""
+    rise = max(1, int(warmup * steps))
+    if step < rise:
+        return (step + 1) / rise
+    return 0.5 * (1 + math.cos(math.pi * (step - rise) / max(1, steps - rise)))
+
+
+class Run:
+    """The state of one training run: network, averaged weights, optimiser, position; saved and resumed as a whole."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.config = config
+        self.spec = specs(config.version)[config.network]
+        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        torch.manual_seed(0)
+        network = build(self.spec, pretrained=config.pretrained)
+        self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = AveragedModel(self.network, multi_avg_fn=get_ema_multi_avg_fn(config.ema), use_buffers=True)
+        trained = [p for p in self.network.parameters() if p.requires_grad]
+        self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
+        self.steps = config.crops // config.batch
+        self.step = 0
+        self.checkpoint = Path(config.out) / "checkpoint.pt"
+
+    def resume(self) -> None:
+        """Continue from the folder's checkpoint if it has one."""
+        if self.checkpoint.exists():
+            state = torch.load(self.checkpoint, map_location=self.device, weights_only=True)
+            self.network.load_state_dict(state["network"])
+            self.average.load_state_dict(state["average"])
+            self.optimizer.load_state_dict(state["optimizer"])
+            self.step = state["step"]
+
+    def save(self) -> None:
+        """Write the whole state; a run that is killed meanwhile keeps the last one."""
+        parts = {"network": self.network, "average": self.average, "optimizer": self.optimizer}
+        with replacing(self.checkpoint) as path:
+            torch.save({**{k: v.state_dict() for k, v in parts.items()}, "step": self.step}, path)
+
+    def forward(self, network: nn.Module, batch: Batch) -> dict[str, Tensor]:
+        """Losses of a batch that lies on the device, in bfloat16 where that is safe."""
+        with torch.autocast(self.device.type, torch.bfloat16):
+            sun, raw = network(batch.photo)
+        return losses(sun, raw, batch)
+
+    def update(self, batch: Batch) -> dict[str, Tensor]:
+        """One step of the optimiser."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.config.learning_rate * learning_rate(self.step, self.steps, self.config.warmup)
+        parts = self.forward(self.network, batch)
+        torch.stack(list(parts.values())).sum().backward()
+        nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
+        self.optimizer.step()
+        self.optimizer.zero_grad(set_to_none=True)
+        self.average.update_parameters(self.network)
+        self.step += 1
+        return {name: value.detach() for name, value in parts.items()}
+
+    def batches(self, dataset: Crops, first: int = 0) -> Iterator[Batch]:
+        """Batches on the device, from crop number `first` on."""
+        loader = DataLoader(
+            dataset,
+            batch_size=self.config.batch,
+            sampler=range(first, len(dataset)),
+            num_workers=self.config.workers,
+            drop_last=not dataset.tune,
+            worker_init_fn=_one_thread,
+        )
+        for batch in loader:
+            photo = batch.photo.to(self.device, memory_format=torch.channels_last)
+            yield Batch(photo, batch.sun.to(self.device), batch.parameters.to(self.device))
+
+    def tune_losses(self, dataset: Crops) -> dict[str, float]:
+        """Losses of the averaged weights over the held-out training places."""
+        self.average.eval()
+        with torch.inference_mode():
+            parts = [self.forward(self.average, batch) for batch in self.batches(dataset)]
+        return {name: float(torch.stack([p[name] for p in parts]).mean()) for name in parts[0]} if parts else {}
+
+
+def _one_thread(_worker: int) -> None:
+    torch.set_num_threads(1)
+
+
+def train(config: TrainConfig) -> Path:
+    """Train, resuming what the folder already holds; returns the checkpoint's path."""
+    out = Path(config.out)
+    out.mkdir(parents=True, exist_ok=True)
+    panoramas = read_index(config.data, "train", licensed_only=config.licensed_only)
+    kept, held_out = split_places(panoramas, config.tune_share)
+    if not kept:
+        raise DataError(f"There is no panorama to train on in {config.data}.")
+    run = Run(config)
+    run.resume()
+    record = {"config": asdict(config), "spec": asdict(run.spec), "commit": commit(), "torch": torch.__version__}
+    record["panoramas"] = {"train": [p.name for p in kept], "tune": [p.name for p in held_out]}
+    with replacing(out / "config.json") as path:
+        path.write_text(json.dumps(record, indent=1))
+    dataset = Crops(load_sources(kept, config.labels), run.spec, config)
+    tune = Crops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
+    print(
+        f"{len(kept)} panoramas to train on, {len(held_out)} held out, from step {run.step} of {run.steps}", flush=True
+    )
+    _loop(run, dataset, tune)
+    return run.checkpoint
+
+
+def _loop(run: Run, dataset: Crops, tune: Crops | None) -> None:
+    started = saved = time.monotonic()
+    window: list[dict[str, Tensor]] = []
+    run.network.train()
+    for batch in run.batches(dataset, run.step * run.config.batch):
+        window.append(run.update(batch))
+        last = run.step == run.steps
+        if last or time.monotonic() - saved > 60 * run.config.checkpoint_minutes:
+            run.save()
+            saved = time.monotonic()
+            means = {name: float(torch.stack([w[name] for w in window]).mean()) for name in window[0]}
+            window.clear()
+            held_out = {f"tune_{k}": v for k, v in run.tune_losses(tune).items()} if tune is not None and last else {}
+            _log(run, {"minutes": (saved - started) / 60, **means, **held_out})
+
+
+def _log(run: Run, values: dict[str, float]) -> None:
+    line = json.dumps({"step": run.step, **{name: round(value, 4) for name, value in values.items()}})
+    print(line, flush=True)
+    with (Path(run.config.out) / "log.jsonl").open("a") as file:
+        file.write(line + "\n")
+
+
+def commit() -> str:
+    """The checkout's commit, or "unknown" outside one."""
+    done = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent)
+    return done.stdout.strip() or "unknown"
