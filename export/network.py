@@ -14,8 +14,8 @@ from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
 _LOGARITHMIC = torch.tensor([True, True, False, False, False])
-_CENTRE = torch.tensor([math.log(3.0), math.log(0.1), 0.0, 0.0, 55.0])
-_SCALE = torch.tensor([0.5, 1.0, 15.0, 5.0, 15.0])
+_CENTRE = torch.tensor([math.log(4.0), math.log(5.0), 0.0, 0.0, 55.0])
+_SCALE = torch.tensor([0.5, 0.6, 15.0, 5.0, 15.0])
 
 BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained with
 BACKBONE_STD = (128 / 255,) * 3
