@@ -5,9 +5,10 @@ Names and units are the same in Python, JSON, command-line options, HTTP paramet
 
 import json
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,15 @@ class ModelSpec:
     sun_grid: str  # layout name, see sun_grid.py
     licence: str = "Apache-2.0"
     training_data: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("name", "version", "sun_grid", "licence", "training_data"):
+            _check_spec(name, isinstance(getattr(self, name), str))
+        for name in ("width", "height"):
+            _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
+        for name in ("mean", "std"):
+            _check_spec(name, len(getattr(self, name)) == 3 and all(_is_finite(v) for v in getattr(self, name)))
+        _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
         """One line of JSON."""
@@ -141,7 +151,7 @@ class Lighting:
         sun, sky = _section(record, "sun", required=True), _section(record, "sky", required=True)
         camera, model = _section(record, "camera"), _section(record, "model")
         if sky.get("model", SKY_MODEL) != SKY_MODEL:
-            raise ParameterError(f"sky.model is {sky['model']!r}; only {SKY_MODEL!r} is known.")
+            raise ParameterError(f"sky.model is {reprlib.repr(sky['model'])}; only {SKY_MODEL!r} is known.")
         given: dict[str, Any] = {
             "sun_azimuth": sun.get("azimuth"),
             "sun_elevation": sun.get("elevation"),
@@ -159,19 +169,31 @@ class Lighting:
             if given[name] is None:
                 raise ParameterError(f"The lighting record lacks {name}.")
         present = {name: value for name, value in given.items() if value is not None}
-        return cls(
-            **present,
-            model_name=str(model.get("name", "none")),
-            model_version=str(model.get("version", "0")),
-        )
+        for name in ("name", "version"):
+            if not isinstance(model.get(name, ""), str):
+                raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(model[name])}.")
+        return cls(**present, model_name=model.get("name", "none"), model_version=model.get("version", "0"))
 
 
 def check_range(name: str, value: object, low: float, high: float) -> None:
     """Raise a one-sentence ParameterError unless `value` is a finite number in [low, high]."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ParameterError(f"{name} must be a finite number, not {value!r}.")
-    if not low <= value <= high:
-        raise ParameterError(f"{name} is {value:g}; it must lie in {low:g} to {high:g}.")
+    if not _is_finite(value):
+        raise ParameterError(f"{name} must be a finite number, not {reprlib.repr(value)}.")
+    if not low <= float(value) <= high:
+        raise ParameterError(f"{name} is {float(value):g}; it must lie in {low:g} to {high:g}.")
+
+
+def _is_finite(value: object) -> TypeGuard[int | float]:
+    """Whether it is a number (a bool is not) that a float can hold."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
+
+
+def _check_spec(name: str, fits: bool) -> None:
+    if not fits:
+        raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
 
 
 def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:

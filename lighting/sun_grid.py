@@ -37,14 +37,13 @@ def grid_solid_angle(layout: str) -> Floats:
 @lru_cache(maxsize=8)
 def _grid(layout: str) -> tuple[Floats, Floats]:
     kind, _, size = layout.partition(":")
-    try:
-        if kind == "fibonacci":
-            return _fibonacci(int(size))
-        if kind == "rings":
-            elevations, azimuths = size.split("x")
-            return _rings(int(elevations), int(azimuths))
-    except ValueError:
-        pass
+    counts = [int(count) if count.isdecimal() else 0 for count in size.split("x")]
+    if min(counts) > 0:
+        match kind, counts:
+            case "fibonacci", [cells]:
+                return _fibonacci(cells)
+            case "rings", [elevations, azimuths]:
+                return _rings(elevations, azimuths)
     raise ModelError(f"The sun grid layout {layout!r} is not known; expected 'fibonacci:N' or 'rings:ExA'.")
 
 
