@@ -1,0 +1,177 @@
+"""Lighting to a picture: sky, a sun of the right power, and the ground they light.
+
+An environment map is a lat-long image (H, 2H, 3), float32, linear Rec.709, in the pixel layout of geometry.py. Its
+values are `exposure` x the sky model's radiance, which are the photo's own linear values.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ParameterError
+from lighting.geometry import angles, direction, latlong_angles, latlong_solid_angle
+from lighting.parameters import Lighting
+from lighting.sky import (
+    SUN_HALF_APERTURE,
+    sky_gradation,
+    sky_lobe,
+    sky_parameters,
+    sun_disc_points,
+    sun_disc_radiance,
+)
+
+Image = NDArray[np.float32]
+Floats = NDArray[np.floating[Any]]
+
+MIN_HEIGHT, MAX_HEIGHT = 16, 4096
+
+_LOBE_STEPS = 1 << 16  # of the table over the angle to the sun; its nearest entry costs less than 3e-4
+_CHUNK = 1 << 17  # pixels painted at once, so that what is in work stays in the processor's cache
+_IRRADIANCE_HEIGHT = 256  # of the sky that is integrated for the ground, whatever the height of the map
+_FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
+_FINE_PER_PIXEL = 4  # the least number of grid rows in a row of pixels
+_WHOLE_PIXEL = 1e-6  # pixels, the rounding allowed for when a yaw counts as a whole number of them
+
+
+def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None) -> Image:
+    """Environment map (H, 2H, 3) of a lighting; `height` is even, 16 to 4096.
+
+    `sun` says whether the disc is painted; None paints it when `sun_visibility` is at least 0.5. The sum of the disc's
+    radiance x solid angle is the same at every height, and the ground is lit by what is painted. Raises ParameterError
+    for another height.
+    """
+    _check_height(height)
+    painted = lighting.sun_visibility >= 0.5 if sun is None else sun
+    image = np.empty((height, 2 * height, 3), dtype=np.float32)
+    lobe = _lobe_table(lighting)
+    _paint_sky(image[: height // 2], lighting, lobe)
+    image[height // 2 :] = _ground_radiance(lighting, lobe, painted)
+    if painted:
+        _paint_sun(image, lighting)
+    return image
+
+
+def rotate(image: Image, yaw: float) -> Image:
+    """The map turned by `yaw` [deg]: what was at azimuth a is at a + yaw. Exact where that is a whole number of pixels.
+
+    Between whole pixels neighbours are interpolated linearly, across the seam too.
+    """
+    if not math.isfinite(yaw):
+        raise ParameterError(f"yaw must be a finite number, not {yaw!r}.")
+    shift = yaw % 360.0 / 360.0 * image.shape[1]
+    whole = math.floor(shift + _WHOLE_PIXEL)
+    share = np.float32(shift - whole)
+    turned = np.roll(image, whole, axis=1)
+    if share <= _WHOLE_PIXEL:
+        return turned
+    return np.asarray(turned * (1 - share) + np.roll(turned, 1, axis=1) * share)
+
+
+def _check_height(height: int) -> None:
+    if isinstance(height, bool) or not isinstance(height, int) or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
+        raise ParameterError(f"height is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}.")
+
+
+def _lobe_table(lighting: Lighting) -> Image:
+    """`sky_lobe` of each channel (3, steps + 1) at equal steps of the angle to the sun, 0 to 180 deg."""
+    chord = 2 * np.sin(np.linspace(0.0, math.pi / 2, _LOBE_STEPS + 1, dtype=np.float32))
+    coefficients, _ = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    return np.stack([sky_lobe(row, chord * chord) for row in coefficients])
+
+
+def _paint_sky(image: Image, lighting: Lighting, lobe: Image) -> None:
+    """Fill the upper half (H / 2, 2H, 3) of a map: per row a factor and an offset, per pixel one look-up of the lobe.
+
+    The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
+    the row gives all but the last factor and the column that one; this keeps its precision next to the sun.
+    """
+    factor, offset = _row_terms(lighting, 2 * len(image))
+    azimuth, elevation = latlong_angles(2 * len(image))
+    sun = math.radians(lighting.sun_elevation)
+    vertical = _f32(np.sin((np.radians(elevation) - sun) / 2) ** 2)
+    horizontal = _f32(np.cos(np.radians(elevation)) * math.cos(sun))
+    column = _f32(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2)
+    rows = max(1, _CHUNK // image.shape[1])
+    for start in range(0, len(image), rows):
+        part = slice(start, min(start + rows, len(image)))
+        half_sine = np.sqrt(vertical[part, None] + horizontal[part, None] * column)
+        step = np.arcsin(np.minimum(half_sine, 1)) * np.float32(_LOBE_STEPS / (math.pi / 2))
+        index = (step + np.float32(0.5)).astype(np.intp)
+        for channel in range(3):
+            value = lobe[channel].take(index)
+            value += offset[channel, part, None]
+            value *= factor[channel, part, None]
+            np.maximum(value, 0, out=image[part, :, channel])
+
+
+def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
+    """Factor and offset (3, H / 2) of the rows above the horizon, exposure and mean radiance in the factor."""
+    up = np.sin(np.radians(latlong_angles(height)[1][: height // 2]))
+    coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    terms = [sky_gradation(row, up) for row in coefficients]
+    factor = np.stack([factor for factor, _ in terms]) * radiance[:, None] * lighting.exposure
+    return _f32(factor), _f32(np.stack([offset for _, offset in terms]))
+
+
+def _ground_radiance(lighting: Lighting, lobe: Image, sun: bool) -> Floats:
+    """Radiance (3,) of a diffuse ground under the sky and, if it is painted, the sun."""
+    irradiance = _sky_irradiance(lighting, lobe)
+    if sun:
+        points, weight = sun_disc_points(lighting.sun_direction)
+        irradiance = irradiance + (weight * points[:, 1]) @ _exposed_disc(points, lighting)
+    return lighting.ground_albedo / math.pi * irradiance
+
+
+def _sky_irradiance(lighting: Lighting, lobe: Image) -> Floats:
+    """Irradiance (3,) of a horizontal surface by the sky without the disc."""
+    half = _IRRADIANCE_HEIGHT // 2
+    sky = np.empty((half, 2 * _IRRADIANCE_HEIGHT, 3), dtype=np.float32)
+    _paint_sky(sky, lighting, lobe)
+    edges = np.sin(np.linspace(math.pi / 2, 0, half + 1)) ** 2
+    return np.asarray((edges[:-1] - edges[1:]) @ sky.mean(axis=1, dtype=np.float64)) * math.pi
+
+
+def _exposed_disc(directions: Floats, lighting: Lighting) -> Floats:
+    return sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
+
+
+def _paint_sun(image: Image, lighting: Lighting) -> None:
+    """Add the disc: the mean over each pixel of its radiance on a finer grid, scaled to the disc's exact power."""
+    height, width = image.shape[:2]
+    split = max(_FINE_PER_PIXEL, -(-_FINE_HEIGHT // height))
+    rows, columns = _fine_cells(lighting, height * split)
+    elevation = 90.0 - (rows + 0.5) * (180.0 / (height * split))
+    azimuth = (columns + 0.5) * (180.0 / (height * split)) - 180.0
+    radiance = _exposed_disc(direction(azimuth[None, :], elevation[:, None]), lighting)
+    power = radiance * np.cos(np.radians(elevation))[:, None, None]
+    pixel = (rows // split)[:, None] * width + (columns // split) % width
+    lit = radiance.any(axis=-1)
+    cells, inverse = np.unique(pixel[lit], return_inverse=True)
+    sums = np.stack([np.bincount(inverse, power[lit][:, c], len(cells)) for c in range(3)], axis=-1)
+    scale = _sun_power(lighting) / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
+    image.reshape(-1, 3)[cells] += _f32(sums * scale / latlong_solid_angle(height)[cells // width, None])
+
+
+def _sun_power(lighting: Lighting) -> Floats:
+    """Radiance x solid angle (3,) of the part of the disc that is above the horizon."""
+    points, weight = sun_disc_points(lighting.sun_direction)
+    return np.asarray(weight @ _exposed_disc(points, lighting))
+
+
+def _fine_cells(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of a lat-long grid that hold the visible disc; columns may run over the seam."""
+    azimuth, elevation = angles(lighting.sun_direction)
+    per_degree = height / 180.0
+    top, bottom = 90.0 - elevation - SUN_HALF_APERTURE, 90.0 - elevation + SUN_HALF_APERTURE
+    rows = np.arange(max(0, math.floor(top * per_degree)), min(height // 2, math.ceil(bottom * per_degree)))
+    if top <= 0:
+        return rows, np.arange(2 * height)
+    reach = math.degrees(math.asin(math.sin(math.radians(SUN_HALF_APERTURE)) / math.cos(math.radians(elevation))))
+    first, last = (azimuth - reach + 180.0) * per_degree, (azimuth + reach + 180.0) * per_degree
+    return rows, np.arange(math.floor(first), math.ceil(last))
+
+
+def _f32(values: Floats) -> Image:
+    return np.asarray(values, dtype=np.float32)
