@@ -1,0 +1,132 @@
+"""The discrete sky: cells, targets, decoding."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lighting.errors import ModelError
+from lighting.geometry import angle_between, angles, direction
+from lighting.sun_grid import density, grid_directions, grid_solid_angle, most_likely, radius, soft_label
+
+FINE = "fibonacci:1024"
+CVPR = "rings:5x32"
+CONCENTRATION = 80.0
+
+azimuths = st.floats(-180.0, 180.0)
+elevations = st.floats(0.0, 90.0)
+
+
+@pytest.mark.parametrize("layout", [FINE, CVPR, "fibonacci:1", "rings:1x1", "rings:3x8"])
+def test_cells_are_unit_vectors_of_the_upper_hemisphere_that_cover_it(layout: str) -> None:
+    cells = grid_directions(layout)
+    assert np.linalg.norm(cells, axis=1) == pytest.approx(1.0)
+    assert (cells[:, 1] > 0).all()
+    assert grid_solid_angle(layout).sum() == pytest.approx(2 * np.pi)
+    assert len(grid_solid_angle(layout)) == len(cells)
+
+
+def test_fibonacci_cells_are_evenly_spread() -> None:
+    cells = grid_directions(FINE)
+    nearest = np.sort(angle_between(cells[:, None], cells[None]), axis=1)[:, 1]
+    side = np.degrees(np.sqrt(2 * np.pi / len(cells)))
+    assert nearest.min() > 0.7 * side
+    assert nearest.max() < 1.3 * side
+
+
+def test_rings_are_the_bins_of_cvpr_2017() -> None:
+    azimuth, elevation = angles(grid_directions(CVPR).reshape(5, 32, 3))
+    assert elevation[:, 0] == pytest.approx([9.0, 27.0, 45.0, 63.0, 81.0])
+    assert np.diff(azimuth[0]) == pytest.approx(360.0 / 32)
+    assert azimuth[0, 0] == pytest.approx(-180.0 + 360.0 / 64)
+
+
+@pytest.mark.parametrize("size", ["", ":", ":0", ":-3", ":3x3", ":a", ":1.5", ":1x2x3"])
+@pytest.mark.parametrize("kind", ["fibonacci", "healpix", ""])
+def test_unknown_layouts_are_refused_by_name(kind: str, size: str) -> None:
+    with pytest.raises(ModelError, match=f"'{kind}{size}' is not known"):
+        grid_directions(kind + size)
+
+
+@pytest.mark.parametrize("size", ["5", "0x5", "5x0", "-1x4", "1x2x3", "ax3"])
+def test_rings_need_two_counts(size: str) -> None:
+    with pytest.raises(ModelError, match=f"'rings:{size}' is not known"):
+        grid_directions(f"rings:{size}")
+
+
+@given(azimuths, elevations, st.floats(0.0, 2000.0))
+def test_soft_label_is_a_distribution_that_peaks_at_the_nearest_cell(az: float, el: float, kappa: float) -> None:
+    sun = direction(az, el)
+    label = soft_label(sun, kappa, FINE)
+    assert label.sum() == pytest.approx(1.0)
+    assert (label >= 0).all()
+    assert label[np.argmax(grid_directions(FINE) @ sun)] == label.max()
+
+
+def test_soft_label_of_a_batch_takes_a_concentration_for_each() -> None:
+    suns = direction([10.0, -120.0], [30.0, 60.0])
+    batch = soft_label(suns, np.array([20.0, 300.0]), CVPR)
+    assert batch.shape == (2, 160)
+    assert batch[1] == pytest.approx(soft_label(suns[1], 300.0, CVPR))
+    assert batch[1].max() > batch[0].max()
+
+
+def test_no_concentration_means_the_cells_share_by_solid_angle() -> None:
+    assert soft_label(direction(0.0, 45.0), 0.0, CVPR) == pytest.approx(grid_solid_angle(CVPR) / (2 * np.pi))
+
+
+@given(azimuths, st.floats(15.0, 90.0))
+def test_the_fine_grid_gives_the_sun_back_within_half_a_degree(az: float, el: float) -> None:
+    sun = direction(az, el)
+    assert angle_between(most_likely(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
+
+
+@given(azimuths, elevations)
+def test_the_fine_grid_gives_a_low_sun_back_within_six_degrees(az: float, el: float) -> None:
+    """Cells end at the horizon, so the mean around a low sun lies above it."""
+    sun = direction(az, el)
+    assert angle_between(most_likely(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
+
+
+def test_most_likely_follows_the_stronger_of_two_modes() -> None:
+    left, right = direction(-90.0, 40.0), direction(90.0, 40.0)
+    p = 0.6 * soft_label(left, CONCENTRATION, FINE) + 0.4 * soft_label(right, CONCENTRATION, FINE)
+    assert angle_between(most_likely(p, FINE), left) < 0.5
+
+
+def test_most_likely_prefers_a_broad_mode_to_one_stray_cell() -> None:
+    sun = direction(30.0, 50.0)
+    p = soft_label(sun, CONCENTRATION, FINE)
+    p[np.argmin(grid_directions(FINE) @ sun)] = 1.1 * p.max()
+    assert angle_between(most_likely(p, FINE), sun) < 0.5
+
+
+@given(azimuths, st.floats(25.0, 90.0))
+def test_radii_are_those_of_the_von_mises_fisher_lobe(az: float, el: float) -> None:
+    """A share s of a lobe of concentration k lies within acos(1 + log(1 - s) / k): 7.55 and 13.78 deg here."""
+    sun = direction(az, el)
+    label = soft_label(sun, CONCENTRATION, FINE)
+    for share, expected in ((0.5, 7.55), (0.9, 13.78)):
+        assert radius(label, share, FINE, sun) == pytest.approx(expected, abs=1.2)
+
+
+@given(azimuths, elevations, st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5))
+def test_radius_grows_with_the_share(az: float, el: float, shares: list[float]) -> None:
+    label = soft_label(direction(az, el), 20.0, FINE)
+    radii = [radius(label, share, FINE, direction(0.0, 45.0)) for share in sorted(shares)]
+    assert radii == sorted(radii)
+    assert radii[0] >= 0.0
+    assert radii[-1] <= 180.0
+
+
+def test_density_integrates_to_one_and_is_highest_at_the_sun() -> None:
+    sun = direction(60.0, 35.0)
+    label = soft_label(sun, CONCENTRATION, CVPR)
+    at_cells = np.array([float(density(label, cell, CVPR)) for cell in grid_directions(CVPR)])
+    assert at_cells @ grid_solid_angle(CVPR) == pytest.approx(1.0)
+    assert at_cells.max() == density(label, sun, CVPR)
+
+
+def test_density_of_a_uniform_sky_is_one_over_two_pi() -> None:
+    uniform = grid_solid_angle(CVPR) / (2 * np.pi)
+    assert density(uniform, direction(-77.0, 12.0), CVPR) == pytest.approx(1 / (2 * np.pi))
