@@ -67,7 +67,7 @@ class Crop:
 
     @property
     def parameters(self) -> Floats:
-        """Targets (6,) in the order of network.PARAMETERS."""
+        """Targets (6,) in the order of lighting.model.PARAMETERS."""
         c = self.camera
         return np.array(
             [self.turbidity, self.exposure, c.elevation, c.roll, c.vertical_fov, self.sun_visibility], np.float32

@@ -1,7 +1,7 @@
 """The two networks: ours on an ImageNet-pretrained EfficientNet-Lite0, and the CVPR 2017 one as the baseline.
 
 Both take the normalised canvas (B, 3, H, W) of `lighting.photo.place` and return two tensors: `sun` logits
-(B, G) over the cells of their grid, and `raw` values (B, 6) that `decode` turns into the columns of PARAMETERS.
+(B, G) over the cells of their grid, and `raw` values (B, 6) that `decode` turns into the columns of lighting.model.PARAMETERS.
 """
 
 import math
@@ -9,10 +9,10 @@ import math
 import torch
 from torch import Tensor, nn
 
+from lighting.model import PARAMETERS
 from lighting.parameters import ModelSpec
 from lighting.sun_grid import grid_directions
 
-PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
 _LOGARITHMIC = torch.tensor([True, True, False, False, False])
 _CENTRE = torch.tensor([math.log(4.0), math.log(5.0), 0.0, 0.0, 55.0])
 _SCALE = torch.tensor([0.5, 0.6, 15.0, 5.0, 15.0])
@@ -58,7 +58,7 @@ def encode(parameters: Tensor) -> Tensor:
 
 
 def decode(raw: Tensor) -> Tensor:
-    """Parameters (B, 6) in their units, in the order of PARAMETERS, from raw values (B, 6)."""
+    """Parameters (B, 6) in their units, in the order of lighting.model.PARAMETERS, from raw values (B, 6)."""
     value = raw[:, :5] * _SCALE.to(raw) + _CENTRE.to(raw)
     value = torch.where(_LOGARITHMIC.to(raw.device), value.exp(), value)
     return torch.cat([value, raw[:, 5:].sigmoid()], dim=1)
