@@ -1,0 +1,114 @@
+"""Lines, marks and text on a picture, antialiased: Pillow draws them larger, a mask brings them down."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+Floats = NDArray[np.floating[Any]]
+Colour = tuple[int, int, int]
+Point = tuple[float, float]
+
+BLACK: Colour = (0, 0, 0)
+_FINE = 3  # supersampling
+_SHADE = 0.45  # opacity of the dark ground under marks and outlined text
+
+
+def ink(
+    picture: Image.Image, colour: Colour, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]
+) -> None:
+    """Colour `picture` through a mask, which `paint` draws with 255 at the scale it is told."""
+    mask = Image.new("L", (picture.width * _FINE, picture.height * _FINE))
+    paint(ImageDraw.Draw(mask), _FINE)
+    small = mask.reduce(_FINE)
+    picture.paste(colour, mask=small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
+
+
+def stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float, opacity: float = 1.0) -> None:
+    """Open lines, each (N, 2) pixels."""
+
+    def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
+        for line in lines:
+            draw.line(_scaled(line, scale), fill=255, width=round(width * scale), joint="curve")
+
+    ink(picture, colour, opacity, paint)
+
+
+def shaded_stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float) -> None:
+    """Lines that stay visible on any ground, by a soft dark rim."""
+    stroke(picture, lines, BLACK, width + 2.5, _SHADE)
+    stroke(picture, lines, colour, width)
+
+
+def polygon(picture: Image.Image, corners: ArrayLike, colour: Colour, opacity: float = 1.0) -> None:
+    """A filled polygon of corners (N, 2)."""
+    ink(picture, colour, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
+
+
+def sun_marks(picture: Image.Image, spots: ArrayLike, colour: Colour, size: float) -> None:
+    """A small sun at each spot (N, 2): a disc of radius `size` with eight rays, on a soft dark ground."""
+    turn = np.arange(8) * np.pi / 4
+    rays = np.stack([np.cos(turn), np.sin(turn)], axis=-1)[:, None] * np.array([[1.6], [2.3]]) * size
+
+    def paint(grow: float) -> Callable[[ImageDraw.ImageDraw, int], None]:
+        def suns(draw: ImageDraw.ImageDraw, scale: int) -> None:
+            for spot in np.asarray(spots):
+                for ray in rays:
+                    draw.line(_scaled(spot + ray, scale), fill=255, width=round((size / 3 + 2 * grow) * scale))
+                draw.circle(_scaled([spot], scale)[0], (size + grow) * scale, fill=255)
+
+        return suns
+
+    ink(picture, BLACK, _SHADE, paint(2.0))
+    ink(picture, colour, 1.0, paint(0.0))
+
+
+def arrow_head(picture: Image.Image, tip: Floats, towards: Floats, colour: Colour) -> None:
+    """An arrow head 22 pixels long with its tip at `tip` (2,), pointing along the unit vector `towards` (2,)."""
+    side = np.array([-towards[1], towards[0]])
+    for grow, ground, opacity in ((3.0, BLACK, _SHADE), (0.0, colour, 1.0)):
+        back, wing = (22 + grow) * towards, (12 + 1.5 * grow) * side
+        polygon(
+            picture, [tip + grow * towards, tip - back + wing, tip - 16 * towards, tip - back - wing], ground, opacity
+        )
+
+
+def rounded(size: tuple[int, int], radius: int) -> Image.Image:
+    """Mask of a rectangle with rounded corners."""
+    mask = Image.new("L", (size[0] * _FINE, size[1] * _FINE))
+    corner = (mask.width - 1, mask.height - 1)
+    ImageDraw.Draw(mask).rounded_rectangle((0, 0, *corner), radius * _FINE, fill=255)
+    return mask.reduce(_FINE)
+
+
+def write(
+    picture: Image.Image, spot: Point, text: str, size: int, colour: Colour, *, anchor: str = "la", shaded: bool = False
+) -> None:
+    """Text with Pillow's anchor at `spot`; `shaded` puts a soft dark rim around it."""
+    if shaded:
+        rim = Image.new("L", picture.size)
+        ImageDraw.Draw(rim).text(spot, text, font=_font(size), fill=255, anchor=anchor, stroke_width=2)
+        picture.paste(BLACK, mask=rim.point([round(value * 0.6) for value in range(256)]))
+    ImageDraw.Draw(picture).text(spot, text, font=_font(size), fill=colour, anchor=anchor)
+
+
+def write_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, colour: Colour) -> None:
+    """Shaded text centred at `spot` (2,), moved as far as needed to lie inside the picture."""
+    left, top, right, bottom = _font(size).getbbox(text, anchor="mm")
+    x, y = np.asarray(spot, dtype=np.float64)
+    inside = (min(max(x, 8 - left), picture.width - 8 - right), min(max(y, 8 - top), picture.height - 8 - bottom))
+    write(picture, inside, text, size, colour, anchor="mm", shaded=True)
+
+
+def _scaled(points: ArrayLike, scale: int) -> list[Point]:
+    return [(float(x) * scale, float(y) * scale) for x, y in np.asarray(points)]
+
+
+@lru_cache(maxsize=16)
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    font = ImageFont.load_default(size)
+    assert isinstance(font, ImageFont.FreeTypeFont)  # Pillow's wheels bring FreeType
+    return font
