@@ -59,7 +59,7 @@ class Model:
         try:
             outputs: list[NDArray[np.float32]] = self.session.run(OUTPUTS, {"photo": batch})
         except Exception as error:  # onnxruntime's errors share no public base class
-            raise ModelError(f"The network failed: {_first_line(error)}") from error
+            raise ModelError(f"The network failed: {_reason(error)}") from error
         cells = len(grid_directions(self.spec.sun_grid))
         if [o.shape for o in outputs] != [(len(batch), cells), (len(batch), len(PARAMETERS))]:
             raise ModelError(f"The network answered in shapes {[o.shape for o in outputs]}, not {cells} cells.")
@@ -96,7 +96,7 @@ def _session(file: Path, threads: int) -> Any:
     try:
         return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors share no public base class
-        raise ModelError(f"{file} is not an ONNX network that can be read: {_first_line(error)}") from error
+        raise ModelError(f"{file} is not an ONNX network that can be read: {_reason(error)}") from error
 
 
 def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
@@ -116,5 +116,7 @@ def _prediction(spec: ModelSpec, probability: NDArray[np.float32], parameters: N
     return Prediction(spec=spec, sun_probability=probability, **named)
 
 
-def _first_line(error: Exception) -> str:
-    return (str(error).strip() or type(error).__name__).splitlines()[0]
+def _reason(error: Exception) -> str:
+    """The last clause of onnxruntime's message, which opens with codes and the path."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[0].rsplit("failed:", 1)[-1].strip().rstrip(".") + "."
