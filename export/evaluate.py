@@ -1,0 +1,210 @@
+"""Accuracy of ONNX networks on crops of panoramas that training never saw, beside what needs no network at all."""
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.crops import PROTOCOLS, Camera, Crop, Source, develop, generator, take
+from export.metrics import Answers, Floats, Truth, angle_between, answers, median, sun_error
+from export.panoramas import Panorama, read_index
+from export.report import figures_table, report
+from export.train import load_sources
+from lighting.atomic import replacing
+from lighting.geometry import angles, camera_directions, camera_pixel, direction
+from lighting.model import Model
+from lighting.parameters import Prediction, lighting_from
+from lighting.photo import place, read_photo, to_tensor
+from lighting.sun_grid import density
+
+CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
+CROPS_EACH = 8  # per panorama and protocol, at azimuths spread evenly
+SKY_SHARE = 0.1  # of a crop's pixels above the horizon, under which there is "no sky"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The crops of one protocol, taken once and shown to every network."""
+
+    sources: list[Source]
+    crops: list[tuple[Source, Camera]]
+
+
+def cameras(sources: Sequence[Source], protocol: str) -> Scene:
+    """CROPS_EACH cameras per panorama, with a random start and even steps of azimuth."""
+    taken = []
+    for source in sources:
+        start = generator(source.panorama.name, 0, "azimuth").uniform(-180, 180)
+        for index in range(CROPS_EACH):
+            drawn = PROTOCOLS[protocol](generator(source.panorama.name, index, protocol))
+            azimuth = (start + index * 360 / CROPS_EACH + 180) % 360 - 180
+            taken.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
+    return Scene(list(sources), taken)
+
+
+def answer(model: Model, scene: Scene, batch: int = 16) -> tuple[Truth, Answers]:
+    """The truth about the scene's crops and what the network says of them, by the path that users take."""
+    crops: list[Crop] = []
+    said: list[Prediction] = []
+    for first in range(0, len(scene.crops), batch):
+        part = [take(source, camera, model.spec) for source, camera in scene.crops[first : first + batch]]
+        said += model.predict(np.stack([place(develop(crop.linear), model.spec) for crop in part]))
+        crops += part
+    truth = collect([source.panorama for source, _ in scene.crops], crops)
+    return truth, interpret(said, truth.sun)
+
+
+def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
+    """The targets of crops as arrays."""
+    sun = np.array([c.sun_direction for c in crops])
+    uncertainty = np.array([c.sun_uncertainty for c in crops])
+    return Truth(
+        panorama=np.array([p.name for p in panoramas]),
+        place=np.array([p.place for p in panoramas]),
+        scored=np.isfinite(sun[:, 0]) & (uncertainty <= CERTAIN),
+        sun=sun,
+        camera=np.array([[c.camera.elevation, c.camera.roll, c.camera.vertical_fov] for c in crops]),
+        visibility=np.array([c.sun_visibility for c in crops]),
+        turbidity=np.array([c.turbidity for c in crops]),
+        exposure=np.array([c.exposure for c in crops]),
+        in_view=np.array([what_is_in_view(p, c) for p, c in zip(panoramas, crops, strict=True)]),
+    )
+
+
+def what_is_in_view(panorama: Panorama, crop: Crop) -> str:
+    """By geometry: the frame holds a visible sun; or more than SKY_SHARE of it looks above the horizon; or neither."""
+    height, width = crop.linear.shape[:2]
+    c = crop.camera
+    x, y = camera_pixel(crop.sun_direction, width, height, c.vertical_fov, 0.0, c.elevation, c.roll)
+    if panorama.sun == "visible" and 0 <= x <= width and 0 <= y <= height:
+        return "sun in view"
+    rays = camera_directions(32, 24, c.vertical_fov, 0.0, c.elevation, c.roll)
+    return "sky in view" if np.mean(rays[..., 1] > 0) > SKY_SHARE else "no sky"
+
+
+def interpret(said: Sequence[Prediction], sun: Floats) -> Answers:
+    """Predictions as arrays, decoded as users get them; NLL at the true suns (N, 3)."""
+    lights = [lighting_from(p) for p in said]
+    probability = np.array([p.sun_probability for p in said])
+    known = np.isfinite(sun[:, 0])
+    nll = np.full(len(said), np.nan)
+    nll[known] = -np.log(np.maximum(density(probability[known], sun[known], said[0].spec.sun_grid), 1e-9))
+    return Answers(
+        sun=np.array([light.sun_direction for light in lights]),
+        radius_50=np.array([light.radius_50 for light in lights]),
+        radius_90=np.array([light.radius_90 for light in lights]),
+        nll=nll,
+        camera=np.array([[li.camera_elevation, li.camera_roll, li.vertical_fov] for li in lights]),
+        visibility=np.array([light.sun_visibility for light in lights]),
+        turbidity=np.array([light.turbidity for light in lights]),
+        exposure=np.array([light.exposure for light in lights]),
+    )
+
+
+def without_network(truth: Truth, training: Sequence[Source]) -> dict[str, Answers]:
+    """Answers that look at no pixel; the constants are the best for the training panoramas."""
+    count = len(truth.scored)
+    elevation = np.array(
+        [s.panorama.sun_elevation for s in training if s.panorama.sun_elevation is not None], dtype=float
+    )
+    height = best_constant(elevation)
+    rng = np.random.default_rng(0)
+    random = direction(rng.uniform(-180, 180, count), np.full(count, np.median(elevation)))
+    uniform = np.full(count, math.log(2 * math.pi))
+    fits = [s for s in training if math.isfinite(s.turbidity)]
+    constants = {
+        "camera": np.tile([0.0, 0.0, 52.0], (count, 1)),
+        "visibility": np.zeros(count),
+        "turbidity": np.full(count, np.median([s.turbidity for s in fits]) if fits else np.nan),
+        "exposure": np.full(count, np.exp(np.median(np.log([s.exposure for s in fits]))) if fits else np.nan),
+    }
+    return {
+        "constant direction": answers(np.tile(direction(0.0, height), (count, 1)), nll=uniform, **constants),
+        "zenith": answers(np.tile([0.0, 1.0, 0.0], (count, 1)), nll=uniform),
+        "random azimuth": answers(random, nll=uniform),
+    }
+
+
+def best_constant(elevation: Floats) -> float:
+    """Elevation of the fixed direction with the least median error to suns at these elevations and any azimuth."""
+    azimuth = np.linspace(-180, 180, 72, endpoint=False)
+    suns = direction(azimuth[None, :], elevation[:, None])
+    candidates = np.arange(0.0, 91.0)
+    errors = [np.median(angle_between(suns, direction(0.0, candidate))) for candidate in candidates]
+    return float(candidates[int(np.argmin(errors))])
+
+
+def evaluate(data: Path, labels: str, models: dict[str, Path], out: Path) -> str:
+    """Score the networks (ours first) on the `val` split; returns the report in Markdown and writes it into `out`."""
+    training = [Source(p, ()) for p in read_index(data, "train")]
+    training = with_labels(training, labels)
+    sources = load_sources(read_index(data, "val"), labels)
+    loaded = {name: Model.load(path) for name, path in models.items()}
+    out.mkdir(parents=True, exist_ok=True)
+    sections = []
+    for protocol in ("paper", "phone"):
+        scene = cameras(sources, protocol)
+        results = {name: answer(model, scene) for name, model in loaded.items()}
+        truth = next(iter(results.values()))[0]
+        said = {name: answers for name, (_, answers) in results.items()} | without_network(truth, training)
+        sections.append(report(protocol, truth, said, ours=next(iter(models))))
+        write_crops(out / f"crops-{protocol}.csv", scene, truth, said)
+    photos = data / "photos.csv"
+    if photos.exists():
+        sections.append(photo_report(photos, loaded))
+    text = "\n\n".join(sections) + "\n"
+    with replacing(out / "report.md") as path:
+        path.write_text(text)
+    return text
+
+
+def with_labels(sources: Iterable[Source], labels: str) -> list[Source]:
+    """The sources with the sky fits of the labels, without their pictures."""
+    from export.labels import read_labels
+
+    known = {label.name: label for label in read_labels(Path(labels)) if label.fit_ok}
+    named = ((s.panorama, known.get(s.panorama.name)) for s in sources)
+    return [Source(p, (), label.turbidity, label.exposure) if label else Source(p, ()) for p, label in named]
+
+
+def write_crops(path: Path, scene: Scene, truth: Truth, said: dict[str, Answers]) -> None:
+    """One line a crop: how it was taken and each method's error, for looking at failures."""
+    errors = {name: sun_error(truth, a) for name, a in said.items()}
+    with replacing(path) as temporary, temporary.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(
+            ["panorama", "azimuth", "elevation", "roll", "vertical_fov", "aspect", "in_view", "scored", *errors]
+        )
+        for i, (source, c) in enumerate(scene.crops):
+            taken = (f"{v:.3f}" for v in (c.azimuth, c.elevation, c.roll, c.vertical_fov, c.aspect))
+            own = (f"{error[i]:.2f}" for error in errors.values())
+            writer.writerow([source.panorama.name, *taken, truth.in_view[i], int(truth.scored[i]), *own])
+
+
+def photo_report(index: Path, models: dict[str, Model]) -> str:
+    """Medians over scenes of the real photos that `photos.csv` lists with the sun's true direction."""
+    with index.open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["sun_azimuth"]]
+    truth = direction([float(r["sun_azimuth"]) for r in rows], [float(r["sun_elevation"]) for r in rows])
+    scenes = np.array([r["group"] for r in rows])
+    figures = {}
+    for name, model in models.items():
+        tensors = [to_tensor(read_photo(index.parent / r["file"]), model.spec) for r in rows]
+        sun = interpret(model.predict(np.concatenate(tensors)), truth).sun
+        errors = {
+            "sun": angle_between(truth, sun),
+            "azimuth": np.abs((angles(sun)[0] - angles(truth)[0] + 180) % 360 - 180),
+            "elevation": np.abs(angles(sun)[1] - angles(truth)[1]),
+        }
+        figures[name] = {key: by_scene(error, scenes) for key, error in errors.items()}
+    title = f"## Real photos: median over {len(np.unique(scenes))} scenes ({len(rows)} photos) [deg]"
+    return f"{title}\n\n{figures_table(figures)}"
+
+
+def by_scene(error: Floats, scenes: NDArray[np.str_]) -> float:
+    """Median over scenes of each scene's median."""
+    return median(np.array([np.median(error[scenes == scene]) for scene in np.unique(scenes)]))
