@@ -104,7 +104,7 @@ def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
     """
     d = np.asarray(direction, dtype=np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
-    _elevation(sun)
+    _elevation(sun)  # refuses a sun below the horizon
     half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the centre
     limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_HALF_APERTURE)) ** 2
     inside = (half < 0.5) & (limb >= 0) & (d[..., 1] >= 0)
@@ -165,7 +165,7 @@ def _bezier(x: float) -> Floats:
 
 
 def _elevation(sun_direction: Floats) -> float:
-    return float(angles(sun_direction)[1])
+    return _checked("sun elevation", float(angles(sun_direction)[1]))
 
 
 def _checked(name: str, value: float) -> float:
