@@ -133,7 +133,7 @@ _map_output = click.option(
 )
 _preview_file = _output(".png")
 _model = click.option("--model", metavar="FILE.onnx", help="Another network than the one in this package.")
-_quiet = click.option("-q", "--quiet", is_flag=True, help="Print only results that were asked for, and errors.")
+_quiet = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 
 
 @cli.command()
@@ -291,7 +291,7 @@ def _describe_map(data: bytes) -> dict[str, Any]:
 
 def _refuse_collisions(source: str, *outputs: str | None) -> None:
     """Raise UsageError where an output would replace the input or the other output."""
-    files = [Path(name).resolve() for name in (source, *outputs) if name not in (None, "-")]
+    files = [os.path.realpath(name) for name in (source, *outputs) if name is not None and name != "-"]
     if len(set(files)) < len(files) or outputs.count("-") > 1:
         raise click.UsageError("The input and the outputs must be different files.")
 

@@ -1,0 +1,134 @@
+"""The ONNX session: what it accepts, what it refuses, what it says."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting import model as model_module
+from lighting.errors import ModelError
+from lighting.model import PARAMETERS, Model, packaged_model
+from tests.conftest import TINY, write_network
+
+
+@pytest.fixture(scope="module")
+def model(network: Path) -> Model:
+    return Model.load(network)
+
+
+def batch(count: int, seed: int = 0) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    return np.random.default_rng(seed).normal(0, 1, (count, 3, 32, 48)).astype(np.float32)
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(ModelError) as caught:
+        Model.load(path)
+    text = str(caught.value)
+    assert text.endswith(".")
+    assert "\n" not in text
+    return text
+
+
+def test_the_spec_comes_from_the_file(model: Model) -> None:
+    assert model.spec == TINY
+
+
+def test_a_prediction_holds_a_distribution_and_the_parameters_by_name(model: Model) -> None:
+    (prediction,) = model.predict(np.zeros((1, 3, 32, 48), dtype=np.float32))
+    assert prediction.spec == TINY
+    assert prediction.sun_probability == pytest.approx(np.full(24, 1 / 24))
+    expected = dict(zip(PARAMETERS, [3.0, 0.1, 4.0, -1.0, 50.0, 0.8], strict=True))
+    assert {name: getattr(prediction, name) for name in PARAMETERS} == pytest.approx(expected)
+    assert all(type(getattr(prediction, name)) is float for name in PARAMETERS)
+
+
+def test_a_batch_gives_what_its_photos_give_alone(model: Model) -> None:
+    photos = batch(3)
+    together = model.predict(photos)
+    alone = [model.predict(photo[None])[0] for photo in photos]
+    for a, b in zip(together, alone, strict=True):
+        assert a.sun_probability == pytest.approx(b.sun_probability, abs=1e-6)
+        assert a.turbidity == pytest.approx(b.turbidity, abs=1e-5)
+    assert np.ptp([p.turbidity for p in together]) > 0
+
+
+def test_no_photos_give_no_predictions(model: Model) -> None:
+    assert model.predict(batch(0)) == []
+
+
+@pytest.mark.parametrize("shape", [(3, 32, 48), (1, 1, 32, 48), (1, 3, 48, 32), (1, 3, 32, 48, 1)])
+def test_a_batch_of_another_shape_is_a_value_error(model: Model, shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="takes a batch of shape"):
+        model.predict(np.zeros(shape, dtype=np.float32))
+
+
+def test_a_batch_of_another_type_is_a_sentence(model: Model) -> None:
+    with pytest.raises(ModelError, match=r"^The network failed: .*\.$"):
+        model.predict(np.zeros((1, 3, 32, 48), dtype=np.float64))
+
+
+def test_an_answer_that_is_not_finite_is_refused(model: Model) -> None:
+    with pytest.raises(ModelError, match=r"^The network's answer is not finite\.$"):
+        model.predict(np.full((1, 3, 32, 48), np.nan, dtype=np.float32))
+
+
+@pytest.mark.parametrize(("threads", "expected"), [(0, len(os.sched_getaffinity(0))), (1, 1), (3, 3)])
+def test_threads_are_set_explicitly(network: Path, threads: int, expected: int) -> None:
+    options = Model.load(network, threads).session.get_session_options()
+    assert options.intra_op_num_threads == expected
+    assert options.inter_op_num_threads == 1
+
+
+def test_loading_prints_nothing(network: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    Model.load(network).predict(batch(1))
+    (tmp_path / "bad.onnx").write_bytes(b"\x08\x0a")
+    refusal(tmp_path / "bad.onnx")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.98])
+def test_a_damaged_file_is_refused(network: Path, tmp_path: Path, share: float) -> None:
+    data = network.read_bytes()
+    damaged = tmp_path / "damaged.onnx"
+    damaged.write_bytes(data[: int(len(data) * share)])
+    refusal(damaged)
+
+
+def test_what_is_no_network_is_refused(photo_path: Path, tmp_path: Path) -> None:
+    assert refusal(photo_path) == f"{photo_path} is not an ONNX network that can be read: Protobuf parsing failed."
+    assert refusal(tmp_path) == f"There is no network at {tmp_path}."
+    assert refusal(tmp_path / "absent.onnx") == f"There is no network at {tmp_path / 'absent.onnx'}."
+
+
+def test_a_network_without_our_metadata_is_refused(tmp_path: Path) -> None:
+    assert "its metadata has no 'spec'" in refusal(write_network(tmp_path / "n.onnx", metadata={"author": "x"}))
+
+
+@pytest.mark.parametrize(
+    "spec", ["", "{}", "[1]", json.dumps({**json.loads(TINY.to_json()), "sun_grid": "cube:6"})], ids=lambda s: s[:8]
+)
+def test_metadata_of_another_layout_is_refused(tmp_path: Path, spec: str) -> None:
+    refusal(write_network(tmp_path / "n.onnx", metadata={"spec": spec}))
+
+
+def test_outputs_that_do_not_match_the_grid_are_refused(tmp_path: Path) -> None:
+    assert "'sun_probability': [10]" in refusal(write_network(tmp_path / "n.onnx", cells=10))
+
+
+def test_an_input_that_does_not_match_the_spec_is_refused(tmp_path: Path) -> None:
+    wider = json.dumps({**json.loads(TINY.to_json()), "width": 64})
+    assert "another layout" in refusal(write_network(tmp_path / "n.onnx", metadata={"spec": wider}))
+
+
+def test_exactly_one_network_is_packaged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, network: Path) -> None:
+    monkeypatch.setattr(model_module, "__file__", str(tmp_path / "model.py"))
+    with pytest.raises(ModelError, match="it holds 0"):
+        packaged_model()
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "outdoor-1.onnx").write_bytes(network.read_bytes())
+    assert Model.load().spec == TINY
+    (tmp_path / "data" / "outdoor-2.onnx").write_bytes(b"")
+    with pytest.raises(ModelError, match="it holds 2"):
+        Model.load()
