@@ -140,18 +140,14 @@ def _exposed_disc(directions: Floats, lighting: Lighting) -> Floats:
 def _paint_sun(image: Image, lighting: Lighting) -> None:
     """Add the disc: the mean over each pixel of its radiance on a finer grid, scaled to the disc's exact power."""
     height, width = image.shape[:2]
-    split = max(_FINE_PER_PIXEL, -(-_FINE_HEIGHT // height))
-    rows, columns = _fine_cells(lighting, height * split)
-    elevation = 90.0 - (rows + 0.5) * (180.0 / (height * split))
-    azimuth = (columns + 0.5) * (180.0 / (height * split)) - 180.0
-    radiance = _exposed_disc(direction(azimuth[None, :], elevation[:, None]), lighting)
-    power = radiance * np.cos(np.radians(elevation))[:, None, None]
-    pixel = (rows // split)[:, None] * width + (columns // split) % width
+    row, column, directions = _fine_grid(lighting, height)
+    radiance = _exposed_disc(directions, lighting)
+    power = radiance * np.hypot(directions[..., 0], directions[..., 2])[..., None]  # x the cell's relative solid angle
     lit = radiance.any(axis=-1)
-    cells, inverse = np.unique(pixel[lit], return_inverse=True)
-    sums = np.stack([np.bincount(inverse, power[lit][:, c], len(cells)) for c in range(3)], axis=-1)
+    pixels, inverse = np.unique((row[:, None] * width + column % width)[lit], return_inverse=True)
+    sums = np.stack([np.bincount(inverse, power[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
     scale = _sun_power(lighting) / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
-    image.reshape(-1, 3)[cells] += _f32(sums * scale / latlong_solid_angle(height)[cells // width, None])
+    image.reshape(-1, 3)[pixels] += _f32(sums * scale / latlong_solid_angle(height)[pixels // width, None])
 
 
 def _sun_power(lighting: Lighting) -> Floats:
@@ -160,17 +156,29 @@ def _sun_power(lighting: Lighting) -> Floats:
     return np.asarray(weight @ _exposed_disc(points, lighting))
 
 
-def _fine_cells(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of a lat-long grid that hold the visible disc; columns may run over the seam."""
-    azimuth, elevation = angles(lighting.sun_direction)
-    per_degree = height / 180.0
-    top, bottom = 90.0 - elevation - SUN_HALF_APERTURE, 90.0 - elevation + SUN_HALF_APERTURE
-    rows = np.arange(max(0, math.floor(top * per_degree)), min(height // 2, math.ceil(bottom * per_degree)))
-    if top <= 0:
-        return rows, np.arange(2 * height)
-    reach = math.degrees(math.asin(math.sin(math.radians(SUN_HALF_APERTURE)) / math.cos(math.radians(elevation))))
-    first, last = (azimuth - reach + 180.0) * per_degree, (azimuth + reach + 180.0) * per_degree
-    return rows, np.arange(math.floor(first), math.ceil(last))
+def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+    """A grid over the visible disc, finer than a map's pixels: its directions (R, C, 3) and the map's row (R,) and
+    column (C,) that each of its rows and columns lies in; columns may run over the seam.
+    """
+    azimuth, elevation = (float(angle) for angle in angles(lighting.sun_direction))
+    widest = math.cos(math.radians(max(elevation - SUN_HALF_APERTURE, 0.0)))
+    split = max(_FINE_PER_PIXEL, -(-_FINE_HEIGHT // height))
+    across = math.ceil(split * widest)
+    if elevation + SUN_HALF_APERTURE >= 90.0:
+        columns = np.arange(2 * height * across)
+    else:
+        reach = math.degrees(math.asin(math.sin(math.radians(SUN_HALF_APERTURE)) / math.cos(math.radians(elevation))))
+        columns = _cells(azimuth + 180.0 - reach, azimuth + 180.0 + reach, height * across / 180.0)
+    rows = _cells(90.0 - elevation - SUN_HALF_APERTURE, 90.0 - elevation + SUN_HALF_APERTURE, height * split / 180.0)
+    rows = rows[(rows >= 0) & (rows < height // 2 * split)]
+    fine_azimuth = (columns + 0.5) * (180.0 / (height * across)) - 180.0
+    fine_elevation = 90.0 - (rows + 0.5) * (180.0 / (height * split))
+    return rows // split, columns // across, direction(fine_azimuth, fine_elevation[:, None])
+
+
+def _cells(start: float, end: float, per_degree: float) -> NDArray[np.intp]:
+    """Indices of the cells between two angles [deg]."""
+    return np.arange(math.floor(start * per_degree), math.ceil(end * per_degree))
 
 
 def _f32(values: Floats) -> Image:
