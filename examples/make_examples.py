@@ -122,9 +122,8 @@ def enlarge(image: Floats) -> Floats:
     height, width = image.shape[:2]
     wrapped = np.concatenate([image[:, -16:], image, image[:, :16]], axis=1)
     size = (wrapped.shape[1] * UPSAMPLING, height * UPSAMPLING)
-    layers = [
-        Image.fromarray(wrapped[..., c].astype(np.float32)).resize(size, Image.Resampling.LANCZOS) for c in range(3)
-    ]
+    planes = [Image.fromarray(wrapped[..., c].astype(np.float32)) for c in range(3)]
+    layers = [np.asarray(plane.resize(size, Image.Resampling.LANCZOS)) for plane in planes]
     return np.stack(layers, axis=-1)[:, 16 * UPSAMPLING : (16 + width) * UPSAMPLING]
 
 

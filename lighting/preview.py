@@ -81,24 +81,21 @@ def draw_preview(
     `probability` (N,) belongs to the sun grid `layout`; `envmap` (H, 2H, 3) is `lighting` rendered in the photo's
     linear values, with or without the sun's disc.
     """
-    numbers = _numbers(lighting)
-    plan = _plan(photo.shape[1] / photo.shape[0], len(numbers))
+    aspect, numbers = photo.shape[1] / photo.shape[0], _numbers(lighting)
+    plan = _plan(aspect, len(numbers))
+    compass = _compass_panel(lighting, probability, layout, aspect, plan.compass.width)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _headline(canvas, lighting)
-    _place(canvas, plan.photo, "Photo, with its horizon", _photo_panel(photo, lighting, plan.photo))
-    compass = _compass_panel(lighting, probability, layout, photo.shape[1] / photo.shape[0], plan.compass.width)
-    _place(canvas, plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass)
-    _place(
-        canvas,
-        plan.envmap,
-        "Environment map, the photo's view outlined",
-        _map_panel(envmap, lighting, photo.shape[1] / photo.shape[0], plan.envmap),
-    )
-    _place(
-        canvas, plan.spheres, "Mirror, glossy and diffuse in this light", _spheres_panel(envmap, lighting, plan.spheres)
-    )
+    for box, caption, panel in (
+        (plan.photo, "Photo, with its horizon", _photo_panel(photo, lighting, plan.photo)),
+        (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
+        (plan.envmap, "Environment map, the photo's view outlined", _map_panel(envmap, lighting, aspect, plan.envmap)),
+        (plan.spheres, "Mirror, glossy and diffuse in this light", _spheres_panel(envmap, lighting, plan.spheres)),
+    ):
+        _place(canvas, box, caption, panel)
     for corner, (name, value) in zip(plan.cells, numbers, strict=True):
-        _cell(canvas, corner, name, value)
+        write(canvas, corner, name, 16, MUTED)
+        write(canvas, (corner[0], corner[1] + 22), value, 25, TEXT)
     return np.asarray(canvas)
 
 
@@ -110,9 +107,9 @@ def _plan(aspect: float, count: int) -> _Layout:
     inner, top = WIDTH - 2 * MARGIN, MARGIN + HEADER + CAPTION
     aspect = min(max(aspect, 0.5), 2.0)
     upright = aspect < 0.9
-    upper = UPRIGHT_HEIGHT if upright else round((inner - GAP) / (1 + aspect))
+    upper = UPRIGHT_HEIGHT if upright else int((inner - GAP) / (1 + aspect))
     photo = _Box(MARGIN, top, round(upper * aspect), upper)
-    compass = _Box(MARGIN + photo.width + GAP, top, upper, upper)
+    compass = _Box(MARGIN + photo.width + GAP if upright else WIDTH - MARGIN - upper, top, upper, upper)
     below = top + upper + GAP + CAPTION
     lower = UPRIGHT_MAP_HEIGHT if upright else photo.width // 2
     envmap = _Box(MARGIN, below, 2 * lower, lower)
@@ -142,7 +139,8 @@ def _headline(canvas: Image.Image, lighting: Lighting) -> None:
     where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     write(canvas, (MARGIN, MARGIN - 6), f"Sun {where}" if visible else "No direct sun", 38, SUN if visible else TEXT)
     if visible:
-        spread = f"half of the probability lies within {_short(lighting.radius_50)}°, 90 % within {_short(lighting.radius_90)}°"
+        half, most = _short(lighting.radius_50), _short(lighting.radius_90)
+        spread = f"half of the probability lies within {half}°, 90 % within {most}°"
     else:
         spread = f"an overcast or shaded scene; if the sun shone, it would stand {where}"
     write(canvas, (MARGIN, MARGIN + 40), spread, 20, MUTED)
@@ -169,7 +167,7 @@ def _numbers(lighting: Lighting) -> list[tuple[str, str]]:
     """Names and values of the record, in words."""
     up = "up" if lighting.camera_elevation >= 0 else "down"
     return [
-        ("Sun azimuth", _azimuth_words(lighting.sun_azimuth)),
+        ("Sun azimuth", _azimuth_words(lighting.sun_azimuth).removesuffix(" (behind)")),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
         ("50 % / 90 % within", f"{_short(lighting.radius_50)}° / {_short(lighting.radius_90)}°"),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
@@ -179,11 +177,6 @@ def _numbers(lighting: Lighting) -> list[tuple[str, str]]:
         ("Camera roll", f"{round(lighting.camera_roll, 1) + 0.0:.1f}°"),
         ("Vertical field of view", f"{lighting.vertical_fov:.1f}°"),
     ]
-
-
-def _cell(canvas: Image.Image, corner: tuple[int, int], name: str, value: str) -> None:
-    write(canvas, corner, name, 16, MUTED)
-    write(canvas, (corner[0], corner[1] + 22), value, 25, TEXT)
 
 
 def _visible(lighting: Lighting) -> bool:
