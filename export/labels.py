@@ -6,7 +6,7 @@ ground albedo of 0.3, and fit turbidity and exposure to the sky's pixels by robu
 
 import csv
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from export.panoramas import DataError, Panorama, read_index, read_linear, shrink
+from export.panoramas import DataError, Panorama, decode, read_index, read_linear, shrink
+from export.synthetic import render_panorama
 from lighting.atomic import replacing
 from lighting.colour import luminance
 from lighting.geometry import angle_between, angles, direction, latlong_angles, latlong_directions, latlong_solid_angle
@@ -74,32 +75,58 @@ class Label:
 
 # --- the sun ---------------------------------------------------------------------------------------------------------
 
+WHITE = 0.98  # of the whitest part of the upper half: what belongs to a bright region
+SMALLEST = 2e-4  # sr, a cap of half a degree: no bright region is smaller
+LEAST_PEAK = 0.94  # linear: the sun blows a picture out
+FLATTEST = 0.62  # glow 24 deg wide / 1.5 deg wide: the sun stands out, a white sky does not
+LEAST_PART = 0.4  # of all that is bright lies in the sun's region
+LEAST_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
+
 
 def find_sun(linear: NDArray[np.float32]) -> Sun | None:
-    """The sun in a panorama (H, 2H, 3), None where it is hidden or behind clouds."""
+    """The sun in a panorama (H, 2H, 3), None where it is hidden or behind clouds.
+
+    Unclipped (HDR) it is the peak of the radiance. Clipped, it is the largest of the blown-out regions, at its centroid.
+    Both weigh a pixel by its solid angle and by what it has above the median of its row, so that a bright haze along
+    the horizon counts for little.
+    """
     small = shrink(linear, SUN_HEIGHT)
-    glow = _blur(np.minimum(luminance(small), 1.0), 8.0)
-    regions = _bright_regions(small)
-    if not regions:
+    above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
+    return _find_clipped(small, above) if _is_clipped(small) else _find_peak(small, above)
+
+
+def _find_peak(small: NDArray[np.float32], above: Mask) -> Sun | None:
+    value = luminance(small) * above
+    peak = value.max()
+    if peak <= LEAST_CONTRAST * np.median(value[above]):
         return None
-    solid_angle = _solid_angle(len(small))
-    best = max(regions, key=lambda region: float((solid_angle * glow)[region].sum()))
-    weight = solid_angle[best] * _blur(small.min(axis=-1) ** 2, 2.5)[best] ** 4
-    azimuth, elevation = angles(weight @ latlong_directions(len(small))[best])
-    radius = math.degrees(math.acos(1 - min(float(solid_angle[best].sum()), 2 * math.pi) / (2 * math.pi)))
-    return None if radius > MAXIMUM_RADIUS or elevation <= 0 else Sun(float(azimuth), float(elevation), radius)
+    regions = _connected(value > 0.1 * peak)
+    return _centre(regions == regions[np.unravel_index(int(value.argmax()), value.shape)], value)
 
 
-MAXIMUM_RADIUS = 30.0  # deg
+def _find_clipped(small: NDArray[np.float32], above: Mask) -> Sun | None:
+    white = small.min(axis=-1)
+    excess = np.maximum(white - np.median(white, axis=1, keepdims=True), 0.0)
+    regions = _connected(above & (white >= WHITE * np.percentile(white[above], 99.8)))
+    solid_angle = _solid_angle(len(small)).ravel()
+    size = np.bincount(regions.ravel(), solid_angle)
+    value = np.bincount(regions.ravel(), solid_angle * excess.ravel())[1:] * (size[1:] > SMALLEST)
+    if not value.size or value.max() <= LEAST_PART * value.sum():
+        return None
+    best = regions == int(np.argmax(value)) + 1
+    flat = _blur(white, 24.0)[best].max() > FLATTEST * _blur(white, 1.5)[best].max()
+    return None if flat or white[best].max() < LEAST_PEAK else _centre(best, excess)
 
 
-def _bright_regions(small: NDArray[np.float32]) -> list[Mask]:
-    """Connected regions above the horizon that are nearly as white as the picture gets."""
-    height = len(small)
-    white = np.minimum(small.min(axis=-1), 1.0)
-    above = np.repeat(latlong_angles(height)[1][:, None] > 0, 2 * height, axis=1)
-    labels = _connected(above & (white >= 0.92 * np.percentile(white[above], 99.8)))
-    return [labels == label for label in np.unique(labels) if label]
+def _is_clipped(linear: NDArray[np.float32]) -> bool:
+    return float(linear.max()) <= 1.0
+
+
+def _centre(region: Mask, value: Floats) -> Sun:
+    solid_angle = _solid_angle(len(region))[region]
+    azimuth, elevation = angles((solid_angle * value[region]) @ latlong_directions(len(region))[region])
+    radius = math.degrees(math.acos(1 - float(solid_angle.sum()) / (2 * math.pi)))
+    return Sun(float(azimuth), float(elevation), radius)
 
 
 def _connected(mask: Mask) -> NDArray[np.intp]:
@@ -129,6 +156,7 @@ def _blur(image: Floats, sigma: float) -> Floats:
 
 SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
 MINIMUM_SKY = 0.25  # sr, 4 % of the dome
+LEAST_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
 SAMPLES = 1500  # directions of equal solid angle that enter the fit
 CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
 SPREAD = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies leave the model by 0.1
@@ -178,16 +206,13 @@ def sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
     away = angle_between(latlong_directions(height), sun_direction) > SUN_CLEARANCE
     blue = linear[..., 2] > 1.05 * linear[..., 0]
     smooth = _roughness(np.log(np.maximum(luminance(linear), 1e-4))) < 0.06
-    mask = (elevation > 3.0) & away & blue & smooth & (linear.max(axis=-1) < _blown(linear))
+    mask = (elevation > 3.0) & away & blue & smooth
+    if _is_clipped(linear):
+        mask &= linear.max(axis=-1) < LEAST_CLIPPED
     patches = _connected(mask)
     size = np.bincount(patches.ravel(), _solid_angle(height).ravel())
     top = ndimage.maximum(elevation, patches, np.arange(len(size)))
-    return mask & ((size > 0.03) & (np.asarray(top) > 25.0))[patches]
-
-
-def _blown(linear: NDArray[np.float32]) -> float:
-    """Value above which a channel may have been clipped: just under 1 in an LDR picture."""
-    return 0.9 if linear.max() <= 1.0 else math.inf
+    return np.asarray(mask & ((size > 0.03) & (np.asarray(top) > 25.0))[patches])
 
 
 def _roughness(image: Floats) -> Floats:
@@ -293,23 +318,115 @@ def read_labels(path: str | Path) -> list[Label]:
     """What `write_labels` wrote; DataError if the file is missing or of another layout."""
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
-            return [_label(row) for row in csv.DictReader(file)]
-    except (OSError, ValueError, KeyError, csv.Error) as error:
+            return [
+                Label(**{field.name: _value(row[field.name], field.type) for field in fields(Label)})
+                for row in csv.DictReader(file)
+            ]
+    except KeyError as error:
+        raise DataError(f"The labels {path} have no column {error}.") from error
+    except (OSError, ValueError, csv.Error) as error:
         raise DataError(f"The labels {path} cannot be read: {error}.") from error
 
 
-def _label(row: dict[str, str]) -> Label:
-    texts = {"name", "sun_source", "direct"}
-    values: dict[str, Any] = {}
-    for field in fields(Label):
-        text = row[field.name]
-        values[field.name] = text if field.name in texts else float(text or "nan") if field.name != "fit_ok" else text == "yes"
-    return Label(**values)
+def _value(text: str, kind: Any) -> Any:
+    if kind is bool:
+        return text == "yes"
+    return float(text or "nan") if kind is float else text
+
+
+# --- how good they are -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How `find_sun` agrees with suns that are given."""
+
+    visible: int  # panoramas whose sun is given and in the picture
+    found: int  # of these, a sun was found
+    error_25: float  # deg, quartiles of the angle between found and given
+    error_50: float
+    error_75: float
+    gross: float  # share of the found ones that are more than 20 deg off
+    overcast: int  # panoramas without a sun
+    rejected: int  # of these, none was found
+
+    def __str__(self) -> str:
+        return (
+            f"sun found in {self.found} of {self.visible}, off by {self.error_50:.2f} deg in the median "
+            f"(quartiles {self.error_25:.2f} and {self.error_75:.2f}), {self.gross:.1%} by more than 20 deg; "
+            f"no sun found in {self.rejected} of {self.overcast} without one"
+        )
+
+
+@dataclass(frozen=True)
+class RenderedCheck:
+    """How labels of rendered panoramas agree with what they were rendered from."""
+
+    rendered: int  # panoramas with a visible sun
+    found: int
+    sun_error: float  # deg, median
+    fitted: int  # with the true sun
+    turbidity_error: float  # median of the absolute
+    exposure_error: float  # median of |log|
+
+    def __str__(self) -> str:
+        return (
+            f"sun found in {self.found} of {self.rendered}, off by {self.sun_error:.2f} deg in the median; "
+            f"sky fitted in {self.fitted}, turbidity off by {self.turbidity_error:.3f} "
+            f"and exposure by {self.exposure_error:.2%} in the median"
+        )
+
+
+def agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> Agreement:
+    """Found suns against given ones, over the panoramas whose sun is given as visible or as none."""
+    by_name = {label.name: label for label in labels}
+    pairs = [(panorama.sun, by_name[panorama.name]) for panorama in panoramas]
+    visible = [label for sun, label in pairs if sun == "visible" and label.sun_source == "given"]
+    overcast = [label for sun, label in pairs if sun == "none"]
+    errors = np.array([_error(label) for label in visible if not math.isnan(label.found_azimuth)])
+    low, median, high = (float(v) for v in np.percentile(errors, [25, 50, 75])) if len(errors) else [math.nan] * 3
+    gross = float((errors > 20.0).mean()) if len(errors) else math.nan
+    rejected = sum(math.isnan(label.found_azimuth) for label in overcast)
+    return Agreement(len(visible), len(errors), low, median, high, gross, len(overcast), rejected)
+
+
+def _error(label: Label) -> float:
+    given = direction(label.sun_azimuth, label.sun_elevation)
+    return float(angle_between(direction(label.found_azimuth, label.found_elevation), given))
+
+
+def check_rendered(count: int = 60, height: int = 128) -> RenderedCheck:
+    """Label `count` rendered clear skies, clipped to 8 bits like a photo, half of them with buildings and trees."""
+    scenes = [render_panorama(seed, height, things=8 * (seed % 2)) for seed in range(count)]
+    scenes = [scene for scene in scenes if scene.sun_visible]
+    pictures = [decode(scene.picture) for scene in scenes]
+    suns = [direction(scene.sun_azimuth or 0.0, scene.sun_elevation or 0.0) for scene in scenes]
+    found = [(find_sun(picture), sun) for picture, sun in zip(pictures, suns, strict=True)]
+    fits = [(fit_sky(picture, sun), scene) for picture, sun, scene in zip(pictures, suns, scenes, strict=True)]
+    sun_errors = [float(angle_between(one.direction, sun)) for one, sun in found if one]
+    turbidity = [abs(fit.turbidity - (scene.turbidity or 0.0)) for fit, scene in fits if fit]
+    exposure = [abs(math.log(fit.exposure / scene.exposure)) for fit, scene in fits if fit]
+    medians = [float(np.median(errors)) for errors in (sun_errors, turbidity, exposure)]
+    return RenderedCheck(len(scenes), len(sun_errors), medians[0], len(turbidity), medians[1], medians[2])
 
 
 def run(data: Path, out: Path, workers: int = 2) -> None:
-    """Label a folder of panoramas, write the labels and print how well they agree with what is given."""
+    """Label a folder of panoramas, write the labels and print how far they can be trusted."""
     panoramas = read_index(data)
     with ProcessPoolExecutor(workers) as pool:
         labels = list(pool.map(label_panorama, panoramas, chunksize=8))
     write_labels(labels, out)
+    trusted = [label for label in labels if label.fit_ok]
+    by_eye = [panorama for panorama in panoramas if "machine" not in panorama.label]
+    print(f"{out}: {len(labels)} panoramas, {sum(label.sun_source != 'none' for label in labels)} with a sun")
+    print(f"given against found: {agreement(panoramas, labels)}")
+    print(f"  where no machine had a hand in what is given: {agreement(by_eye, labels)}")
+    print(
+        f"sky fits to be trusted: {len(trusted)}; turbidity {_quartiles([label.turbidity for label in trusted])}, "
+        f"exposure {_quartiles([label.exposure for label in trusted])}"
+    )
+    print(f"rendered skies: {check_rendered()}")
+
+
+def _quartiles(values: Sequence[float]) -> str:
+    return "/".join(f"{value:.3g}" for value in np.percentile(values, [25, 50, 75])) if values else "none"

@@ -98,8 +98,13 @@ def read_picture(panorama: Panorama) -> NDArray[Any]:
 def read_linear(panorama: Panorama, height: int | None = None) -> NDArray[np.float32]:
     """Linear Rec.709 float32 (H, 2H, 3), averaged over areas down to `height` rows where that is fewer."""
     pixels = read_picture(panorama)
-    linear = _DECODED[pixels] if panorama.kind == "ldr" else pixels
+    linear = decode(pixels) if panorama.kind == "ldr" else pixels
     return linear if height is None else shrink(linear, height)
+
+
+def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Linear values in [0, 1] of an sRGB picture of 8 bits, any shape."""
+    return _DECODED[picture]
 
 
 def shrink(image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
