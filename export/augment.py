@@ -26,7 +26,7 @@ def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], fl
 
 def _recover(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """Lift clipped highlights, so that an underexposed sun is still white."""
-    return linear / (1.0 - 0.85 * np.minimum(linear, 1.0) ** 8)
+    return np.asarray(linear / (1.0 - 0.85 * np.minimum(linear, 1.0) ** 8), dtype=np.float32)
 
 
 def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -35,7 +35,7 @@ def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) 
     if draw > 0.3:
         return linear
     height, width = linear.shape[:2]
-    centre = rng.uniform((0, 0), (width, height))
+    centre: Floats = rng.uniform((0, 0), (width, height))
     if draw < 0.2:
         c = crop.camera
         to_sun = direction(crop.sun_azimuth, crop.sun_elevation)
@@ -70,7 +70,7 @@ def _tone(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.ui
     toned = table[picture]
     saturation = 0.0 if rng.random() < 0.03 else np.exp(rng.normal(0, 0.2))
     grey = luminance(toned)[..., None]
-    return np.clip(grey + saturation * (toned - grey), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(grey + saturation * (toned - grey), 0, 255), dtype=np.uint8)
 
 
 def _sharpen(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from export.labels import Label
 from export.panoramas import Panorama, read_picture
 from lighting.colour import luminance, srgb_decode, srgb_encode
 from lighting.geometry import camera_directions, direction, sample_latlong, wrap_azimuth
@@ -43,8 +44,7 @@ class Source:
 
     panorama: Panorama
     levels: tuple[NDArray[Any], ...]  # (H, 2H, 3), (H/2, H, 3), ...; uint8 sRGB or float32 linear
-    turbidity: float = float("nan")  # NaN where no sky fit is trusted
-    exposure: float = float("nan")
+    label: Label
 
 
 @dataclass(frozen=True)
@@ -80,18 +80,18 @@ def generator(name: str, index: int, purpose: str) -> np.random.Generator:
     return np.random.default_rng(int.from_bytes(digest[:8], "little"))
 
 
-def load_source(panorama: Panorama, turbidity: float = float("nan"), exposure: float = float("nan")) -> Source:
+def load_source(panorama: Panorama, label: Label) -> Source:
     """Read a panorama and halve it down to 192 rows."""
     levels = [read_picture(panorama)]
     while levels[-1].shape[0] >= 2 * 192:
         levels.append(_halve(levels[-1]))
-    return Source(panorama, tuple(levels), turbidity, exposure)
+    return Source(panorama, tuple(levels), label)
 
 
 def _halve(image: NDArray[Any]) -> NDArray[Any]:
     height, width = image.shape[0] // 2, image.shape[1] // 2
     mean = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3), dtype=np.float32)
-    return np.round(mean).astype(np.uint8) if image.dtype == np.uint8 else mean
+    return np.asarray(np.round(mean).astype(np.uint8) if image.dtype == np.uint8 else mean)
 
 
 def paper_camera(rng: np.random.Generator) -> Camera:
@@ -134,18 +134,17 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
     linear = resize(view(source, camera, width, height, sharpness), width, height)
     gain = _automatic_gain(linear) if source.panorama.kind == "hdr" else 1.0
     side = -1.0 if camera.mirrored else 1.0
-    p = source.panorama
-    known = p.sun in ("visible", "inferred") and p.sun_azimuth is not None and p.sun_elevation is not None
+    label = source.label
     nan = float("nan")
     return Crop(
         linear=linear[:, ::-1] * gain if camera.mirrored else linear * gain,
         camera=replace(camera, roll=side * camera.roll),
-        sun_azimuth=side * float(wrap_azimuth((p.sun_azimuth or 0.0) - camera.azimuth)) if known else nan,
-        sun_elevation=max(p.sun_elevation or 0.0, 0.0) if known else nan,
-        sun_uncertainty=p.sun_uncertainty or 0.0 if known else nan,
-        sun_visibility={"yes": 1.0, "partly": 0.5, "no": 0.0}.get(p.direct, nan),
-        turbidity=source.turbidity,
-        exposure=source.exposure * gain,
+        sun_azimuth=side * float(wrap_azimuth(label.sun_azimuth - camera.azimuth)),
+        sun_elevation=max(label.sun_elevation, 0.0),
+        sun_uncertainty=label.sun_uncertainty,
+        sun_visibility={"yes": 1.0, "partly": 0.5, "no": 0.0}.get(label.direct, nan),
+        turbidity=label.turbidity if label.fit_ok else nan,
+        exposure=label.exposure * gain if label.fit_ok else nan,
     )
 
 
@@ -173,7 +172,7 @@ def resize(image: NDArray[np.float32], width: int, height: int) -> NDArray[np.fl
         return image
     planes = [Image.fromarray(np.ascontiguousarray(image[..., c])) for c in range(3)]
     resized = [np.asarray(p.resize((width, height), Image.Resampling.BICUBIC)) for p in planes]
-    return np.maximum(np.stack(resized, axis=-1), 0.0)
+    return np.asarray(np.maximum(np.stack(resized, axis=-1), 0.0))
 
 
 def _automatic_gain(linear: NDArray[np.float32]) -> float:
@@ -186,11 +185,12 @@ def develop(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.round(srgb_encode(linear) * 255).astype(np.uint8)
 
 
-def sampling_weights(panoramas: Sequence[Panorama]) -> Floats:
+def sampling_weights(sources: Sequence[Source]) -> Floats:
     """Chances (N,) of drawing each panorama: places count by the root of their size, rare sun elevations more."""
-    places = [p.place for p in panoramas]
+    places = [s.panorama.place for s in sources]
     size = np.array([places.count(place) for place in places], dtype=np.float64)
-    bins = np.array([-1 if p.sun_elevation is None else int(max(p.sun_elevation, 0) // 15) for p in panoramas])
+    elevation = np.array([s.label.sun_elevation for s in sources])
+    bins = np.where(np.isfinite(elevation), np.nan_to_num(np.maximum(elevation, 0)) // 15, -1)
     crowd = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
     weight = size**-0.5 * crowd**-0.5
     return np.asarray(weight / weight.sum())

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.crops import PROTOCOLS, Camera, Crop, Source, develop, generator, take
-from export.metrics import Answers, Floats, Truth, angle_between, answers, median, sun_error
+from export.labels import Label
+from export.metrics import Answers, Floats, Truth, answers, median, sun_error
 from export.panoramas import Panorama, read_index
 from export.report import figures_table, report
-from export.train import load_sources
+from export.train import labels_of, load_sources
 from lighting.atomic import replacing
-from lighting.geometry import angles, camera_directions, camera_pixel, direction
+from lighting.geometry import angle_between, angles, camera_directions, camera_pixel, direction
 from lighting.model import Model
 from lighting.parameters import Prediction, lighting_from
 from lighting.photo import place, read_photo, to_tensor
@@ -23,6 +24,7 @@ from lighting.sun_grid import density
 
 CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # per panorama and protocol, at azimuths spread evenly
+MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
 SKY_SHARE = 0.1  # of a crop's pixels above the horizon, under which there is "no sky"
 
 
@@ -105,27 +107,24 @@ def interpret(said: Sequence[Prediction], sun: Floats) -> Answers:
     )
 
 
-def without_network(truth: Truth, training: Sequence[Source]) -> dict[str, Answers]:
+def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answers]:
     """Answers that look at no pixel; the constants are the best for the training panoramas."""
     count = len(truth.scored)
-    elevation = np.array(
-        [s.panorama.sun_elevation for s in training if s.panorama.sun_elevation is not None], dtype=float
-    )
-    height = best_constant(elevation)
-    rng = np.random.default_rng(0)
-    random = direction(rng.uniform(-180, 180, count), np.full(count, np.median(elevation)))
+    elevation = np.array([label.sun_elevation for label in training if math.isfinite(label.sun_elevation)])
+    fits = [label for label in training if label.fit_ok]
     uniform = np.full(count, math.log(2 * math.pi))
-    fits = [s for s in training if math.isfinite(s.turbidity)]
     constants = {
-        "camera": np.tile([0.0, 0.0, 52.0], (count, 1)),
+        "camera": np.tile(MIDDLE_CAMERA, (count, 1)),
         "visibility": np.zeros(count),
-        "turbidity": np.full(count, np.median([s.turbidity for s in fits]) if fits else np.nan),
-        "exposure": np.full(count, np.exp(np.median(np.log([s.exposure for s in fits]))) if fits else np.nan),
+        "turbidity": np.full(count, median(np.array([label.turbidity for label in fits]))),
+        "exposure": np.full(count, median(np.array([label.exposure for label in fits]))),
     }
+    azimuth = np.random.default_rng(0).uniform(-180, 180, count)
+    constant = np.tile(direction(0.0, best_constant(elevation)), (count, 1))
     return {
-        "constant direction": answers(np.tile(direction(0.0, height), (count, 1)), nll=uniform, **constants),
+        "constant direction": answers(constant, nll=uniform, **constants),
         "zenith": answers(np.tile([0.0, 1.0, 0.0], (count, 1)), nll=uniform),
-        "random azimuth": answers(random, nll=uniform),
+        "random azimuth": answers(direction(azimuth, np.full(count, median(elevation))), nll=uniform),
     }
 
 
@@ -138,12 +137,11 @@ def best_constant(elevation: Floats) -> float:
     return float(candidates[int(np.argmin(errors))])
 
 
-def evaluate(data: Path, labels: str, models: dict[str, Path], out: Path) -> str:
+def evaluate(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     """Score the networks (ours first) on the `val` split; returns the report in Markdown and writes it into `out`."""
-    training = [Source(p, ()) for p in read_index(data, "train")]
-    training = with_labels(training, labels)
+    training = labels_of(read_index(data, "train"), labels)
     sources = load_sources(read_index(data, "val"), labels)
-    loaded = {name: Model.load(path) for name, path in models.items()}
+    loaded = {model.spec.name: model for model in map(Model.load, models)}
     out.mkdir(parents=True, exist_ok=True)
     sections = []
     for protocol in ("paper", "phone"):
@@ -151,7 +149,7 @@ def evaluate(data: Path, labels: str, models: dict[str, Path], out: Path) -> str
         results = {name: answer(model, scene) for name, model in loaded.items()}
         truth = next(iter(results.values()))[0]
         said = {name: answers for name, (_, answers) in results.items()} | without_network(truth, training)
-        sections.append(report(protocol, truth, said, ours=next(iter(models))))
+        sections.append(report(protocol, truth, said, ours=next(iter(loaded))))
         write_crops(out / f"crops-{protocol}.csv", scene, truth, said)
     photos = data / "photos.csv"
     if photos.exists():
@@ -160,15 +158,6 @@ def evaluate(data: Path, labels: str, models: dict[str, Path], out: Path) -> str
     with replacing(out / "report.md") as path:
         path.write_text(text)
     return text
-
-
-def with_labels(sources: Iterable[Source], labels: str) -> list[Source]:
-    """The sources with the sky fits of the labels, without their pictures."""
-    from export.labels import read_labels
-
-    known = {label.name: label for label in read_labels(Path(labels)) if label.fit_ok}
-    named = ((s.panorama, known.get(s.panorama.name)) for s in sources)
-    return [Source(p, (), label.turbidity, label.exposure) if label else Source(p, ()) for p, label in named]
 
 
 def write_crops(path: Path, scene: Scene, truth: Truth, said: dict[str, Answers]) -> None:

@@ -1,7 +1,8 @@
 """The two networks: ours on an ImageNet-pretrained EfficientNet-Lite0, and the CVPR 2017 one as the baseline.
 
 Both take the normalised canvas (B, 3, H, W) of `lighting.photo.place` and return two tensors: `sun` logits
-(B, G) over the cells of their grid, and `raw` values (B, 6) that `decode` turns into the columns of lighting.model.PARAMETERS.
+(B, G) over the cells of their grid, and `raw` values (B, 6) that `decode` turns into the columns of
+lighting.model.PARAMETERS.
 """
 
 import math
@@ -17,6 +18,7 @@ _LOGARITHMIC = torch.tensor([True, True, False, False, False])
 _CENTRE = torch.tensor([math.log(4.0), math.log(5.0), 0.0, 0.0, 55.0])
 _SCALE = torch.tensor([0.5, 0.6, 15.0, 5.0, 15.0])
 
+TARGET_WIDTH = {"outdoor": 4.0, "cvpr2017": 6.4}  # deg of the sun target per axis; 6.4 is CVPR 2017's kappa of 80
 BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained with
 BACKBONE_STD = (128 / 255,) * 3
 
@@ -103,10 +105,10 @@ class InvertedResidual(nn.Module):
         self.drop = drop
 
     def forward(self, x: Tensor) -> Tensor:
-        y = x if self.expand is None else nn.functional.relu6(self.expand(x))
+        wide: Tensor = x if self.expand is None else nn.functional.relu6(self.expand(x))
         with torch.autocast(x.device.type, enabled=False):  # bfloat16 depthwise gradients are several times slower
-            y = self.depthwise(y.float())
-        y = self.project(nn.functional.relu6(y))
+            wide = self.depthwise(wide.float())
+        y: Tensor = self.project(nn.functional.relu6(wide))
         if not self.residual:
             return y
         if self.training and self.drop:
@@ -137,7 +139,7 @@ class Backbone(nn.Module):
             layer.requires_grad_(False)
 
     def _frozen(self) -> list[nn.Module]:
-        return [self.stem, *self.blocks[: self.FROZEN]]
+        return [self.stem, *list(self.blocks)[: self.FROZEN]]
 
     def train(self, mode: bool = True) -> "Backbone":
         super().train(mode)

@@ -12,6 +12,7 @@ import torch
 from torch import nn
 
 from export.network import Served, build
+from export.panoramas import DataError
 from lighting.atomic import replacing
 from lighting.model import OUTPUTS, Model
 from lighting.parameters import ModelSpec
@@ -20,34 +21,42 @@ OPSET = 18
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 
 
-def read_checkpoint(folder: Path) -> tuple[nn.Module, ModelSpec, dict[str, Any]]:
-    """The averaged network of a training folder, what it expects, and the run's record."""
-    record = json.loads((folder / "config.json").read_text())
-    values = record["spec"]
-    spec = ModelSpec(**{**values, "mean": tuple(values["mean"]), "std": tuple(values["std"])})
-    network = build(spec)
+def read_record(folder: Path) -> dict[str, Any]:
+    """What a training folder says of its run; DataError if it holds none."""
+    try:
+        record: dict[str, Any] = json.loads((folder / "config.json").read_text())
+    except (OSError, ValueError) as error:
+        raise DataError(f"{folder} is not the folder of a training run: {error}.") from error
+    return record
+
+
+def read_spec(folder: Path) -> ModelSpec:
+    """What the network of a training folder expects."""
+    return ModelSpec.from_json(json.dumps(read_record(folder)["spec"]))
+
+
+def read_network(folder: Path) -> nn.Module:
+    """The averaged network of a training folder, ready to answer."""
+    network = build(read_spec(folder))
     state = torch.load(folder / "checkpoint.pt", map_location="cpu", weights_only=True)["average"]
     network.load_state_dict({k.removeprefix("module."): v for k, v in state.items() if k.startswith("module.")})
-    return network.eval(), spec, record
+    return network.eval()
 
 
 def export(folder: Path, target: Path, *, temperature: float = 1.0) -> float:
     """Write `target` from a training folder; returns the parity (see `parity`), RuntimeError over TOLERANCE."""
-    network, spec, record = read_checkpoint(folder)
-    served = Served(network, temperature).eval()
-    spec = replace(spec, training_data=describe_data(record))
+    record = read_record(folder)
+    served = Served(read_network(folder), temperature).eval()
+    spec = replace(read_spec(folder), training_data=describe_data(record))
+    known = {"commit": record["commit"], "temperature": f"{temperature:.4f}"}
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
-        write(served, spec, path, {"commit": record["commit"], "temperature": f"{temperature:.4f}"})
+        model = trace(served, spec)
+        save(model, {"spec": spec.to_json(), **_plain(spec), **known}, path)
         difference = parity(served, path)
         if difference > TOLERANCE:
             raise RuntimeError(f"torch and onnxruntime differ by {difference:.2e}, more than {TOLERANCE:.0e}.")
-        write(
-            served,
-            spec,
-            path,
-            {"commit": record["commit"], "temperature": f"{temperature:.4f}", "parity": f"{difference:.2e}"},
-        )
+        save(model, {"parity": f"{difference:.2e}"}, path)
     return difference
 
 
@@ -59,25 +68,14 @@ def describe_data(record: dict[str, Any]) -> str:
     return f"{start}{config['crops']} crops of {len(names)} outdoor {which}"
 
 
-def write(served: Served, spec: ModelSpec, path: Path, extra: dict[str, str]) -> None:
-    """Trace the network and attach its description: `spec` for programs, single keys for people."""
-    import onnx
-
-    model = _trace(served, torch.zeros(2, 3, spec.height, spec.width))
-    for key, value in {"spec": spec.to_json(), **_plain(spec), **extra}.items():
-        entry = model.metadata_props.add()
-        entry.key, entry.value = key, value
-    onnx.checker.check_model(model)
-    onnx.save_model(model, str(path), save_as_external_data=False)
-
-
-def _trace(served: Served, example: torch.Tensor) -> Any:
+def trace(served: Served, spec: ModelSpec) -> Any:
+    """The network as an ONNX model whose batch may have any size."""
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it reports that torchvision's operators are missing
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # of the exporter's own use of torch
         program = torch.onnx.export(
             served,
-            (example,),
+            (torch.zeros(2, 3, spec.height, spec.width),),
             input_names=["photo"],
             output_names=list(OUTPUTS),
             dynamic_shapes={"photo": {0: torch.export.Dim("batch", min=1)}},
@@ -87,6 +85,17 @@ def _trace(served: Served, example: torch.Tensor) -> Any:
         )
     assert program is not None
     return program.model_proto
+
+
+def save(model: Any, metadata: dict[str, str], path: Path) -> None:
+    """Add metadata to the model (`spec` is for programs, the others for people) and write it as one checked file."""
+    import onnx
+
+    for key, value in metadata.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, value
+    onnx.checker.check_model(model)
+    onnx.save_model(model, str(path), save_as_external_data=False)
 
 
 def _plain(spec: ModelSpec) -> dict[str, str]:

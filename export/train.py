@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -22,9 +22,9 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader, Dataset
 
 from export.augment import augment
-from export.crops import Source, generator, load_source, paper_camera, sampling_weights, take, training_camera
-from export.labels import read_labels
-from export.network import build, encode, specs
+from export.crops import Floats, Source, generator, load_source, paper_camera, sampling_weights, take, training_camera
+from export.labels import Label, read_labels
+from export.network import TARGET_WIDTH, build, encode, specs
 from export.panoramas import DataError, Panorama, read_index
 from lighting.atomic import replacing
 from lighting.parameters import ModelSpec
@@ -49,7 +49,7 @@ class TrainConfig:
     weight_decay: float = 0.05
     warmup: float = 0.03  # share of the run
     ema: float = 0.998  # per step, of the averaged weights that are kept in the end
-    target_width: float = 4.0  # deg per axis, added in quadrature to each label's own uncertainty
+    target_width: float = TARGET_WIDTH["outdoor"]  # deg per axis, in quadrature with each label's own uncertainty
     tune_share: float = 0.08  # of the training places, held out for the log and the temperature
     sharpness: float = 0.45  # lowest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas alone
@@ -71,7 +71,7 @@ class Crops(Dataset[Batch]):
 
     def __init__(self, sources: Sequence[Source], spec: ModelSpec, config: TrainConfig, *, tune: bool = False) -> None:
         self.sources, self.spec, self.config, self.tune = sources, spec, config, tune
-        self.chances = np.cumsum(sampling_weights([s.panorama for s in sources]))
+        self.chances = np.cumsum(sampling_weights(sources))
 
     def __len__(self) -> int:
         return 8 * len(self.sources) if self.tune else self.config.crops
@@ -93,7 +93,7 @@ class Crops(Dataset[Batch]):
         pixels, gain = augment(crop, rng)
         parameters = crop.parameters
         parameters[1] *= gain
-        sun = np.zeros(0)
+        sun: Floats = np.zeros(0)
         if math.isfinite(crop.sun_elevation):
             width = math.hypot(crop.sun_uncertainty, self.config.target_width)
             sun = soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid)
@@ -111,18 +111,20 @@ def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Pano
     return [p for p in panoramas if not held_out(p)], [p for p in panoramas if held_out(p)]
 
 
-def load_sources(panoramas: Sequence[Panorama], labels: str) -> list[Source]:
-    """Panoramas in memory with the turbidity and exposure of their sky fits where those are trusted."""
-    known = {label.name: label for label in read_labels(Path(labels))}
-    nan = math.nan
-
-    def load(panorama: Panorama) -> Source:
-        label = known.get(panorama.name)
-        fitted = label is not None and label.fit_ok
-        return load_source(panorama, *((label.turbidity, label.exposure) if label and fitted else (nan, nan)))
-
+def load_sources(panoramas: Sequence[Panorama], labels: str | Path) -> list[Source]:
+    """Panoramas in memory with their labels."""
+    known = labels_of(panoramas, labels)
     with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(load, panoramas))
+        return list(pool.map(load_source, panoramas, known))
+
+
+def labels_of(panoramas: Sequence[Panorama], labels: str | Path) -> list[Label]:
+    """Each panorama's label; DataError if one has none."""
+    known = {label.name: label for label in read_labels(labels)}
+    missing = [p.name for p in panoramas if p.name not in known]
+    if missing:
+        raise DataError(f"{labels} has no label for {missing[0]}; run `python -m export label` again.")
+    return [known[p.name] for p in panoramas]
 
 
 def losses(sun: Tensor, raw: Tensor, batch: Batch) -> dict[str, Tensor]:
@@ -164,7 +166,8 @@ class Run:
         torch.manual_seed(0)
         network = build(self.spec, pretrained=config.pretrained)
         self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.average = AveragedModel(self.network, multi_avg_fn=get_ema_multi_avg_fn(config.ema), use_buffers=True)
+        ema: Any = get_ema_multi_avg_fn  # not annotated by torch
+        self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
         trained = [p for p in self.network.parameters() if p.requires_grad]
         self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
         self.steps = config.crops // config.batch
@@ -197,7 +200,7 @@ class Run:
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * learning_rate(self.step, self.steps, self.config.warmup)
         parts = self.forward(self.network, batch)
-        torch.stack(list(parts.values())).sum().backward()
+        torch.autograd.backward(torch.stack(list(parts.values())).sum())
         nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
         self.optimizer.step()
         self.optimizer.zero_grad(set_to_none=True)

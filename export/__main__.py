@@ -1,0 +1,102 @@
+"""`python -m export label|train|evaluate|onnx`: from a folder of panoramas to the network that ships."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lighting.errors import LightingError
+
+FOLDER = click.Path(path_type=Path)
+data_option = click.option("--data", type=FOLDER, required=True, help="Folder with panoramas.csv and the pictures.")
+labels_option = click.option("--labels", type=FOLDER, default="runs/labels.csv", show_default=True)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def cli() -> None:
+    """From a folder of panoramas to the network that ships; see export/README.md for the folder's format."""
+
+
+@cli.command()
+@data_option
+@click.option("--out", type=FOLDER, default="runs/labels.csv", show_default=True, help="CSV to write.")
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+def label(data: Path, out: Path, workers: int) -> None:
+    """Find suns, fit skies, and print how well both agree with what is known."""
+    from export.labels import run
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    run(data, out, workers)
+
+
+@cli.command()
+@data_option
+@labels_option
+@click.option(
+    "--out", type=FOLDER, default=None, help="Folder of the run; resumed if it has a checkpoint. [runs/NETWORK]"
+)
+@click.option("--network", type=click.Choice(["outdoor", "cvpr2017"]), default="outdoor", show_default=True)
+@click.option("--crops", type=click.IntRange(1), default=100_000, show_default=True, help="Drawn in all.")
+@click.option("--batch", type=click.IntRange(2), default=32, show_default=True)
+@click.option("--learning-rate", type=click.FloatRange(0, 1), default=8e-4, show_default=True)
+@click.option("--version", default="1.0.0", show_default=True, help="Of the network, for its metadata.")
+@click.option("--licensed-only", is_flag=True, help="Train on permissively licensed panoramas alone.")
+@click.option("--scratch", is_flag=True, help="Start from random weights instead of ImageNet's.")
+@click.option("--workers", type=click.IntRange(0), default=2, show_default=True, help="Processes that cut crops.")
+def train(out: Path | None, network: str, scratch: bool, data: Path, labels: Path, **given: Any) -> None:
+    """Train a network, or go on where a killed run stopped; takes a GPU where there is one."""
+    from export.network import TARGET_WIDTH
+    from export.train import TrainConfig
+    from export.train import train as run
+
+    named = {"data": str(data), "labels": str(labels), "out": str(out or Path("runs") / network), "network": network}
+    run(TrainConfig(**named, target_width=TARGET_WIDTH[network], pretrained=not scratch, **given))
+
+
+@cli.command()
+@click.argument("run", type=FOLDER)
+@click.option("--out", type=FOLDER, default=None, help="File to write. [RUN/NAME-VERSION.onnx]")
+@click.option(
+    "--temperature", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="Of the sun's softmax."
+)
+def onnx(run: Path, out: Path | None, temperature: float) -> None:
+    """Write a run's averaged network as ONNX and compare it with torch, number by number."""
+    from export.to_onnx import export, read_spec
+
+    spec = read_spec(run)
+    target = out or run / f"{spec.name}-{spec.version}.onnx"
+    difference = export(run, target, temperature=temperature)
+    click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
+
+
+@cli.command()
+@data_option
+@labels_option
+@click.option("--model", type=FOLDER, default=None, help="Network to score. [the one in the package]")
+@click.option("--compare", type=FOLDER, multiple=True, help="Further networks, such as the CVPR 2017 one.")
+@click.option("--out", type=FOLDER, default="runs/evaluation", show_default=True, help="Folder for report and crops.")
+@click.option("--card", is_flag=True, help="Also write lighting/data/MODEL_CARD.md.")
+def evaluate(data: Path, labels: Path, model: Path | None, compare: tuple[Path, ...], out: Path, card: bool) -> None:
+    """Print the accuracy on the `val` split, whose places training never saw."""
+    from export.card import write_card
+    from export.evaluate import evaluate as run
+    from lighting.model import packaged_model
+
+    ours = model or packaged_model()
+    report = run(data, labels, [ours, *compare], out)
+    click.echo(report)
+    if card:
+        write_card(ours, report, data, labels)
+
+
+def main() -> None:
+    """Run the command line; expected errors end as one sentence."""
+    try:
+        cli(prog_name="python -m export")
+    except (LightingError, OSError) as error:
+        sys.exit(f"Error: {error}")
+
+
+if __name__ == "__main__":
+    main()

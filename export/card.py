@@ -1,0 +1,60 @@
+"""The model card: what the network is for, what it saw, how accurate it is, where it fails."""
+
+import hashlib
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from export.labels import agreement, check_rendered, read_labels
+from export.panoramas import Panorama, is_permissive, read_index
+from lighting.atomic import replacing
+from lighting.model import Model
+
+CARD = "MODEL_CARD.md"
+
+TEMPLATE = Path(__file__).with_name("card_template.md")
+
+
+def write_card(model: Path, report: str, data: Path, labels: Path) -> Path:
+    """Write the card of an ONNX file beside it; returns the card's path."""
+    target = model.parent / CARD
+    train, val = read_index(data, "train"), read_index(data, "val")
+    given = agreement([*train, *val], read_labels(labels))
+    values = {
+        **_of_model(model),
+        **_of_data(train, val),
+        "agreement": f"- Given suns: {given}\n- Skies that the project renders: {check_rendered()}",
+        "report": report.strip(),
+        "date": datetime.now(UTC).date(),
+    }
+    with replacing(target) as path:
+        path.write_text(TEMPLATE.read_text(encoding="utf-8").format(**values), encoding="utf-8")
+    return target
+
+
+def _of_model(path: Path) -> dict[str, object]:
+    loaded = Model.load(path)
+    spec = loaded.spec
+    metadata = loaded.session.get_modelmeta().custom_metadata_map
+    return {
+        "name": spec.name,
+        "version": spec.version,
+        "grid": spec.sun_grid.rpartition(":")[2],
+        "width": spec.width,
+        "height": spec.height,
+        "training_data": spec.training_data,
+        "file": path.name,
+        "size": path.stat().st_size / 1e6,
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        **{key: metadata.get(key, "unknown") for key in ("commit", "parity", "temperature")},
+    }
+
+
+def _of_data(train: Sequence[Panorama], val: Sequence[Panorama]) -> dict[str, object]:
+    return {
+        "train": len(train),
+        "train_places": len({p.place for p in train}),
+        "permissive": sum(is_permissive(p.licence) for p in train),
+        "val": len(val),
+        "val_places": len({p.place for p in val}),
+    }
