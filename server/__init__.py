@@ -1,1 +1,0 @@
-"""FastAPI service around the lighting package."""
