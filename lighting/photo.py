@@ -143,7 +143,8 @@ def _decode(image: Image.Image, target: int) -> tuple[NDArray[np.uint8], bool]:
     orientation = _orientation(image)
     plain = _eight_bits(image)
     small = plain.reduce(max(1, max(plain.size) // target))
-    rgb = _srgb(small, image.info.get("icc_profile"))
+    opaque = _over_grey(small) if small.mode == "RGBA" else small
+    rgb = _srgb(opaque, image.info.get("icc_profile"))
     upright = rgb.transpose(_UPRIGHT[orientation]) if orientation in _UPRIGHT else rgb
     return np.asarray(upright), orientation in (5, 6, 7, 8)
 
@@ -158,12 +159,11 @@ def _orientation(image: Image.Image) -> object:
 
 
 def _eight_bits(image: Image.Image) -> Image.Image:
-    """The same picture in mode L, RGB or CMYK, transparent parts over mid-grey."""
+    """The same picture in mode L, RGB, CMYK or RGBA."""
     if image.mode.startswith("I"):  # 16-bit grey, which Pillow would clip
-        samples = np.asarray(image).astype(np.uint32)
-        return Image.fromarray(((samples + 128) // 257).astype(np.uint8))
+        return Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
     if image.has_transparency_data:
-        return _over_grey(image.convert("RGBA"))
+        return image if image.mode == "RGBA" else image.convert("RGBA")
     return image if image.mode in _COLOUR_SPACES else image.convert("RGB")
 
 
