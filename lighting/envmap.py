@@ -31,7 +31,7 @@ _LOBE_STEPS = 1 << 16  # of the table over the angle to the sun; its nearest ent
 _CHUNK = 1 << 17  # pixels painted at once, so that what is in work stays in the processor's cache
 _IRRADIANCE_HEIGHT = 256  # of the sky that is integrated for the ground, whatever the height of the map
 _FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
-_FINE_PER_PIXEL = 8  # the least number of grid rows in a row of pixels
+_FINE_PER_PIXEL = 4  # the least number of grid rows in a row of pixels
 _WHOLE_PIXEL = 1e-6  # pixels, the rounding allowed for when a yaw counts as a whole number of them
 
 
