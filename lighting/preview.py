@@ -43,6 +43,7 @@ MUTED: Colour = (150, 157, 168)
 LINE: Colour = (96, 104, 118)
 WHITE: Colour = (255, 255, 255)
 SUN: Colour = (255, 196, 70)
+PALE: Colour = (208, 213, 221)  # the sun where it does not shine
 HEAT = np.array([[30, 34, 42], [54, 56, 92], [132, 70, 104], [222, 116, 72], [255, 212, 116]])  # low to high density
 
 _HEAT_SIZE = 112  # pixels of the compass' density before enlargement
@@ -113,7 +114,7 @@ def _plan(aspect: float, count: int) -> _Layout:
     below = top + upper + GAP + CAPTION
     lower = UPRIGHT_MAP_HEIGHT if upright else photo.width // 2
     envmap = _Box(MARGIN, below, 2 * lower, lower)
-    left = MARGIN + envmap.width + GAP
+    left = MARGIN + envmap.width + GAP if upright else compass.x
     spheres = _Box(left, below, WIDTH - MARGIN - left, lower)
     foot = below + lower + GAP
     if upright:
@@ -222,7 +223,7 @@ def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting)
 
 def _sun_in_photo(picture: Image.Image, lighting: Lighting) -> None:
     """The sun where it is in the picture, else an arrow at the edge that one would follow to find it."""
-    colour = SUN if _visible(lighting) else MUTED
+    colour = SUN if _visible(lighting) else PALE
     seen = _camera_pixels(picture, lighting.sun_direction[None], lighting)
     if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
         sun_marks(picture, seen, colour, 9)
@@ -249,7 +250,7 @@ def _compass_panel(lighting: Lighting, probability: Floats, layout: str, aspect:
     polygon(panel, view, WHITE, 0.10)
     stroke(panel, [view], WHITE, 1.5, 0.6)
     _regions(panel, lighting, lambda d: _on_dome(d, size, radius))
-    sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), SUN if _visible(lighting) else MUTED, 8)
+    sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), SUN if _visible(lighting) else PALE, 8)
     return panel
 
 
@@ -314,7 +315,7 @@ def _map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, b
     shaded_stroke(picture, frame, WHITE, 1.5)
     _regions(picture, lighting, pixels)
     spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
-    sun_marks(picture, spots, SUN if _visible(lighting) else MUTED, 6.5)
+    sun_marks(picture, spots, SUN if _visible(lighting) else PALE, 6.5)
     for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
         write(picture, (box.width * share, box.height - 12), word, 16, WHITE, anchor="ms", shaded=True)
     for share, anchor in ((0.008, "ls"), (0.992, "rs")):
@@ -338,7 +339,7 @@ def _display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def _regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
     """The circles around the sun that hold 50 % and 90 % of the probability, labelled."""
-    colour = SUN if _visible(lighting) else TEXT
+    colour = SUN if _visible(lighting) else PALE
     for radius, share, width in ((lighting.radius_90, "90 %", 1.5), (lighting.radius_50, "50 %", 2.5)):
         rim = _rim(lighting, radius)
         if radius <= 0 or rim[180, 1] <= 0:
