@@ -68,9 +68,7 @@ def read_exr(source: Target) -> tuple[Image, Lighting | None]:
     header, channels = _decode(data)
     missing = [name for name in "RGB" if name not in channels]
     if missing:
-        raise EnvironmentMapError(
-            f"The EXR file has no channel {', '.join(missing)}; an environment map needs R, G, B."
-        )
+        raise EnvironmentMapError(f"The EXR file has no channel {', '.join(missing)}; it needs R, G and B.")
     planes = [np.asarray(channels[name].pixels, dtype=np.float32) for name in "RGB"]
     if len({plane.shape for plane in planes}) > 1:
         raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")

@@ -65,9 +65,9 @@ def _write_hdr(target: Target, image: Floats, _: Lighting | None) -> None:
 def _rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Three mantissas and the exponent they share (H, W, 4); a value is mantissa x 2^(exponent - 136)."""
     brightest = image.max(axis=-1)
-    exponent = np.frexp(brightest)[1]
+    exponent = np.maximum(np.frexp(brightest)[1], -127)
     pixels = np.empty((*image.shape[:2], 4), dtype=np.uint8)
-    pixels[..., :3] = np.clip(np.rint(np.ldexp(image, 8 - exponent[..., None])), 0, 255)
+    pixels[..., :3] = np.clip(np.rint(np.ldexp(np.maximum(image, 0), 8 - exponent[..., None])), 0, 255)
     pixels[..., 3] = np.clip(exponent + 128, 0, 255)
     pixels[brightest < _DARKEST] = 0
     return pixels
