@@ -66,7 +66,7 @@ def test_horizon_lies_where_geometry_says(elevation: float, roll: float) -> None
 
 def test_horizon_out_of_view_is_not_drawn() -> None:
     panel = photo_panel(outdoors(camera_elevation=60.0, vertical_fov=40.0, sun_visibility=0.1))
-    assert panel.min(axis=-1).max() < 200
+    assert panel.min(axis=-1).max() < 230  # the arrow is paler than the line
 
 
 def amber(panel: NDArray[np.int64]) -> NDArray[np.intp]:
