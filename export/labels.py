@@ -86,7 +86,7 @@ LEAST_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
 def find_sun(linear: NDArray[np.float32]) -> Sun | None:
     """The sun in a panorama (H, 2H, 3), None where it is hidden or behind clouds.
 
-    Unclipped (HDR) it is the peak of the radiance. Clipped, it is the largest of the blown-out regions, at its centroid.
+    Unclipped (HDR) it is the peak of the radiance; clipped, the centroid of the largest of the blown-out regions.
     Both weigh a pixel by its solid angle and by what it has above the median of its row, so that a bright haze along
     the horizon counts for little.
     """
