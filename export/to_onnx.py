@@ -14,6 +14,7 @@ from torch import nn
 from export.network import Served, build
 from export.panoramas import DataError
 from lighting.atomic import replacing
+from lighting.errors import ModelError
 from lighting.model import OUTPUTS, Model
 from lighting.parameters import ModelSpec
 
@@ -44,7 +45,7 @@ def read_network(folder: Path) -> nn.Module:
 
 
 def export(folder: Path, target: Path, *, temperature: float = 1.0) -> float:
-    """Write `target` from a training folder; returns the parity (see `parity`), RuntimeError over TOLERANCE."""
+    """Write `target` from a training folder; returns the parity (see `parity`), ModelError over TOLERANCE."""
     record = read_record(folder)
     served = Served(read_network(folder), temperature).eval()
     spec = replace(read_spec(folder), training_data=describe_data(record))
@@ -55,7 +56,7 @@ def export(folder: Path, target: Path, *, temperature: float = 1.0) -> float:
         save(model, {"spec": spec.to_json(), **_plain(spec), **known}, path)
         difference = parity(served, path)
         if difference > TOLERANCE:
-            raise RuntimeError(f"torch and onnxruntime differ by {difference:.2e}, more than {TOLERANCE:.0e}.")
+            raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {TOLERANCE:.0e}.")
         save(model, {"parity": f"{difference:.2e}"}, path)
     return difference
 

@@ -1,0 +1,190 @@
+"""The training loop on tiny rendered panoramas: it learns, it resumes, it keeps places apart; then ONNX and figures."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from click.testing import CliRunner
+
+from export.__main__ import cli
+from export.evaluate import best_constant, evaluate
+from export.labels import label_panorama, write_labels
+from export.network import Served, encode
+from export.panoramas import DataError, Panorama, read_index
+from export.synthetic import write_dataset
+from export.to_onnx import TOLERANCE, export, parity, read_network
+from export.train import (
+    Batch,
+    Crops,
+    Run,
+    TrainConfig,
+    learning_rate,
+    load_sources,
+    losses,
+    split_places,
+    train,
+)
+from lighting.errors import LightingError
+from lighting.geometry import angle_between, direction
+from lighting.model import Model
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of rendered panoramas and its labels."""
+    folder = tmp_path_factory.mktemp("data")
+    write_dataset(folder, 12, height=64)
+    write_labels([label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def config(data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainConfig:
+    out = tmp_path_factory.mktemp("run")
+    return TrainConfig(str(data), str(data / "labels.csv"), str(out), crops=16, batch=4, workers=0, tune_share=0.3)
+
+
+@pytest.fixture(scope="module")
+def trained(config: TrainConfig) -> Path:
+    train(config)
+    return Path(config.out)
+
+
+@pytest.fixture(scope="module")
+def network(trained: Path) -> Path:
+    target = trained / "outdoor.onnx"
+    export(trained, target, temperature=1.3)
+    return target
+
+
+def test_a_run_leaves_what_reproduces_it(trained: Path, config: TrainConfig) -> None:
+    record = json.loads((trained / "config.json").read_text())
+    assert record["config"]["crops"] == config.crops
+    assert set(record["panoramas"]["train"]).isdisjoint(record["panoramas"]["tune"])
+    assert not {p.name for p in read_index(config.data, "val")} & set(record["panoramas"]["train"])
+    last = json.loads((trained / "log.jsonl").read_text().splitlines()[-1])
+    assert last["step"] == 4
+    assert np.isfinite(last["sun"])
+
+
+def test_a_batch_can_be_learnt_by_heart(config: TrainConfig) -> None:
+    torch.manual_seed(1)
+    run = Run(replace(config, learning_rate=2e-3, warmup=0.0, crops=1000))
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    batch = next(run.batches(Crops(sources, run.spec, run.config)))
+    run.network.train()
+    history = [run.update(batch) for _ in range(12)]
+    for name in ("sun", "parameters"):
+        assert float(history[-1][name]) < 0.8 * float(history[0][name])
+
+
+def test_a_killed_run_goes_on_where_it_stopped(config: TrainConfig, tmp_path: Path) -> None:
+    first = Run(replace(config, out=str(tmp_path)))
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    for batch in first.batches(Crops(sources, first.spec, replace(config, crops=8))):
+        first.update(batch)
+    first.save()
+    second = Run(first.config)
+    second.resume()
+    assert second.step == 2
+    torch.testing.assert_close(second.network.state_dict(), first.network.state_dict())
+    torch.testing.assert_close(second.average.state_dict(), first.average.state_dict())
+
+
+def test_a_crop_number_is_the_same_crop_every_time(config: TrainConfig) -> None:
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    spec = Run(config).spec
+    one, two = Crops(sources, spec, config)[5], Crops(sources, spec, config)[5]
+    for a, b in zip(one, two, strict=True):
+        torch.testing.assert_close(a, b, equal_nan=True)
+
+
+def test_unknown_targets_cost_nothing() -> None:
+    nan = float("nan")
+    parameters = torch.tensor([[nan, nan, 5.0, 1.0, 50.0, nan], [3.0, 2.0, 5.0, 1.0, 50.0, 1.0]])
+    sun = torch.tensor([[0.0, 0.0], [0.5, 0.5]])
+    raw = torch.cat([encode(torch.nan_to_num(parameters[:, :5], nan=1.0)), torch.zeros(2, 1)], dim=1)
+    raw[0, :2] = 100.0
+    raw.requires_grad_()
+    logits = torch.tensor([[50.0, -50.0], [1.0, 1.0]])
+    parts = losses(logits, raw, Batch(torch.zeros(2, 3, 1, 1), sun, parameters))
+    found = {name: part.item() for name, part in parts.items()}
+    assert found == pytest.approx({"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2)}, abs=1e-6)
+    torch.autograd.backward(sum(parts.values(), torch.zeros(())))
+    assert raw.grad is not None
+    assert torch.isfinite(raw.grad).all()
+    assert (raw.grad[0, [0, 1, 5]] == 0).all()
+
+
+def test_places_are_held_out_whole_and_by_name() -> None:
+    panoramas = [
+        Panorama(f"{place}-{i}", Path("x"), "ldr", f"place {place}", "train") for place in range(60) for i in range(3)
+    ]
+    kept, held_out = split_places(panoramas, 0.2)
+    assert {p.place for p in kept}.isdisjoint({p.place for p in held_out})
+    assert 3 < len({p.place for p in held_out}) < 24
+    assert [p.name for p in split_places(panoramas[:90], 0.2)[1]] == [p.name for p in held_out if p in panoramas[:90]]
+
+
+def test_the_learning_rate_rises_and_falls_to_zero() -> None:
+    factors = [learning_rate(step, 100, 0.1) for step in range(100)]
+    assert factors[9] == 1.0
+    assert factors == sorted(factors[:10]) + sorted(factors[10:], reverse=True)
+    assert factors[-1] < 1e-3
+
+
+def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
+    model = Model.load(network)
+    metadata = model.session.get_modelmeta().custom_metadata_map
+    assert parity(Served(read_network(trained), 1.3).eval(), network) < TOLERANCE
+    assert float(metadata["parity"]) < TOLERANCE
+    assert metadata["license"] == "Apache-2.0"
+    assert "16 crops" in model.spec.training_data
+    for count in (1, 3):
+        answers = model.predict(np.zeros((count, 3, model.spec.height, model.spec.width), np.float32))
+        assert [a.sun_probability.sum() for a in answers] == pytest.approx([1.0] * count, rel=1e-5)
+
+
+def test_a_wrong_export_is_refused(
+    trained: Path, network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file on disk is traced at another temperature than the network that it is compared with."""
+    monkeypatch.setattr("export.to_onnx.trace", lambda *_: onnx.load(network))
+    with pytest.raises(LightingError, match="differ"):
+        export(trained, tmp_path / "x.onnx", temperature=3.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tmp_path: Path) -> None:
+    report = evaluate(data, data / "labels.csv", [network], tmp_path)
+    for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |", "in 90 % region"):
+        assert part in report
+    assert (tmp_path / "report.md").read_text() == report
+    lines = (tmp_path / "crops-paper.csv").read_text().splitlines()
+    assert len(lines) == 1 + 8 * len(read_index(data, "val"))
+
+
+def test_the_best_constant_beats_other_constants() -> None:
+    elevation = np.array([70.0, 75.0, 80.0])
+    suns = direction(np.linspace(-180, 180, 72, endpoint=False)[:, None], elevation)
+    best = np.median(angle_between(suns, direction(0.0, best_constant(elevation))))
+    assert all(
+        best <= np.median(angle_between(suns, direction(30.0, other))) + 1e-9 for other in (0.0, 40.0, 75.0, 90.0)
+    )
+
+
+def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path) -> None:
+    runner = CliRunner()
+    for arguments in (
+        ["label", "--data", str(tmp_path / "none"), "--out", str(tmp_path / "l.csv")],
+        ["train", "--data", str(data), "--labels", str(tmp_path / "none.csv"), "--out", str(tmp_path / "run")],
+        ["onnx", str(tmp_path / "none")],
+        ["evaluate", "--data", str(data), "--labels", str(data / "labels.csv"), "--model", str(tmp_path / "none.onnx")],
+    ):
+        result = runner.invoke(cli, arguments)
+        assert isinstance(result.exception, DataError | LightingError), (arguments, result.output)
+        assert "\n" not in str(result.exception)
