@@ -27,8 +27,8 @@ from lighting.sky import sky_radiance
 Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
-SUN_HEIGHT = 128  # rows of the picture in which the sun is sought
-SKY_HEIGHT = 128  # rows of the picture to which the sky is fitted
+HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky the model is fitted
+WEAKEST_SUN = 12.0  # deg; a sun less certain than this gives no fit to be trusted
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def find_sun(linear: NDArray[np.float32]) -> Sun | None:
     Both weigh a pixel by its solid angle and by what it has above the median of its row, so that a bright haze along
     the horizon counts for little.
     """
-    small = shrink(linear, SUN_HEIGHT)
+    small = shrink(linear, HEIGHT)
     above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
     return _find_clipped(small, above) if _is_clipped(small) else _find_peak(small, above)
 
@@ -188,7 +188,7 @@ def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None
     that of the logarithm, pixels off the model (clouds, masts) lose their weight, and turbidity is searched over its
     whole range while the gains follow in closed form: no start value, no local minimum.
     """
-    sky = _sample_sky(shrink(linear, SKY_HEIGHT), sun_direction)
+    sky = _sample_sky(shrink(linear, HEIGHT), sun_direction)
     if sky.solid_angle < MINIMUM_SKY:
         return None
     turbidity, reach = 5.5, 4.5
@@ -266,7 +266,7 @@ def _solid_angle(height: int) -> Floats:
 
 def label_panorama(panorama: Panorama) -> Label:
     """The panorama's label; a sun given in the index wins over the one found in the picture."""
-    linear = read_linear(panorama, SUN_HEIGHT)
+    linear = read_linear(panorama, HEIGHT)
     found = find_sun(linear)
     azimuth, elevation, uncertainty, source = _sun_of(panorama, found)
     fit = None if source == "none" else fit_sky(linear, direction(azimuth, max(elevation, 0.0)))
@@ -281,7 +281,7 @@ def label_panorama(panorama: Panorama) -> Label:
         turbidity=fit.turbidity if fit else math.nan,
         exposure=fit.exposure if fit else math.nan,
         fit_residual=fit.residual if fit else math.nan,
-        fit_ok=bool(fit and fit.ok and uncertainty <= 12.0),
+        fit_ok=bool(fit and fit.ok and uncertainty <= WEAKEST_SUN),
         direct=panorama.direct,
     )
 
@@ -298,12 +298,16 @@ def _sun_of(panorama: Panorama, found: Sun | None) -> tuple[float, float, float,
 
 
 def write_labels(labels: Iterable[Label], path: str | Path) -> None:
-    """One row a label; the file appears whole or not at all."""
+    """One row a label; the file appears whole or not at all. DataError if it cannot be written."""
     names = [field.name for field in fields(Label)]
-    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(names)
-        writer.writerows([_text(getattr(label, name)) for name in names] for label in labels)
+    try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(names)
+            writer.writerows([_text(getattr(label, name)) for name in names] for label in labels)
+    except OSError as error:
+        raise DataError(f"The labels cannot be written to {path}: {error}.") from error
 
 
 def _text(value: Any) -> str:
@@ -320,7 +324,7 @@ def read_labels(path: str | Path) -> list[Label]:
         with Path(path).open(newline="", encoding="utf-8") as file:
             return [
                 Label(**{field.name: _value(row[field.name], field.type) for field in fields(Label)})
-                for row in csv.DictReader(file)
+                for row in csv.DictReader(file, restval="")
             ]
     except KeyError as error:
         raise DataError(f"The labels {path} have no column {error}.") from error

@@ -109,6 +109,12 @@ def test_labels_survive_a_file(tmp_path: Path) -> None:
     assert dataclasses.replace(second, sun_azimuth=0.0) == dataclasses.replace(none, sun_azimuth=0.0)
 
 
+def test_labels_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(DataError, match="cannot be written"):
+        write_labels([LABEL], tmp_path / "file" / "labels.csv")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [(None, "cannot be read"), ("name,turbidity\na,3\n", "no column"), ("NUMBER", "cannot be read")],
