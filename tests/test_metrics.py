@@ -65,7 +65,7 @@ def test_auc_counts_ties_half() -> None:
 
 
 def test_bootstrap_draws_whole_units() -> None:
-    """Crops of one panorama are no independent evidence: repeating each a hundred times must not narrow the interval."""
+    """Crops of one panorama are no independent evidence: a hundred copies of each do not narrow the interval."""
     value = np.random.default_rng(1).normal(0, 1, 30)
     units = np.array([f"u{i}" for i in range(30)])
     once = bootstrap(units, lambda i: float(value[i].mean()))
