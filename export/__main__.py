@@ -50,8 +50,8 @@ def train(out: Path | None, network: str, scratch: bool, data: Path, labels: Pat
     from export.train import TrainConfig
     from export.train import train as run
 
-    named = {"data": str(data), "labels": str(labels), "out": str(out or Path("runs") / network), "network": network}
-    run(TrainConfig(**named, target_width=TARGET_WIDTH[network], pretrained=not scratch, **given))
+    given |= {"data": str(data), "labels": str(labels), "out": str(out or Path("runs") / network), "network": network}
+    run(TrainConfig(**given, target_width=TARGET_WIDTH[network], pretrained=not scratch))
 
 
 @cli.command()
@@ -60,7 +60,7 @@ def train(out: Path | None, network: str, scratch: bool, data: Path, labels: Pat
 @click.option(
     "--temperature", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="Of the sun's softmax."
 )
-def onnx(run: Path, out: Path | None, temperature: float) -> None:
+def onnx(run: Path, out: Path | None, temperature: float | None) -> None:
     """Write a run's averaged network as ONNX and compare it with torch, number by number."""
     from export.to_onnx import export, read_spec
 

@@ -10,15 +10,18 @@ from typing import Any
 import numpy as np
 import torch
 from torch import nn
+from torch.utils.data import DataLoader
 
 from export.network import Served, build
-from export.panoramas import DataError
+from export.panoramas import DataError, read_index
+from export.train import Crops, TrainConfig, load_sources
 from lighting.atomic import replacing
 from lighting.errors import ModelError
 from lighting.model import OUTPUTS, Model
 from lighting.parameters import ModelSpec
 
 OPSET = 18
+TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 
 
@@ -44,12 +47,41 @@ def read_network(folder: Path) -> nn.Module:
     return network.eval()
 
 
-def export(folder: Path, target: Path, *, temperature: float = 1.0) -> float:
-    """Write `target` from a training folder; returns the parity (see `parity`), ModelError over TOLERANCE."""
+def fit_temperature(network: nn.Module, crops: Crops, batch: int = 32) -> float:
+    """The divisor of the sun's logits that makes held-out crops likeliest (Guo et al., ICML 2017); 1 without any."""
+    logits, targets = [], []
+    with torch.inference_mode():
+        for part in DataLoader(crops, batch_size=batch):
+            known = part.sun.sum(dim=1) > 0.5
+            logits.append(network(part.photo)[0][known])
+            targets.append(part.sun[known])
+    if not sum(len(part) for part in targets):
+        return 1.0
+    sun, target = torch.cat(logits), torch.cat(targets)
+    costs = {t: float(-(target * (sun / t).log_softmax(dim=1)).sum(dim=1).mean()) for t in TEMPERATURES}
+    return min(costs, key=costs.__getitem__)
+
+
+def held_out_crops(folder: Path) -> Crops:
+    """The crops of the training places that the run held out."""
     record = read_record(folder)
-    served = Served(read_network(folder), temperature).eval()
+    config = TrainConfig(**record["config"])
+    names = set(record["panoramas"]["tune"])
+    panoramas = [p for p in read_index(config.data, "train") if p.name in names]
+    return Crops(load_sources(panoramas, config.labels), read_spec(folder), config, tune=True)
+
+
+def export(folder: Path, target: Path, *, temperature: float | None = None) -> float:
+    """Write `target` from a training folder; returns the parity (see `parity`), ModelError over TOLERANCE.
+
+    Without a temperature it is fitted on the training places that the run held out.
+    """
+    record = read_record(folder)
+    network = read_network(folder)
+    divisor = fit_temperature(network, held_out_crops(folder)) if temperature is None else temperature
+    served = Served(network, divisor).eval()
     spec = replace(read_spec(folder), training_data=describe_data(record))
-    known = {"commit": record["commit"], "temperature": f"{temperature:.4f}"}
+    known = {"commit": record["commit"], "temperature": f"{divisor:.3f}"}
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
         model = trace(served, spec)

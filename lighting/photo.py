@@ -34,7 +34,6 @@ MAX_ASPECT = 8  # longer side / shorter side
 
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
 _MID_GREY = (128, 128, 128, 255)
-_COLOUR_SPACES = {"RGB": "RGB", "CMYK": "CMYK", "L": "GRAY"}  # Pillow mode: colour space of a fitting ICC profile
 _UPRIGHT = {  # EXIF orientation: what makes the picture upright
     2: Image.Transpose.FLIP_LEFT_RIGHT,
     3: Image.Transpose.ROTATE_180,
@@ -164,7 +163,7 @@ def _eight_bits(image: Image.Image) -> Image.Image:
         return Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
     if image.has_transparency_data:
         return image if image.mode == "RGBA" else image.convert("RGBA")
-    return image if image.mode in _COLOUR_SPACES else image.convert("RGB")
+    return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
 
 
 def _over_grey(image: Image.Image) -> Image.Image:
@@ -176,17 +175,12 @@ def _over_grey(image: Image.Image) -> Image.Image:
 def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
     """The picture as sRGB by its ICC profile, or as it stands where that is absent, unfit or damaged."""
     try:
-        if profile and _fits(icc := ImageCms.ImageCmsProfile(BytesIO(profile)), image.mode):
+        if profile and "sRGB" not in ImageCms.getProfileDescription(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):
             converted = ImageCms.profileToProfile(image, icc, ImageCms.createProfile("sRGB"), outputMode="RGB")
             return converted or image.convert("RGB")
     except Exception:  # nor must a bad profile reject a photo
         pass
     return image.convert("RGB")
-
-
-def _fits(icc: ImageCms.ImageCmsProfile, mode: str) -> bool:
-    is_srgb = "sRGB" in ImageCms.getProfileDescription(icc)
-    return icc.profile.xcolor_space.strip() == _COLOUR_SPACES[mode] and not is_srgb
 
 
 def _reason(error: Exception) -> str:

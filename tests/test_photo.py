@@ -253,6 +253,12 @@ def test_a_colour_profile_is_converted_to_srgb(file_format: str) -> None:
     assert pixels.reshape(-1, 3).mean(axis=0) == pytest.approx([0, 255, 0], abs=8)
 
 
+def test_a_grey_photo_ignores_a_profile_of_rgb() -> None:
+    grey = np.full((48, 64), 77, dtype=np.uint8)
+    photo = read_photo(encode(grey, "PNG", icc_profile=swapped_profile()))
+    assert_close(photo, np.full((48, 64, 3), 77, dtype=np.uint8), 0)
+
+
 def test_a_profile_survives_palette_reduction_and_rotation() -> None:
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = 6

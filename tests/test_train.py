@@ -16,7 +16,7 @@ from export.labels import label_panorama, write_labels
 from export.network import Served, encode
 from export.panoramas import DataError, Panorama, read_index
 from export.synthetic import write_dataset
-from export.to_onnx import TOLERANCE, export, parity, read_network
+from export.to_onnx import TOLERANCE, export, fit_temperature, held_out_crops, parity, read_network
 from export.train import (
     Batch,
     Crops,
@@ -147,6 +147,19 @@ def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
     for count in (1, 3):
         answers = model.predict(np.zeros((count, 3, model.spec.height, model.spec.width), np.float32))
         assert [a.sun_probability.sum() for a in answers] == pytest.approx([1.0] * count, rel=1e-5)
+
+
+def test_the_temperature_undoes_overconfidence(trained: Path) -> None:
+    """Of a network that knows the answer but shouts it two and a half times too loud."""
+    crops = held_out_crops(trained)
+    assert len(crops) > 0
+
+    class Loud(torch.nn.Module):
+        def forward(self, photo: torch.Tensor) -> tuple[torch.Tensor, None]:
+            targets = torch.stack([crops[i].sun for i in range(len(crops))])
+            return (2.5 * (targets + 1e-9).log())[: len(photo)], None
+
+    assert fit_temperature(Loud(), crops, batch=len(crops)) == pytest.approx(2.5, rel=0.03)
 
 
 def test_a_wrong_export_is_refused(
