@@ -281,7 +281,7 @@ def label_panorama(panorama: Panorama) -> Label:
         turbidity=fit.turbidity if fit else math.nan,
         exposure=fit.exposure if fit else math.nan,
         fit_residual=fit.residual if fit else math.nan,
-        fit_ok=bool(fit and fit.ok and uncertainty <= WEAKEST_SUN),
+        fit_ok=bool(fit and fit.ok and uncertainty <= WEAKEST_SUN and not panorama.sky_is_altered),
         direct=panorama.direct,
     )
 

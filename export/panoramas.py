@@ -21,7 +21,7 @@ from lighting.errors import LightingError
 
 INDEX = "panoramas.csv"
 REQUIRED = ("name", "file", "kind", "place", "split")
-OPTIONAL = ("sun", "direct", "scene", "label", "licence")  # and the numbers below
+OPTIONAL = ("sun", "direct", "scene", "label", "licence", "notes")  # and the numbers below
 CHOICES = {
     "kind": ("ldr", "hdr"),
     "split": ("train", "val"),
@@ -32,6 +32,9 @@ NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
 _RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commercial|no ?derivatives|share-?alike)\b")
+_ALTERED_SKY = re.compile(
+    r"tone[- ]mapp|painted|\bfill|synthetic|replaced|colou?r cast|\bdrone\b"
+)  # drones see no zenith
 
 
 class DataError(LightingError):
@@ -55,6 +58,12 @@ class Panorama:
     scene: str = ""
     label: str = ""  # how the sun's direction was found
     licence: str = ""
+    notes: str = ""  # known defects
+
+    @property
+    def sky_is_altered(self) -> bool:
+        """Whether the notes say that the sky measures no light: tone-mapped, painted in, or with a colour cast."""
+        return bool(_ALTERED_SKY.search(self.notes.lower()))
 
 
 def read_index(folder: str | Path, split: str | None = None, *, licensed_only: bool = False) -> list[Panorama]:

@@ -154,6 +154,13 @@ def test_a_found_sun_is_used_only_where_nobody_looked(tmp_path: Path, sun: str, 
     assert not math.isnan(labelled.found_azimuth)
 
 
+def test_the_fit_of_an_altered_sky_is_not_trusted(tmp_path: Path) -> None:
+    write_dataset(tmp_path, 1, 64)
+    (panorama,) = read_index(tmp_path)
+    assert label_panorama(panorama).fit_ok
+    assert not label_panorama(dataclasses.replace(panorama, notes="strong HDR tone mapping")).fit_ok
+
+
 def test_agreement_counts_suns_and_overcast_skies() -> None:
     def panorama(name: str, sun: str) -> Panorama:
         return Panorama(name, Path(name), "ldr", "here", "train", sun)

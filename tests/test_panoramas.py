@@ -71,6 +71,23 @@ def test_permissive_licences(licence: str, permissive: bool) -> None:
     assert is_permissive(licence) is permissive
 
 
+@pytest.mark.parametrize(
+    ("notes", "altered"),
+    [
+        ("", False),
+        ("nadir logo; sun behind a tree", False),
+        ("strong HDR tone mapping", True),
+        ("some drone with filled zenith", True),
+        ("sky above el 30 synthetic fill", True),
+        ("violet colour cast", True),
+        ("sky may be replaced", True),
+    ],
+)
+def test_notes_tell_of_an_altered_sky(tmp_path: Path, notes: str, altered: bool) -> None:
+    (panorama,) = read_index(write_index(tmp_path, {**ROW, "notes": notes}))
+    assert panorama.sky_is_altered is altered
+
+
 def test_licensed_only_keeps_permissive_rows(tmp_path: Path) -> None:
     rows = [{**ROW, "name": name, "licence": licence} for name, licence in (("a", "CC0"), ("b", "none stated"))]
     write_index(tmp_path, *rows)
