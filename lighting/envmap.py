@@ -170,7 +170,7 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
         reach = math.degrees(math.asin(math.sin(math.radians(SUN_HALF_APERTURE)) / math.cos(math.radians(elevation))))
         columns = _cells(azimuth + 180.0 - reach, azimuth + 180.0 + reach, height * across / 180.0)
     rows = _cells(90.0 - elevation - SUN_HALF_APERTURE, 90.0 - elevation + SUN_HALF_APERTURE, height * split / 180.0)
-    rows = rows[(rows >= 0) & (rows < height // 2 * split)]
+    rows = rows[rows >= 0]
     fine_azimuth = (columns + 0.5) * (180.0 / (height * across)) - 180.0
     fine_elevation = 90.0 - (rows + 0.5) * (180.0 / (height * split))
     return rows // split, columns // across, direction(fine_azimuth, fine_elevation[:, None])

@@ -50,7 +50,7 @@ def test_sky_and_disc_match_the_stored_reference(reference: dict[str, Floats], i
     sky = sky_radiance(reference["directions"][index], sun, turbidity, albedo)
     assert relative_error(sky, reference["sky"][index]) < 1e-3
     disc = sun_disc_radiance(disc_directions(azimuth, elevation), sun, turbidity)
-    assert relative_error(disc, reference["disc"][index][: len(disc)]) < 2e-2
+    assert relative_error(disc, reference["disc"][index][: len(disc)]) < 5e-3
 
 
 @pytest.mark.usefixtures("mitsuba")
@@ -65,7 +65,7 @@ def test_sky_and_disc_match_mitsuba_anywhere(seed: int) -> None:
     assert relative_error(sky_radiance(directions, sun, turbidity, albedo), expected) < 1e-3
     directions = disc_directions(azimuth, elevation)
     expected = mitsuba_radiance(directions, sun, turbidity, albedo, disc=1.0)
-    assert relative_error(sun_disc_radiance(directions, sun, turbidity), expected) < 2e-2
+    assert relative_error(sun_disc_radiance(directions, sun, turbidity), expected) < 5e-3
 
 
 def test_float32_stays_float32_and_close() -> None:
