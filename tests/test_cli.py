@@ -430,6 +430,14 @@ def test_a_name_that_is_not_text_is_shown_escaped(network: Path, tmp_path: Path)
     assert b"Traceback" not in refused.stderr
 
 
+def test_what_the_terminal_cannot_show_is_escaped(network: Path, tmp_path: Path) -> None:
+    photo = tmp_path / "日.jpg"
+    photo.write_bytes(encode(scene(96, 64)))
+    result = sub("estimate", photo, "--model", network, env={**os.environ, "PYTHONIOENCODING": "latin-1"})
+    assert (result.returncode, result.stderr) == (0, b"")
+    assert b"\\u65e5.jpg: sun " in result.stdout
+
+
 def test_a_reader_that_leaves_early_is_no_error(network: Path, photo_path: Path) -> None:
     command = [sys.executable, "-m", "lighting", "estimate", *[str(photo_path)] * 3, "--model", str(network)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
