@@ -12,15 +12,10 @@ from PIL import Image
 
 from lighting.geometry import angles, camera_pixel, direction, latlong_pixel
 from lighting.ink import Colour, arrow_head, polygon, rounded, shaded_stroke, stroke, sun_marks, write, write_inside
+from lighting.preview import BACKGROUND, MUTED, PANEL, SUN, TEXT, WHITE
 
 Floats = NDArray[np.floating[Any]]
 
-BACKGROUND: Colour = (21, 24, 30)
-PANEL: Colour = (30, 34, 42)
-TEXT: Colour = (235, 237, 240)
-MUTED: Colour = (150, 157, 168)
-WHITE: Colour = (255, 255, 255)
-SUN: Colour = (255, 196, 70)
 RED: Colour = (255, 128, 116)
 GREEN: Colour = (140, 214, 130)
 BLUE: Colour = (130, 180, 255)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from export.crops import Crop, develop
-from lighting.colour import luminance
+from export.crops import Crop
+from lighting.colour import luminance, tone_map
 from lighting.geometry import camera_pixel, direction
 
 Floats = NDArray[np.floating[Any]]
@@ -20,7 +20,7 @@ def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], fl
     linear = _occlude(_recover(crop.linear) if gain < 1 else crop.linear, crop, rng)
     linear = linear * (gain * _white_balance(rng)) * _vignette(linear.shape, rng)
     linear = linear + rng.normal(0, 0.02 * rng.random() ** 2, linear.shape).astype(np.float32) * np.sqrt(linear + 0.02)
-    picture = _tone(develop(np.maximum(linear, 0.0)), rng)
+    picture = _tone(tone_map(np.maximum(linear, 0.0)), rng)
     return _recompress(_sharpen(picture, rng), rng), gain
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.labels import Label
-from export.panoramas import Panorama, read_picture
-from lighting.colour import luminance, srgb_decode, srgb_encode
+from export.panoramas import Panorama, decode, read_picture
+from lighting.colour import luminance
 from lighting.geometry import camera_directions, direction, sample_latlong, wrap_azimuth
 from lighting.parameters import ModelSpec
 from lighting.photo import fit_size
@@ -23,7 +23,6 @@ MAX_HORIZONTAL_FOV = 106.0  # deg, about what the ultra-wide lens of a phone tak
 PHONE_ASPECTS = (9 / 16, 2 / 3, 3 / 4, 1.0, 4 / 3, 3 / 2, 16 / 9)
 
 Floats = NDArray[np.floating[Any]]
-_DECODED = srgb_decode(np.arange(256) / 255).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -158,12 +157,7 @@ def view(source: Source, camera: Camera, width: int, height: int, sharpness: flo
         np.float32
     )
     sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
-    return srgb_table(sampled) if source.panorama.kind == "ldr" else sampled
-
-
-def srgb_table(value: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear light of fractional 8-bit sRGB values, through the nearest whole value's entry."""
-    return _DECODED[np.round(value).astype(np.uint8)]
+    return decode(np.round(sampled).astype(np.uint8)) if source.panorama.kind == "ldr" else sampled
 
 
 def resize(image: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
@@ -178,11 +172,6 @@ def resize(image: NDArray[np.float32], width: int, height: int) -> NDArray[np.fl
 def _automatic_gain(linear: NDArray[np.float32]) -> float:
     """What takes a scene-referred view to a photo's exposure: the brighter parts end just below white."""
     return float(0.7 / max(float(np.percentile(luminance(linear), 80)), 1e-6))
-
-
-def develop(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """8-bit sRGB pixels of a crop, clipped as a camera clips."""
-    return np.round(srgb_encode(linear) * 255).astype(np.uint8)
 
 
 def sampling_weights(sources: Sequence[Source]) -> Floats:

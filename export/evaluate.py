@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops import PROTOCOLS, Camera, Crop, Source, develop, generator, take
+from export.crops import PROTOCOLS, Camera, Crop, Source, generator, take
 from export.labels import Label
 from export.metrics import Answers, Floats, Truth, answers, median, sun_error
 from export.panoramas import Panorama, read_index
 from export.report import figures_table, report
 from export.train import labels_of, load_sources
 from lighting.atomic import replacing
+from lighting.colour import tone_map
 from lighting.geometry import angle_between, angles, camera_directions, camera_pixel, direction
 from lighting.model import Model
 from lighting.parameters import Prediction, lighting_from
@@ -54,7 +55,7 @@ def answer(model: Model, scene: Scene, batch: int = 16) -> tuple[Truth, Answers]
     said: list[Prediction] = []
     for first in range(0, len(scene.crops), batch):
         part = [take(source, camera, model.spec) for source, camera in scene.crops[first : first + batch]]
-        said += model.predict(np.stack([place(develop(crop.linear), model.spec) for crop in part]))
+        said += model.predict(np.stack([place(tone_map(crop.linear), model.spec) for crop in part]))
         crops += part
     truth = collect([source.panorama for source, _ in scene.crops], crops)
     return truth, interpret(said, truth.sun)

@@ -12,7 +12,6 @@ from export.crops import (
     Camera,
     Crop,
     Source,
-    develop,
     generator,
     load_source,
     paper_camera,
@@ -24,6 +23,7 @@ from export.crops import (
 from export.labels import Label
 from export.network import specs
 from export.panoramas import Panorama
+from lighting.colour import tone_map
 from lighting.geometry import angle_between, camera_directions, camera_pixel, direction, latlong_directions
 
 SPEC = specs("0")["outdoor"]
@@ -38,7 +38,7 @@ def source(kind: str = "hdr", place: str = "a", sun: Label | None = None) -> Sou
     """A panorama whose radiance falls off around the sun, so that its brightest pixel is the sun."""
     near = angle_between(latlong_directions(256), direction(*SUN))
     picture = np.repeat(np.exp(-((near / 8) ** 2))[..., None] * 0.8 + 0.1, 3, axis=-1).astype(np.float32)
-    levels = (develop(picture),) if kind == "ldr" else (picture,)
+    levels = (tone_map(picture),) if kind == "ldr" else (picture,)
     return Source(Panorama("p", Path("p"), kind, place, "train"), levels, sun or label())
 
 
