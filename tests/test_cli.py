@@ -20,8 +20,8 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from lighting import __version__
-from lighting import cli as cli_module
 from lighting.cli import cli
+from lighting.cli.words import in_words
 from lighting.envmap import render
 from lighting.exr import read_exr
 from lighting.model import Model
@@ -154,7 +154,7 @@ def test_estimate_says_where_the_light_comes_from(network: Path, photo_path: Pat
 )
 def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -> None:
     lighting = Lighting(azimuth, 33.0, 3.0, 0.1, camera_elevation=elevation)
-    assert words in cli_module._words("x.jpg", lighting)
+    assert words in in_words("x.jpg", lighting)
 
 
 def test_estimate_as_json(network: Path, photo_path: Path, expected: Lighting) -> None:

@@ -1,0 +1,20 @@
+"""The command line: parse, call the library, print.
+
+Nothing heavy is imported before a command needs it. Results go to stdout; progress, errors and counts to stderr.
+Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage.
+"""
+
+import sys
+
+from lighting.cli import commands
+from lighting.cli.group import cli
+
+__all__ = ["cli", "commands", "main"]
+
+
+def main() -> None:
+    """Run the command line; what the terminal cannot show is escaped instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None and hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    cli(prog_name="lighting")

@@ -1,0 +1,118 @@
+"""What commands read and write."""
+
+import json
+import os
+import sys
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import click
+
+from lighting.cli.words import shown
+from lighting.errors import ParameterError, PhotoError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from lighting.parameters import Lighting, Prediction
+    from lighting.photo import Photo
+    from lighting.pipeline import Estimator
+
+PREVIEW_MAP_HEIGHT = 512  # pixels of the map that lights the preview, whatever --height says
+
+
+def read_bytes(name: str) -> bytes:
+    return stdin().read() if name == "-" else Path(name).read_bytes()
+
+
+def open_photo(name: str) -> "Photo":
+    from lighting.photo import read_photo
+
+    return read_photo(stdin() if name == "-" else name)
+
+
+def stdin() -> BinaryIO:
+    if sys.stdin is None:
+        raise PhotoError("There is no stdin to read.")
+    return sys.stdin.buffer
+
+
+def open_lighting(name: str) -> "Lighting":
+    """The record in a JSON file, bare or in the line that `estimate --json` printed."""
+    from lighting.parameters import Lighting
+
+    try:
+        record = json.loads(read_bytes(name).decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f"{shown(name)} does not hold one JSON record: {error}.") from error
+    if isinstance(record, dict) and "error" in record:
+        raise ParameterError(f"{shown(name)} holds an error in place of a lighting record.")
+    return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
+
+
+def load_estimator(model: str | None) -> "Estimator":
+    from lighting.model import Model
+    from lighting.pipeline import Estimator
+
+    return Estimator(Model.load(model))
+
+
+def estimated(estimator: "Estimator", picture: "Photo") -> "tuple[Prediction, Lighting]":
+    from lighting.parameters import lighting_from
+
+    prediction = estimator.predict(picture)
+    return prediction, lighting_from(prediction)
+
+
+def refuse_collisions(source: str, *outputs: str | None) -> None:
+    """Raise UsageError where an output would replace the input or the other output."""
+    files = [os.path.realpath(name) for name in (source, *outputs) if name is not None and name != "-"]
+    if len(set(files)) < len(files) or outputs.count("-") > 1:
+        raise click.UsageError("The input and the outputs must be different files.")
+
+
+def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, yaw: float) -> None:
+    """Render and write; with a yaw, the record in the file is turned with the map."""
+    from lighting.envmap import render, rotate
+    from lighting.formats import encode_envmap, write_envmap
+    from lighting.geometry import wrap_azimuth
+
+    image = render(lighting, height, sun=sun)
+    if yaw:
+        image = rotate(image, yaw)
+        lighting = replace(lighting, sun_azimuth=float(wrap_azimuth(lighting.sun_azimuth + yaw)))
+    if output == "-":
+        write_stdout(encode_envmap(image, lighting, "exr"))
+    else:
+        write_envmap(output, image, lighting)
+
+
+def write_preview(output: str, picture: "Photo", prediction: "Prediction", lighting: "Lighting") -> None:
+    from lighting.envmap import render
+    from lighting.preview import draw_preview
+
+    light = render(lighting, PREVIEW_MAP_HEIGHT)
+    drawing = draw_preview(picture.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
+    _write_png(output, drawing)
+
+
+def _write_png(output: str, pixels: "NDArray[np.uint8]") -> None:
+    from PIL import Image
+
+    from lighting.atomic import replacing
+
+    stream = BytesIO()
+    Image.fromarray(pixels).save(stream, "PNG")
+    if output == "-":
+        write_stdout(stream.getvalue())
+    else:
+        with replacing(output) as path:
+            path.write_bytes(stream.getvalue())
+
+
+def write_stdout(data: bytes) -> None:
+    sys.stdout.buffer.write(data)
+    sys.stdout.buffer.flush()

@@ -1,0 +1,31 @@
+"""The group that every command joins, and how errors end."""
+
+from typing import Any
+
+import click
+
+from lighting import __version__
+from lighting.cli.words import is_broken_pipe, sentence
+from lighting.errors import LightingError
+
+
+class Group(click.Group):
+    """Commands whose expected errors end as one sentence and status 1."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (LightingError, OSError) as error:
+            if ctx.params["debug"] or is_broken_pipe(error):
+                raise
+            raise click.ClickException(sentence(error)) from error
+
+
+@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__)
+@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+def cli(debug: bool) -> None:
+    """Light from one outdoor photo: sun, sky, camera, and an HDR environment map.
+
+    Azimuths are degrees from where the camera points, positive to the right. A file named "-" is stdin or stdout.
+    """

@@ -1,0 +1,84 @@
+"""Options that several commands share, and their checks."""
+
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+Command = TypeVar("Command", bound=Callable[..., None])
+
+
+def output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """A check that refuses a file, before any work, which its name, its folder or a terminal would refuse later."""
+
+    def check(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
+        if name is not None and (objection := _objection(name, suffixes)):
+            raise click.BadParameter(objection)
+        return name
+
+    return check
+
+
+def _objection(name: str, suffixes: Sequence[str]) -> str | None:
+    path = Path(name)
+    if name == "-":
+        shown = sys.stdout is None or sys.stdout.isatty()
+        return "Binary data needs a file or a pipe, not a terminal." if shown else None
+    if path.is_dir():
+        return f"{name} is a folder."
+    if path.suffix.lower() not in suffixes:
+        return f"{name} must end in {_either(suffixes)}."
+    if not path.parent.is_dir():
+        return f"There is no folder {path.parent}."
+    return None if os.access(path.parent, os.W_OK) else f"The folder {path.parent} cannot be written to."
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
+    from lighting.envmap import MAX_HEIGHT, MIN_HEIGHT
+
+    if value % 2 or not MIN_HEIGHT <= value <= MAX_HEIGHT:
+        raise click.BadParameter(f"{value} is not an even number from {MIN_HEIGHT} to {MAX_HEIGHT}.")
+    return value
+
+
+def _finite(_ctx: click.Context, _param: click.Parameter, value: float) -> float:
+    if not math.isfinite(value):
+        raise click.BadParameter(f"{value} is not a finite number.")
+    return value
+
+
+def map_options(command: Command) -> Command:
+    """The options that say how a map is rendered; a command receives them together as `view`."""
+    options = [
+        click.option(
+            "--height", default=512, show_default=True, callback=_height, help="Rows; columns are twice that."
+        ),
+        click.option("--sun/--no-sun", default=None, help="Paint the sun's disc; by default if it likely shines."),
+        click.option(
+            "--yaw", default=0.0, metavar="DEG", callback=_finite, help="Turn the map to the right, sun and all."
+        ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+map_output = click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="FILE",
+    callback=output_file(".exr", ".hdr", ".png"),
+    help='.exr, .hdr or .png; "-" is EXR on stdout.',
+)
+preview_file = output_file(".png")
+model_option = click.option("--model", metavar="FILE.onnx", help="Another network than the one in this package.")
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")

@@ -1,0 +1,67 @@
+"""What commands say: a line for people, a line of JSON, a sentence about an error."""
+
+import errno
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from lighting.parameters import Lighting
+
+
+def progress_over(items: Sequence[str], quiet: bool) -> Any:
+    """The items behind a progress bar, which shows where nothing else would: results do not go to the terminal."""
+    from tqdm import tqdm
+
+    hidden = quiet or len(items) < 2 or not sys.stderr.isatty() or sys.stdout.isatty()
+    return tqdm(items, unit="photo", disable=hidden)
+
+
+def report_failure(name: str, error: Exception, as_json: bool, progress: Any) -> None:
+    if as_json:
+        click.echo(json_line(name, error=reason(error)))
+    with progress.external_write_mode(file=sys.stderr):
+        click.echo(f"Error: {shown(name)}: {reason(error)}", err=True)
+
+
+def json_line(name: str, **content: Any) -> str:
+    return json.dumps({"file": name, **content}, allow_nan=False)
+
+
+def in_words(name: str, lighting: "Lighting") -> str:
+    """One line for people."""
+    tilt = "up" if lighting.camera_elevation >= 0 else "down"
+    return (
+        f"{shown(name)}: sun {_side(lighting.sun_azimuth)}, {lighting.sun_elevation:.1f}° high "
+        f"(50 % within {lighting.radius_50:.1f}°, 90 % within {lighting.radius_90:.1f}°), "
+        f"direct sunlight {100 * lighting.sun_visibility:.0f} %, turbidity {lighting.turbidity:.1f}; "
+        f"camera looks {abs(lighting.camera_elevation):.1f}° {tilt}, roll {lighting.camera_roll:.1f}°, "
+        f"vertical field of view {lighting.vertical_fov:.1f}°"
+    )
+
+
+def shown(name: str) -> str:
+    return "stdin" if name == "-" else click.format_filename(name)
+
+
+def _side(azimuth: float) -> str:
+    if abs(azimuth) < 0.05:
+        return "straight ahead"
+    behind = " (behind)" if abs(azimuth) > 90 else ""
+    return f"{abs(azimuth):.1f}° {'right' if azimuth > 0 else 'left'}{behind}"
+
+
+def sentence(error: Exception) -> str:
+    file = getattr(error, "filename", None)
+    return f"{click.format_filename(file)}: {reason(error)}" if file else reason(error)
+
+
+def reason(error: Exception) -> str:
+    return f"{error.strerror or error}." if isinstance(error, OSError) else str(error)
+
+
+def is_broken_pipe(error: Exception) -> bool:
+    return isinstance(error, OSError) and error.errno == errno.EPIPE
