@@ -1,0 +1,54 @@
+# The service and the command line in one image; README, "Docker", says how to run it.
+#
+# Bases: the tag is for people, the digest (of the multi-architecture index) is what is pulled. `docker buildx imagetools
+# inspect python:3.11-slim-bookworm` prints the newest.
+
+FROM node:22.23.3-bookworm-slim@sha256:43ac6c60b8f89723f746e8a92ce91abd5017e627ce1ddfe4238355d3a30b772c AS page
+WORKDIR /build/server/web
+COPY server/web/package.json server/web/package-lock.json ./
+RUN npm ci --no-audit --no-fund
+COPY examples/ /build/examples/
+COPY server/web/ ./
+RUN npm run build
+
+FROM python:3.11.16-slim-bookworm@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c637cecc392d97f980d4fec56b AS venv
+WORKDIR /build
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
+RUN python -m venv --without-pip /opt/venv
+COPY server/requirements.lock ./
+RUN python -m pip --python /opt/venv/bin/python install --require-hashes --only-binary :all: --requirement requirements.lock
+COPY pyproject.toml README.md LICENSE NOTICE ./
+COPY lighting/ lighting/
+COPY server/ server/
+COPY --from=page /build/server/web/dist/ server/web/dist/
+RUN python -m pip --python /opt/venv/bin/python install --no-deps .
+WORKDIR /opt/venv/lib/python3.11/site-packages/lighting/data
+RUN sha256sum --check --strict SHA256SUMS
+
+FROM python:3.11.16-slim-bookworm@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c637cecc392d97f980d4fec56b
+ARG VERSION=unknown
+ARG REVISION=unknown
+ARG SOURCE=unknown
+LABEL org.opencontainers.image.title="outdoor-lighting" \
+      org.opencontainers.image.description="Light estimation from one outdoor photo: HTTP API, web page and command line" \
+      org.opencontainers.image.licenses="Apache-2.0" \
+      org.opencontainers.image.version="$VERSION" \
+      org.opencontainers.image.revision="$REVISION" \
+      org.opencontainers.image.source="$SOURCE" \
+      org.opencontainers.image.base.name="docker.io/library/python:3.11.16-slim-bookworm"
+COPY --from=venv /opt/venv /opt/venv
+# One thread of numpy's for each photo: the service itself works on as many photos at once as there are cores.
+ENV PATH=/opt/venv/bin:$PATH \
+    PYTHONUNBUFFERED=1 \
+    PYTHONDONTWRITEBYTECODE=1 \
+    OMP_NUM_THREADS=1 \
+    LIGHTING_HOST=0.0.0.0 \
+    LIGHTING_PORT=8000
+WORKDIR /work
+USER 10001:10001
+EXPOSE 8000
+# Without a proxy, whatever the environment says: the service is on this machine.
+HEALTHCHECK --interval=30s --timeout=5s --start-period=20s --retries=3 CMD ["python", "-c", "import os, urllib.request as u; u.build_opener(u.ProxyHandler({})).open(f\"http://127.0.0.1:{os.environ['LIGHTING_PORT']}/readyz\", timeout=4)"]
+# `env` runs what follows it in its own place: no shell, and the program itself gets the signals.
+ENTRYPOINT ["/usr/bin/env"]
+CMD ["lighting-server"]
