@@ -1,0 +1,114 @@
+/** The pinhole camera of a photo: where directions lie in it. Pixels are continuous, (0, 0) is the top left corner. */
+
+import { clamp, combine, cross, direction, dot, radians, type Vector } from "./angles";
+
+/** As in the record: elevation positive looks up, roll positive turns the camera clockwise; degrees. */
+export interface Camera {
+  elevation: number;
+  roll: number;
+  vertical_fov: number;
+}
+
+export interface Size {
+  width: number;
+  height: number;
+}
+
+export type Point = readonly [x: number, y: number];
+
+export interface Axes {
+  right: Vector;
+  up: Vector;
+  forward: Vector;
+}
+
+export function cameraAxes(camera: Camera): Axes {
+  const forward = direction(0, camera.elevation);
+  const right = direction(90, 0);
+  const up = cross(right, forward);
+  const [c, s] = [Math.cos(radians(camera.roll)), Math.sin(radians(camera.roll))];
+  return { right: combine([c, right], [-s, up]), up: combine([s, right], [c, up]), forward };
+}
+
+/** The pixel of a direction; null behind the camera. */
+export function project(towards: Vector, camera: Camera, size: Size): Point | null {
+  const { right, up, forward } = cameraAxes(camera);
+  const depth = dot(towards, forward);
+  if (depth <= 1e-9) return null;
+  const focal = focalLength(camera, size);
+  return [size.width / 2 + (focal * dot(towards, right)) / depth, size.height / 2 - (focal * dot(towards, up)) / depth];
+}
+
+/** The direction, not of unit length, through a pixel. */
+export function rayThrough([x, y]: Point, camera: Camera, size: Size): Vector {
+  const { right, up, forward } = cameraAxes(camera);
+  return combine([x - size.width / 2, right], [size.height / 2 - y, up], [focalLength(camera, size), forward]);
+}
+
+function focalLength(camera: Camera, size: Size): number {
+  return size.height / 2 / Math.tan(radians(camera.vertical_fov) / 2);
+}
+
+/** Two pixels far out on the horizon's straight line; null where the camera looks straight up or down. */
+export function horizon(camera: Camera, size: Size): [Point, Point] | null {
+  const left = project(direction(-85, 0), camera, size);
+  const right = project(direction(85, 0), camera, size);
+  return left && right ? [left, right] : null;
+}
+
+export interface SunMark {
+  inside: boolean;
+  behind: boolean;
+  at: Point; // of the sun, or of the arrow's tip at the photo's edge
+  towards: Point; // unit vector in the picture, from its middle to the sun
+}
+
+/** Where the sun is in the photo, or where at its edge an arrow leaves for it. */
+export function sunMark(sun: Vector, camera: Camera, size: Size, margin: number): SunMark {
+  const seen = project(sun, camera, size);
+  const { right, up, forward } = cameraAxes(camera);
+  const behind = dot(sun, forward) <= 0;
+  const across = dot(sun, right);
+  const towards = unit(behind ? [across < 0 ? -1 : 1, 0] : [across, -dot(sun, up)]);
+  if (seen && isInside(seen, size)) return { inside: true, behind, at: seen, towards };
+  const [midX, midY] = [size.width / 2, size.height / 2];
+  const reach = Math.min(
+    (midX - margin) / Math.max(Math.abs(towards[0]), 1e-9),
+    (midY - margin) / Math.max(Math.abs(towards[1]), 1e-9),
+  );
+  return { inside: false, behind, at: [midX + towards[0] * reach, midY + towards[1] * reach], towards };
+}
+
+function isInside([x, y]: Point, { width, height }: Size): boolean {
+  return x >= 0 && x < width && y >= 0 && y < height;
+}
+
+function unit([x, y]: Point): Point {
+  const length = Math.max(Math.hypot(x, y), 1e-9);
+  return [x / length, y / length];
+}
+
+/** Where an object stands: on the ground below the camera, or afloat where no ground is in view. */
+export interface Place {
+  position: Vector; // of the point where it touches the ground, metres from the camera
+  radius: number; // metres
+  grounded: boolean;
+}
+
+const EYE_HEIGHT = 1.6; // metres, of a camera in the hand; the photo itself does not tell the scale
+const SHARE_OF_FRAME = 0.27; // of half the photo's height, the object's radius
+const LEAST_DEPRESSION = 3; // degrees below the horizon, so that the object is not a kilometre away
+
+/** A place for an object in the lower middle of the photo. */
+export function placeFor(camera: Camera): Place {
+  const frame: Size = { width: 2, height: 2 };
+  const middle = horizon(camera, frame);
+  const horizonRow = middle ? (middle[0][1] + middle[1][1]) / 2 : camera.elevation < 0 ? -1 : 3;
+  const row = clamp(horizonRow + 0.58 * (2 - horizonRow), 1.1, 1.72);
+  const ray = rayThrough([1, row], camera, frame);
+  const grounded = -ray[1] > Math.hypot(...ray) * Math.sin(radians(LEAST_DEPRESSION));
+  const scale = grounded ? EYE_HEIGHT / -ray[1] : 4 / Math.hypot(...ray);
+  const position = combine([scale, ray]);
+  const depth = dot(position, cameraAxes(camera).forward);
+  return { position, radius: SHARE_OF_FRAME * depth * Math.tan(radians(camera.vertical_fov) / 2), grounded };
+}

@@ -1,0 +1,59 @@
+/** What one can put into the photo: geometries of radius about 1 that stand on y = 0, and materials. */
+
+import {
+  type BufferGeometry,
+  Color,
+  Float32BufferAttribute,
+  type Material,
+  MeshPhysicalMaterial,
+  MeshStandardMaterial,
+  SphereGeometry,
+  TorusKnotGeometry,
+} from "three";
+import { RoundedBoxGeometry } from "three/addons/geometries/RoundedBoxGeometry.js";
+import { TeapotGeometry } from "three/addons/geometries/TeapotGeometry.js";
+import type { Finish, Shape } from "../pure/objects";
+
+const GEOMETRIES: Record<Shape, () => BufferGeometry> = {
+  sphere: () => new SphereGeometry(1, 96, 64),
+  teapot: () => new TeapotGeometry(0.85, 20),
+  knot: () => new TorusKnotGeometry(0.68, 0.24, 240, 32, 2, 3),
+  box: () => new RoundedBoxGeometry(1.4, 1.4, 1.4, 12, 0.08).rotateY(Math.PI / 5),
+};
+
+const MATERIALS: Record<Finish, () => Material> = {
+  chrome: () =>
+    standing(new MeshStandardMaterial({ metalness: 1, roughness: 0.06, color: new Color(0.92, 0.92, 0.92) })),
+  paint: () =>
+    standing(new MeshPhysicalMaterial({ roughness: 0.45, color: 0xb3262e, clearcoat: 1, clearcoatRoughness: 0.06 })),
+  clay: () => standing(new MeshStandardMaterial({ roughness: 1, color: new Color(0.6, 0.6, 0.6) })),
+};
+
+/** A shape of a radius in metres, standing on the origin. */
+export function geometryOf(shape: Shape, radius: number): BufferGeometry {
+  const geometry = GEOMETRIES[shape]();
+  geometry.computeBoundingBox();
+  geometry.translate(0, -(geometry.boundingBox?.min.y ?? 0), 0);
+  darkenTowardsGround(geometry);
+  return geometry.scale(radius, radius, radius);
+}
+
+export const materialOf = (finish: Finish): Material => MATERIALS[finish]();
+
+function standing<T extends MeshStandardMaterial>(material: T): T {
+  material.vertexColors = true;
+  return material;
+}
+
+/** Vertex colours for the ground's light that an object takes from itself: none where it touches, all of it high up. */
+function darkenTowardsGround(geometry: BufferGeometry): void {
+  const { position, normal } = geometry.attributes;
+  if (!position || !normal) return;
+  const colours = new Float32Array(3 * position.count);
+  for (let i = 0; i < position.count; i++) {
+    const facing = (1 - normal.getY(i)) / 2;
+    const height = Math.max(position.getY(i), 0);
+    colours.fill(1 - facing / (1 + height), 3 * i, 3 * i + 3);
+  }
+  geometry.setAttribute("color", new Float32BufferAttribute(colours, 3));
+}

@@ -1,0 +1,160 @@
+/** The sky from above with the sun's probability: read by pointing at it or with the arrow keys, and the sun moved there. */
+
+import type { Estimate, Parameters } from "../api";
+import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../pure/angles";
+import type { Point } from "../pure/camera";
+import { between, type Rgb, rgbOf } from "../pure/colour";
+import { type Cell, cellsOf, densityOf, within } from "../pure/distribution";
+import { frameOf, fromDome, rim, toDome } from "../pure/sphere";
+import { azimuthWords, percent } from "../pure/words";
+import { regions } from "./marks";
+import { path, sunSign, svg, text } from "./svg";
+
+const RADIUS = 100; // of the horizon in the drawing's units
+const MARGIN = 20;
+const HEAT_SIZE = 160; // pixels of the density before enlargement
+const READ_RADIUS = 10; // degrees around the pointer whose probability is read
+const KEY_STEP = 5; // degrees
+const HINT = "Point at the sky to read its probability; click to move the sun there.";
+
+export class Dome {
+  private readonly heat = document.createElement("canvas");
+  private readonly drawing = svg("svg", { viewBox: [-1, -1, 2, 2].map((v) => v * (RADIUS + MARGIN)).join(" ") });
+  private readonly cursor = svg("g", { class: "cursor" });
+  private readonly marks = svg("g", {});
+  private cells: Cell[] = [];
+  private at: Angles = { azimuth: 0, elevation: 45 };
+
+  constructor(
+    private readonly root: HTMLElement,
+    private readonly readout: HTMLElement,
+    private readonly pick: (at: Angles) => void,
+  ) {
+    this.heat.width = HEAT_SIZE;
+    this.heat.height = HEAT_SIZE;
+    this.drawing.setAttribute("tabindex", "0");
+    this.drawing.setAttribute("role", "application");
+    this.drawing.setAttribute("aria-label", "Sky dome: arrow keys move the reading, Enter moves the sun there");
+    this.drawing.append(...compass(), this.marks, this.cursor);
+    root.append(this.heat, this.drawing);
+    readout.textContent = HINT;
+    this.listen();
+  }
+
+  show(estimate: Estimate, aspect: number): void {
+    this.cells = cellsOf(estimate.probability);
+    this.at = { azimuth: Math.round(estimate.sun.azimuth), elevation: Math.round(estimate.sun.elevation) };
+    this.paint();
+    const view = frameOf(estimate.camera, aspect).map(onDrawing);
+    const around = regions(estimate, direction(estimate.sun.azimuth, estimate.sun.elevation));
+    const rings = around.map(({ line, kind }) => path(line.filter(([, y]) => y > -0.02).map(onDrawing), kind));
+    this.drawing.querySelector(".estimate")?.remove();
+    this.marks.before(svg("g", { class: "estimate" }, path(view, "view"), ...rings));
+    this.leave();
+  }
+
+  mark(parameters: Parameters): void {
+    const towards = direction(parameters.sun_azimuth, parameters.sun_elevation);
+    this.marks.replaceChildren(sunSign(onDrawing(towards), 4.5, parameters.sun ? "sun" : "sun pale"));
+  }
+
+  /** The density in colours, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
+  paint(): void {
+    const context = this.heat.getContext("2d");
+    if (!context || this.cells.length === 0) return;
+    const style = getComputedStyle(this.root);
+    const palette = [0, 1, 2, 3, 4].map((i) => rgbOf(style.getPropertyValue(`--heat-${i}`)));
+    context.putImageData(heatImage(densityOf(this.cells), palette), 0, 0);
+  }
+
+  private listen(): void {
+    this.drawing.addEventListener("pointermove", (event) => {
+      if (!this.moveTo(event)) this.leave();
+      else if (event.pointerType === "mouse" && event.buttons === 1) this.pick(this.at);
+    });
+    this.drawing.addEventListener("pointerleave", () => this.leave());
+    this.drawing.addEventListener("click", (event) => {
+      if (this.moveTo(event)) this.pick(this.at);
+    });
+    this.drawing.addEventListener("focus", () => {
+      if (this.drawing.matches(":focus-visible")) this.read(this.at);
+    });
+    this.drawing.addEventListener("blur", () => this.leave());
+    this.drawing.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  private moveTo(event: MouseEvent): boolean {
+    const { left, top, width } = this.drawing.getBoundingClientRect();
+    const scale = (2 * (RADIUS + MARGIN)) / width / RADIUS;
+    const towards = fromDome([(event.clientX - left - width / 2) * scale, (event.clientY - top - width / 2) * scale]);
+    if (towards) this.read(angles(towards));
+    return towards !== null;
+  }
+
+  private key(event: KeyboardEvent): void {
+    const steps: Record<string, [number, number]> = {
+      ArrowLeft: [-KEY_STEP, 0],
+      ArrowRight: [KEY_STEP, 0],
+      ArrowUp: [0, KEY_STEP],
+      ArrowDown: [0, -KEY_STEP],
+    };
+    const step = steps[event.key];
+    if (step) {
+      const elevation = clamp(this.at.elevation + step[1], 0, 90);
+      this.read({ azimuth: wrapAzimuth(this.at.azimuth + step[0]), elevation });
+    } else if (event.key === "Enter" || event.key === " ") this.pick(this.at);
+    else return;
+    event.preventDefault();
+  }
+
+  private read(at: Angles): void {
+    this.at = at;
+    const towards = direction(at.azimuth, at.elevation);
+    const share = percent(within(this.cells, towards, READ_RADIUS));
+    this.readout.textContent = `${azimuthWords(at.azimuth)}, ${at.elevation.toFixed(0)}° high: ${share} within ${READ_RADIUS}°`;
+    const circle = rim(towards, READ_RADIUS).filter(([, y]) => y > -0.02);
+    this.cursor.replaceChildren(path(circle.map(onDrawing), "reading"));
+  }
+
+  private leave(): void {
+    this.cursor.replaceChildren();
+    this.readout.textContent = HINT;
+  }
+}
+
+function onDrawing(towards: Vector): Point {
+  const [x, y] = toDome(towards);
+  return [x * RADIUS, y * RADIUS];
+}
+
+function compass(): SVGElement[] {
+  const ring = (elevation: number): SVGElement =>
+    svg("circle", { r: (RADIUS * (90 - elevation)) / 90, class: elevation ? "ring" : "ring outer" });
+  const out = RADIUS + 11;
+  return [
+    ...[0, 30, 60].map(ring),
+    path([[-RADIUS, 0], [RADIUS, 0]], "ring"), // biome-ignore format: a line
+    path([[0, -RADIUS], [0, RADIUS]], "ring"), // biome-ignore format: a line
+    ...[30, 60].map((elevation) => text([3, (RADIUS * (90 - elevation)) / 90 - 2.5], `${elevation}°`, "degrees")),
+    text([0, -RADIUS - 8], "front", "side middle"),
+    text([0, RADIUS + 14], "behind", "side middle"),
+    svg("text", { class: "side middle", transform: `translate(${-out + 3} 0) rotate(-90)` }, "left"),
+    svg("text", { class: "side middle", transform: `translate(${out - 3} 0) rotate(90)` }, "right"),
+  ];
+}
+
+function heatImage(density: (towards: Vector) => number, palette: Rgb[]): ImageData {
+  const levels = new Float64Array(HEAT_SIZE * HEAT_SIZE);
+  for (let i = 0; i < levels.length; i++) {
+    const side = (at: number): number => ((at + 0.5) / HEAT_SIZE) * 2 - 1;
+    const [x, y] = [side(i % HEAT_SIZE), side(Math.floor(i / HEAT_SIZE))];
+    const reach = Math.max(Math.hypot(x, y), 1);
+    levels[i] = density(fromDome([x / reach, y / reach]) ?? direction(0, 0));
+  }
+  const top = levels.reduce((most, level) => Math.max(most, level), 1);
+  const image = new ImageData(HEAT_SIZE, HEAT_SIZE);
+  levels.forEach((level, i) => {
+    image.data.set([...between(palette, Math.sqrt(level / top)), 255], 4 * i);
+  });
+  return image;
+}

@@ -1,0 +1,75 @@
+/** What is drawn over the photo and over the map: horizon, sun, the sun's regions, the photo's frame. */
+
+import type { Lighting, Parameters } from "../api";
+import { clamp, direction, type Vector } from "../pure/angles";
+import { type Camera, horizon, type Point, type SunMark, sunMark } from "../pure/camera";
+import { frameOf, pieces, rim, toMap } from "../pure/sphere";
+import { path, sunSign, svg, text } from "./svg";
+
+const sunKind = (parameters: Parameters): string => (parameters.sun ? "sun" : "sun pale");
+
+export function photoMarks(camera: Camera, parameters: Parameters, width: number, height: number): Node[] {
+  const size = { width, height };
+  const mark = sunMark(direction(parameters.sun_azimuth, parameters.sun_elevation), camera, size, 12);
+  const sun = mark.inside ? [sunSign(mark.at, 8, sunKind(parameters))] : arrow(mark, size, sunKind(parameters));
+  return [...horizonMark(camera, width, height), ...sun];
+}
+
+function horizonMark(camera: Camera, width: number, height: number): Node[] {
+  const line = horizon(camera, { width, height });
+  if (!line) return [];
+  const [[x0, y0], [x1, y1]] = line;
+  const atLeft = y0 + ((y1 - y0) * (10 - x0)) / (x1 - x0);
+  const label = atLeft > 24 && atLeft < height ? [text([10, atLeft - 7], "horizon", "label")] : [];
+  return [path(line, "rim"), path(line, "line"), ...label];
+}
+
+function arrow(
+  { at: [x, y], towards: [u, v], behind }: SunMark,
+  size: { width: number; height: number },
+  kind: string,
+): Node[] {
+  const corner = (back: number, aside: number): Point => [x - u * back - v * aside, y - v * back + u * aside];
+  const head = [[x, y] as Point, corner(20, 11), corner(14, 0), corner(20, -11)];
+  const points = head.map((point) => point.map((value) => value.toFixed(1)).join(",")).join(" ");
+  const words = behind ? "sun behind" : "sun";
+  const reach = 4 * words.length + 8;
+  const below = y < size.height / 2 ? 34 : -24;
+  const label: Point = [clamp(x - 14 * u, reach, size.width - reach), clamp(y - 14 * v + below, 16, size.height - 10)];
+  return [svg("polygon", { points, class: `arrow ${kind}` }), text(label, words, `label middle ${kind}`)];
+}
+
+export function mapMarks(
+  lighting: Lighting,
+  parameters: Parameters,
+  aspect: number,
+  width: number,
+  height: number,
+): Node[] {
+  const place = (towards: Vector): Point => {
+    const [x, y] = toMap(towards);
+    return [(x * width) / 2, y * height];
+  };
+  const curve = (line: Vector[], kind: string): Node[] =>
+    pieces(line.map(place), width / 2).flatMap((piece) => [path(piece, "rim"), path(piece, kind)]);
+  const estimated = direction(lighting.sun.azimuth, lighting.sun.elevation);
+  const words = [
+    [0.25, "90° left"],
+    [0.5, "front"],
+    [0.75, "90° right"],
+  ] as const;
+  return [
+    ...curve(frameOf(lighting.camera, aspect), "line"),
+    ...regions(lighting, estimated).flatMap(({ line, kind }) => curve(line, kind)),
+    ...words.map(([share, word]) => text([width * share, height - 10], word, "label middle")),
+    sunSign(place(direction(parameters.sun_azimuth, parameters.sun_elevation)), 6, sunKind(parameters)),
+  ];
+}
+
+/** The circles that hold 50 % and 90 % of the sun's probability. */
+export function regions({ sun }: Lighting, around: Vector): { line: Vector[]; kind: string; radius: number }[] {
+  return [
+    { radius: sun.radius_90, kind: "region wide" },
+    { radius: sun.radius_50, kind: "region" },
+  ].map(({ radius, kind }) => ({ radius, kind, line: rim(around, radius) }));
+}

@@ -1,0 +1,14 @@
+import { defineConfig } from "vite";
+
+const repository = new URL("../..", import.meta.url).pathname;
+
+export default defineConfig({
+  base: "./", // also behind a proxy's prefix
+  build: {
+    target: "es2022",
+    assetsInlineLimit: 0, // the page's Content-Security-Policy wants files
+    modulePreload: { polyfill: false },
+    chunkSizeWarningLimit: 800, // three.js, loaded when the first photo has its answer
+  },
+  server: { fs: { allow: [repository] }, proxy: { "/v1": "http://127.0.0.1:8000" } },
+});
