@@ -1,0 +1,48 @@
+"""Start the service: `python -m server`, or `lighting-server`."""
+
+import sys
+from typing import Any
+
+import uvicorn
+from pydantic import ValidationError
+
+from lighting.errors import LightingError
+from server.app import create_app
+from server.settings import PREFIX, Settings
+
+
+def main() -> None:
+    """Serve until SIGTERM or SIGINT; running requests then have `shutdown_seconds` to finish."""
+    try:
+        settings = Settings()
+        app = create_app(settings)
+    except ValidationError as error:
+        sys.exit("\n".join(f"{PREFIX}{'.'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors()))
+    except (LightingError, OSError) as error:
+        sys.exit(str(error))
+    uvicorn.run(
+        app,
+        host=settings.host,
+        port=settings.port,
+        log_config=_logging(settings.log_level.upper()),
+        access_log=False,
+        server_header=False,
+        forwarded_allow_ips=settings.trusted_proxies,
+        timeout_graceful_shutdown=settings.shutdown_seconds,
+        ws="none",
+    )
+
+
+def _logging(level: str) -> dict[str, Any]:
+    """One line an event on stderr."""
+    return {
+        "version": 1,
+        "disable_existing_loggers": False,
+        "formatters": {"line": {"format": "%(asctime)s %(levelname)s %(name)s: %(message)s"}},
+        "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
+        "root": {"level": level, "handlers": ["stderr"]},
+    }
+
+
+if __name__ == "__main__":
+    main()

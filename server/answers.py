@@ -1,0 +1,61 @@
+"""What answers hold beside a lighting record: links, the sun's probability, files with their headers."""
+
+from hashlib import sha256
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+from fastapi import Request, Response
+
+from lighting import __version__
+from lighting.geometry import angles
+from lighting.parameters import Lighting, Prediction
+from lighting.sun_grid import grid_directions
+from server.schemas import MEDIA_TYPES, Format, SkyQuery
+
+DIGITS = 6  # of probabilities and grid angles
+
+
+def estimate_record(lighting: Lighting, prediction: Prediction | None, root: str) -> dict[str, Any]:
+    """The JSON of an estimate; a prediction adds the sun's probability."""
+    record = {**lighting.to_dict(), "links": {"envmap": envmap_link(lighting, root)}}
+    return record if prediction is None else {**record, "probability": sun_probability(prediction)}
+
+
+def envmap_link(lighting: Lighting, root: str) -> str:
+    """Where the environment map of a light is on this host; the service lives under the path `root`."""
+    names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo")
+    shines = lighting.sun_visibility >= 0.5
+    query = urlencode({**{name: getattr(lighting, name) for name in names}, "sun": str(shines).lower()})
+    return f"{root}/v1/envmap?{query}"
+
+
+def sun_probability(prediction: Prediction) -> dict[str, Any]:
+    """The probability of each cell of the sun grid with the cell's angles."""
+    azimuth, elevation = angles(grid_directions(prediction.spec.sun_grid))
+    return {
+        "grid": prediction.spec.sun_grid,
+        "azimuth": np.round(azimuth, 3).tolist(),
+        "elevation": np.round(elevation, 3).tolist(),
+        "probability": [float(f"{value:.6g}") for value in prediction.sun_probability],
+    }
+
+
+def map_response(data: bytes, format: Format, headers: dict[str, str] | None = None) -> Response:
+    """An environment map as a file that browsers save under a name."""
+    name = {"Content-Disposition": f'inline; filename="envmap.{format}"'}
+    return Response(data, media_type=MEDIA_TYPES[format], headers={**name, **(headers or {})})
+
+
+def cache_headers(query: SkyQuery, seconds: int, public: bool) -> dict[str, str]:
+    """Headers that let caches keep a map; the tag is weak since the last bit may differ between machines."""
+    digest = sha256(f"{__version__} {query.model_dump_json()}".encode()).hexdigest()[:32]
+    scope = "public" if public else "private"
+    return {"ETag": f'W/"{digest}"', "Cache-Control": f"{scope}, max-age={seconds}"}
+
+
+def is_fresh(request: Request, etag: str) -> bool:
+    """Whether the client's copy has this tag."""
+    known = request.headers.get("if-none-match", "")
+    tags = {tag.strip().removeprefix("W/") for tag in known.split(",")}
+    return known.strip() == "*" or etag.removeprefix("W/") in tags

@@ -1,0 +1,118 @@
+"""The app, put together."""
+
+import logging
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from anyio import create_task_group, to_thread
+from fastapi import Depends, FastAPI
+from fastapi.routing import APIRoute
+from starlette.middleware.cors import CORSMiddleware
+
+from lighting import __version__
+from lighting.pipeline import Estimator
+from server import operations, page, problems, routes
+from server.schemas import LightingRecord, Problem
+from server.security import SecurityHeaders, authorised, unhurried
+from server.service import Service
+from server.settings import Settings
+
+TAGS = [
+    {"name": "lighting", "description": "From a photo to its light, and from light to environment maps."},
+    {"name": "operations", "description": "For whoever runs the service."},
+]
+EXPOSED = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model")
+
+log = logging.getLogger(__name__)
+
+
+def create_app(settings: Settings | None = None, estimator: Estimator | None = None) -> FastAPI:
+    """The service as an ASGI app; it loads the network when it starts, unless it is given one.
+
+    Raises OSError for a file of API keys that cannot be read; starting raises ModelError.
+    """
+    service = Service(settings or Settings(), estimator)
+    app = FastAPI(
+        title="Outdoor lighting",
+        summary="Where the sun is, what the sky is like and how the camera stood, from one outdoor photo.",
+        version=__version__,
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+        openapi_tags=TAGS,
+        docs_url=None,  # the usual documentation pages load their scripts from another host
+        redoc_url=None,
+        lifespan=_lifespan,
+        generate_unique_id_function=_operation_id,
+    )
+    app.state.service = service
+    problems.install(app)
+    _include(app, service)
+    _wrap(app, service)
+    _document(app)
+    return app
+
+
+def _include(app: FastAPI, service: Service) -> None:
+    guards: list[tuple[object, Callable[..., Any], int]] = [
+        (service.keys, authorised, 401),
+        (service.rate, unhurried, 429),
+    ]
+    active = [(guard, status) for wanted, guard, status in guards if wanted]
+    app.include_router(
+        routes.router,
+        dependencies=[Depends(guard) for guard, _ in active],
+        responses=problems.documented(*(status for _, status in active)),
+    )
+    app.include_router(operations.router)
+    app.include_router(page.page_router())
+
+
+def _wrap(app: FastAPI, service: Service) -> None:
+    """Middleware, from the inside out."""
+    app.add_middleware(operations.Caught)
+    if service.settings.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=service.settings.cors_origins,
+            allow_methods=["GET", "POST"],
+            allow_headers=["Authorization", "Content-Type", "X-Request-ID"],
+            expose_headers=EXPOSED,
+        )
+    app.add_middleware(SecurityHeaders)
+    app.add_middleware(operations.Observed, service=service)
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    service: Service = app.state.service
+    await to_thread.run_sync(service.load)
+    async with create_task_group() as tasks:
+        tasks.start_soon(_warm_up, service)
+        yield
+
+
+async def _warm_up(service: Service) -> None:
+    """Have the network answer once; until then /readyz says 503."""
+    try:
+        await to_thread.run_sync(service.answer_once)
+    except Exception:
+        log.exception("The network cannot answer.")
+
+
+def _operation_id(route: APIRoute) -> str:
+    return route.name
+
+
+def _document(app: FastAPI) -> None:
+    """Add to the OpenAPI document the schemas that only bodies and errors refer to."""
+    generate = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        document = generate()
+        schemas = document["components"]["schemas"]
+        for model in (Problem, LightingRecord):
+            schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
+            schemas.update({**schema.pop("$defs", {}), model.__name__: schema, **schemas})
+        return document
+
+    app.openapi = openapi  # type: ignore[method-assign]

@@ -1,0 +1,115 @@
+"""For whoever runs the service: health, metrics, one log line a request, and what no error may escape."""
+
+import logging
+import re
+import secrets
+import time
+
+from fastapi import APIRouter, Request, Response
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server import problems
+from server.problems import ProblemError
+from server.schemas import Status
+from server.service import Service, Services
+
+UNCOUNTED = ("/livez", "/readyz", "/healthz", "/metrics")
+UNMATCHED = "unmatched"  # the route of requests that no route takes
+_REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
+
+access = logging.getLogger("server.access")
+router = APIRouter(tags=["operations"])
+
+
+@router.get("/livez", summary="Whether the process answers")
+async def livez() -> Status:
+    return Status()
+
+
+@router.get("/readyz", summary="Whether the network has answered once", responses=problems.documented(503))
+@router.get("/healthz", summary="The same as /readyz", responses=problems.documented(503))
+async def readyz(service: Services) -> Status:
+    if not service.ready:
+        retry = {"Retry-After": problems.RETRY_SECONDS}
+        raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
+    return Status()
+
+
+@router.get(
+    "/metrics",
+    summary="Counters for Prometheus",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
+)
+async def metrics(service: Services) -> Response:
+    return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
+
+
+class Observed:
+    """Gives each request an id, counts it and logs it: its route, never its query, body or file names."""
+
+    def __init__(self, app: ASGIApp, service: Service) -> None:
+        self.app = app
+        self.service = service
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            return await self.app(scope, receive, send)
+        start = time.perf_counter()
+        request_id = scope["request_id"] = _request_id(Headers(scope=scope))
+        status = 0
+
+        async def named(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                headers = MutableHeaders(scope=message)
+                headers["X-Request-ID"] = request_id
+                if self.service.model_name:
+                    headers["Lighting-Model"] = self.service.model_name
+            await send(message)
+
+        try:
+            await self.app(scope, receive, named)
+        finally:
+            self._count(scope, status, time.perf_counter() - start)
+
+    def _count(self, scope: Scope, status: int, seconds: float) -> None:
+        route = getattr(scope.get("route"), "path", UNMATCHED)
+        if route in UNCOUNTED:
+            return
+        method = scope["method"] if route != UNMATCHED else "any"
+        self.service.metrics.requests.labels(method, route, status).inc()
+        self.service.metrics.latency.labels(route).observe(seconds)
+        access.info("%s %s %s %.0f ms id=%s", method, route, status, 1000 * seconds, scope["request_id"])
+
+
+def _request_id(headers: Headers) -> str:
+    """The client's, where it is short and plain, or a new one."""
+    given = headers.get("x-request-id", "")
+    return given if _REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
+
+
+class Caught:
+    """Answers 500 without internals where an error escaped everything else, and logs it."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        started = False
+
+        async def watched(message: Message) -> None:
+            nonlocal started
+            started = started or message["type"] == "http.response.start"
+            await send(message)
+
+        try:
+            await self.app(scope, receive, watched)
+        except Exception as error:
+            if scope["type"] != "http" or started:
+                raise
+            answer = await problems.answer(Request(scope), error)
+            await answer(scope, receive, send)

@@ -1,0 +1,41 @@
+"""The web page: what vite built from server/web, or a few words where it was not built."""
+
+from pathlib import Path
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse
+from starlette.responses import FileResponse, Response
+from starlette.staticfiles import StaticFiles
+
+BUNDLE = Path(__file__).parent / "web" / "dist"
+FOREVER = "public, max-age=31536000, immutable"  # the names of built files change with what they hold
+
+NOT_BUILT = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Outdoor lighting</title></head><body>
+<h1>Outdoor lighting</h1>
+<p>The service runs. Its page is not built: run <code>npm ci &amp;&amp; npm run build</code> in
+<code>server/web</code>.</p>
+<p>The API is described in <a href="openapi.json">openapi.json</a>.</p>
+</body></html>
+"""
+
+
+def page_router(bundle: Path = BUNDLE) -> APIRouter:
+    """Routes of the page in a folder; they see a page that is built later too."""
+    router = APIRouter(include_in_schema=False)
+    files = StaticFiles(directory=bundle / "assets", check_dir=False)
+
+    @router.api_route("/", methods=["GET", "HEAD"])
+    async def page() -> Response:
+        index = bundle / "index.html"
+        if not index.is_file():
+            return HTMLResponse(NOT_BUILT)
+        return FileResponse(index, headers={"Cache-Control": "no-cache"})
+
+    @router.api_route("/assets/{path:path}", methods=["GET", "HEAD"])
+    async def asset(request: Request, path: str) -> Response:
+        response = await files.get_response(path, request.scope)
+        response.headers["Cache-Control"] = FOREVER
+        return response
+
+    return router

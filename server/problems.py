@@ -1,0 +1,158 @@
+"""Errors as application/problem+json (RFC 9457): every kind there is, and what turns into which."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+
+from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from server.limiter import BusyError
+
+MEDIA_TYPE = "application/problem+json"
+RETRY_SECONDS = "1"
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of problem; `name` ends its `type`."""
+
+    name: str
+    status: int
+    title: str
+
+    @property
+    def type(self) -> str:
+        return f"tag:outdoor-lighting,2026:{self.name}"
+
+
+UNREADABLE_PHOTO = Kind("unreadable-photo", 400, "The photo cannot be read")
+UNREADABLE_BODY = Kind("unreadable-body", 400, "The body cannot be read")
+UNAUTHORISED = Kind("unauthorised", 401, "An API key is needed")
+NOT_FOUND = Kind("not-found", 404, "There is nothing here")
+METHOD_NOT_ALLOWED = Kind("method-not-allowed", 405, "The method is not allowed here")
+TOO_SLOW = Kind("too-slow", 408, "The body did not arrive in time")
+TOO_LARGE = Kind("too-large", 413, "The body or the photo is too large")
+UNSUPPORTED_TYPE = Kind("unsupported-type", 415, "The body is of a type that is not accepted")
+INVALID = Kind("invalid", 422, "A parameter is missing, unknown or out of range")
+TOO_MANY_REQUESTS = Kind("too-many-requests", 429, "The rate limit is reached")
+GONE = Kind("client-gone", 499, "The client went away")
+INTERNAL = Kind("internal", 500, "The service failed")
+NOT_READY = Kind("not-ready", 503, "The network is not loaded yet")
+BUSY = Kind("busy", 503, "Every place is taken")
+
+KINDS = (
+    UNREADABLE_PHOTO,
+    UNREADABLE_BODY,
+    UNAUTHORISED,
+    NOT_FOUND,
+    METHOD_NOT_ALLOWED,
+    TOO_SLOW,
+    TOO_LARGE,
+    UNSUPPORTED_TYPE,
+    INVALID,
+    TOO_MANY_REQUESTS,
+    INTERNAL,
+    NOT_READY,
+    BUSY,
+)
+_OF_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
+
+
+class ProblemError(Exception):
+    """Ends a request with a problem; `more` are further members of its body."""
+
+    def __init__(self, kind: Kind, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
+        super().__init__(detail)
+        self.kind, self.detail, self.headers, self.more = kind, detail, headers, more
+
+
+def invalid(field: str, detail: str, **more: Any) -> ProblemError:
+    """A 422 about one field."""
+    return ProblemError(INVALID, f"{field}: {detail}", errors=[{"field": field, "detail": detail, **more}])
+
+
+def response(request: Request, error: ProblemError) -> JSONResponse:
+    kind = error.kind
+    body = {
+        "type": kind.type,
+        "title": kind.title,
+        "status": kind.status,
+        "detail": error.detail,
+        "instance": quote(request.url.path),
+        "request_id": request.scope.get("request_id", ""),
+        **error.more,
+    }
+    return JSONResponse(body, kind.status, error.headers, MEDIA_TYPE)
+
+
+def problem_of(error: Exception) -> ProblemError:
+    """The problem that an exception amounts to; 500 without internals for one that nobody expects."""
+    match error:
+        case ProblemError():
+            return error
+        case RequestValidationError():
+            return _invalid_request(error)
+        case HTTPException():
+            return _of_http_exception(error)
+        case PhotoTooLargeError():
+            return ProblemError(TOO_LARGE, str(error))
+        case PhotoError():
+            return ProblemError(UNREADABLE_PHOTO, str(error))
+        case ParameterError():
+            return ProblemError(INVALID, str(error))
+        case BusyError():
+            return ProblemError(BUSY, "All places are taken and the queue is full.", {"Retry-After": RETRY_SECONDS})
+        case ClientDisconnect():
+            return ProblemError(GONE, "The client went away.")
+        case _:
+            return ProblemError(INTERNAL, "Something went wrong inside the service.")
+
+
+def _of_http_exception(error: HTTPException) -> ProblemError:
+    phrase = HTTPStatus(error.status_code).phrase
+    kind = _OF_STATUS.get(error.status_code) or Kind(phrase.lower().replace(" ", "-"), error.status_code, phrase)
+    return ProblemError(kind, f"{kind.title}.", error.headers)
+
+
+def _invalid_request(error: RequestValidationError) -> ProblemError:
+    errors = [_field_error(found) for found in error.errors()]
+    detail = "; ".join(f"{found['field']}: {found['detail']}" for found in errors)
+    return ProblemError(INVALID, detail, errors=errors)
+
+
+def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
+    """A field with what is wrong about it and, where it is a number, its range."""
+    limits = {name: value for name, value in found.get("ctx", {}).items() if name in ("minimum", "maximum")}
+    field = ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0])
+    return {"field": field, "detail": found["msg"], **limits}
+
+
+async def answer(request: Request, error: Exception) -> JSONResponse:
+    """The answer to a request that ended with an error; what nobody expected is logged."""
+    problem = problem_of(error)
+    if problem.kind is INTERNAL:
+        log.error("request %s failed", request.scope.get("request_id"), exc_info=error)
+    return response(request, problem)
+
+
+def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """These errors for the OpenAPI document of a route."""
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    titles = {status: "; ".join(k.title for k in KINDS if k.status == status) for status in statuses}
+    return {status: {"description": title, "content": content} for status, title in titles.items()}
+
+
+def install(app: FastAPI) -> None:
+    """Let every error of the app end as a problem."""
+    for expected in (ProblemError, HTTPException, RequestValidationError, LightingError, BusyError, ClientDisconnect):
+        app.add_exception_handler(expected, answer)

@@ -1,0 +1,110 @@
+"""The API, version 1: each route reads its parameters, asks for work and words the answer."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import JSONResponse
+
+from server import work
+from server.answers import cache_headers, estimate_record, is_fresh, map_response
+from server.card import accuracy
+from server.problems import documented
+from server.records import lighting_of
+from server.schemas import (
+    MEDIA_TYPES,
+    Estimate,
+    LightingQuery,
+    MapQuery,
+    ModelCard,
+    SkyQuery,
+)
+from server.service import PhotoBytes, Placed, Services
+from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
+
+BINARY = {"type": "string", "format": "binary"}
+FORM_SCHEMA = {"type": "object", "required": [PHOTO_FIELD], "properties": {PHOTO_FIELD: BINARY}}
+PHOTO_BODY: dict[str, Any] = {
+    FORM: {"schema": FORM_SCHEMA},
+    **{photo_type: {"schema": BINARY} for photo_type in PHOTO_TYPES},
+}
+RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
+MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}
+PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
+PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 503)
+
+router = APIRouter(prefix="/v1", tags=["lighting"])
+
+
+def body(content: dict[str, Any]) -> dict[str, Any]:
+    """A request body for the OpenAPI document."""
+    return {"requestBody": {"required": True, "content": content}}
+
+
+@router.post(
+    "/lighting",
+    summary="The light of a photo",
+    response_model=Estimate,
+    responses=PHOTO_PROBLEMS,
+    openapi_extra=body(PHOTO_BODY),
+)
+async def estimate_lighting(
+    request: Request, place: Placed, photo: PhotoBytes, query: Annotated[LightingQuery, Query()]
+) -> JSONResponse:
+    """Where the sun is, what the sky is like and how the camera stood."""
+    prediction, lighting = await place.run(work.estimated, place.service, photo)
+    wanted = prediction if query.probability else None
+    return JSONResponse(estimate_record(lighting, wanted, request.scope.get("root_path", "")))
+
+
+@router.get(
+    "/envmap",
+    summary="The environment map of a sky",
+    response_class=Response,
+    responses={200: MAPS, 304: {"description": "The client's copy is still good"}, **documented(422, 503)},
+)
+async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQuery, Query()]) -> Response:
+    """The same parameters always give the same map: any cache may keep it."""
+    service = place.service
+    headers = cache_headers(query, service.settings.cache_seconds, public=not service.keys)
+    if is_fresh(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    data = await place.run(work.envmap_file, query.lighting(), query)
+    return map_response(data, query.format, headers)
+
+
+@router.post(
+    "/envmap",
+    summary="The environment map of a photo or of a lighting record",
+    response_class=Response,
+    responses={200: MAPS, **PHOTO_PROBLEMS},
+    openapi_extra=body(PHOTO_BODY | RECORD_BODY),
+)
+async def estimate_envmap(request: Request, place: Placed, query: Annotated[MapQuery, Query()]) -> Response:
+    """From a record nothing is estimated: edit it and render again."""
+    if media_type(request) == JSON:
+        lighting = lighting_of(await place.body.record())
+        data = await place.run(work.envmap_file, lighting, query)
+    else:
+        photo = await place.body.photo(JSON)
+        data = await place.run(work.envmap_file_of_photo, place.service, photo, query)
+    return map_response(data, query.format)
+
+
+@router.post(
+    "/preview",
+    summary="A picture of a photo's light",
+    response_class=Response,
+    responses={200: PNG, **PHOTO_PROBLEMS},
+    openapi_extra=body(PHOTO_BODY),
+)
+async def draw_preview(place: Placed, photo: PhotoBytes) -> Response:
+    """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
+    return Response(await place.run(work.preview_file, place.service, photo), media_type="image/png")
+
+
+@router.get("/model", summary="The network that answers", responses=documented(503))
+async def describe_model(service: Services) -> ModelCard:
+    """Its name, version and licence, the grid it votes on, and how accurate it is."""
+    spec = service.estimator.model.spec
+    stated = accuracy(spec, service.model_folder)
+    return ModelCard(name=spec.name, version=spec.version, licence=spec.licence, grid=spec.sun_grid, accuracy=stated)

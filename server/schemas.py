@@ -1,0 +1,230 @@
+"""What requests and answers hold, with units and ranges: the models behind the OpenAPI document."""
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    WithJsonSchema,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from lighting.envmap import MIN_HEIGHT
+from lighting.parameters import GROUND_ALBEDO, RANGES, Lighting
+
+MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
+
+Format = Literal["exr", "hdr", "png"]
+MEDIA_TYPES: dict[Format, str] = {"exr": "image/x-exr", "hdr": "image/vnd.radiance", "png": "image/png"}
+
+
+class Between:
+    """A number is in [low, high]; whatever else is refused with that range."""
+
+    def __init__(self, low: float, high: float, **documented: Any) -> None:
+        self.limits = {"minimum": low, "maximum": high}
+        self.documented = documented
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_wrap_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {**handler(schema), **self.limits, **self.documented}
+
+    def _check(self, value: Any, parse: Callable[[Any], float]) -> float:
+        try:
+            number = parse(value)
+        except ValidationError:
+            number = float("nan")
+        if self.limits["minimum"] <= number <= self.limits["maximum"]:
+            return number
+        raise PydanticCustomError("range", "must be a number from {minimum} to {maximum}", self.limits)
+
+
+def named(name: str, meaning: str, example: float) -> Between:
+    """The range of a parameter of RANGES, documented."""
+    return Between(*RANGES[name], description=meaning, examples=[example])
+
+
+def _even(number: int) -> int:
+    if number % 2:
+        raise PydanticCustomError("even", "must be an even number")
+    return number
+
+
+def _flag(value: object) -> object:
+    """`true` and `false` alone, as the OpenAPI document says."""
+    if isinstance(value, str):
+        if value not in ("true", "false"):
+            raise PydanticCustomError("flag", "must be true or false")
+        return value == "true"
+    return value
+
+
+Flag = Annotated[bool, BeforeValidator(_flag)]
+FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
+Height = Annotated[
+    int,
+    AfterValidator(_even),
+    Between(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),
+]
+
+SunAzimuth = Annotated[float, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)]
+SunElevation = Annotated[float, named("sun_elevation", "deg above the horizon", 33.0)]
+Turbidity = Annotated[float, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)]
+Exposure = Annotated[float, named("exposure", "factor from sky radiance to the photo's linear values", 0.021)]
+GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
+
+
+class Query(BaseModel):
+    """Parameters of a URL; a name that is not one of them is refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class LightingQuery(Query):
+    probability: Flag = Field(False, description="add the sun's probability on its grid")
+
+
+class MapQuery(Query):
+    """How a map is rendered."""
+
+    sun: FlagOrAuto = Field(None, description="paint the sun's disc; by default where direct sunlight is likely")
+    height: Height = 512
+    format: Format = Field("exr", description="OpenEXR, Radiance, or PNG as the photo's exposure shows it")
+
+
+class SkyQuery(MapQuery):
+    """A sky from parameters alone."""
+
+    sun_azimuth: SunAzimuth
+    sun_elevation: SunElevation
+    turbidity: Turbidity
+    exposure: Exposure
+    ground_albedo: GroundAlbedo = GROUND_ALBEDO
+    sun: Flag = Field(True, description="paint the sun's disc")
+
+    def lighting(self) -> Lighting:
+        """The light with these parameters."""
+        return Lighting(**self.model_dump(exclude={"sun", "height", "format"}))
+
+
+class Part(BaseModel):
+    """A part of a lighting record; what it holds beyond these fields is ignored."""
+
+    model_config = ConfigDict(strict=True, extra="ignore")
+
+
+class ModelName(Part):
+    name: str = "none"
+    version: str = "0"
+
+
+class Sun(Part):
+    azimuth: SunAzimuth
+    elevation: SunElevation
+    direction: list[float] = Field([], description="unit vector towards the sun; follows from the angles")
+    visibility: Annotated[float, named("sun_visibility", "probability of direct sunlight on the scene", 0.93)] = 1.0
+    radius_50: Annotated[float, named("radius_50", "deg around the sun that hold 50 % of its probability", 9.5)] = 0.0
+    radius_90: Annotated[float, named("radius_90", "deg around the sun that hold 90 % of its probability", 31.0)] = 0.0
+
+
+class Sky(Part):
+    model: Literal["hosek-wilkie"] = "hosek-wilkie"
+    turbidity: Turbidity
+    ground_albedo: GroundAlbedo = GROUND_ALBEDO
+    exposure: Exposure
+    coefficients: dict[str, list[float]] = Field(
+        {}, description="nine of each channel and the radiance of three; follow from the other fields"
+    )
+
+
+class Camera(Part):
+    elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
+    roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
+    vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0
+
+
+class LightingRecord(Part):
+    """The light of one photo and the camera that took it."""
+
+    model: ModelName = ModelName()
+    sun: Sun
+    sky: Sky
+    camera: Camera = Camera()
+
+    def lighting(self) -> Lighting:
+        """The same as the library's record."""
+        return Lighting.from_dict(self.model_dump(exclude={"sun": {"direction"}, "sky": {"coefficients"}}))
+
+
+class Links(BaseModel):
+    envmap: str = Field(description="where the environment map of this light is", examples=["/v1/envmap?sun_azimuth=9"])
+
+
+class SunProbability(BaseModel):
+    """Where the sun may be; the lists run over the cells of the grid."""
+
+    grid: str = Field(examples=["fibonacci:1024"])
+    azimuth: list[float] = Field(description="deg")
+    elevation: list[float] = Field(description="deg")
+    probability: list[float] = Field(description="sums to 1")
+
+
+class Estimate(LightingRecord):
+    links: Links
+    probability: SunProbability | None = Field(None, description="only if asked for")
+
+
+class Accuracy(BaseModel):
+    """Errors over test crops whose sun is known, in degrees, from the model card."""
+
+    crops: int
+    sun_median: float
+    sun_quartile_1: float
+    sun_quartile_3: float
+    within_22_5: float = Field(description="share of suns nearer than 22.5 deg [%]")
+    within_45: float = Field(description="share of suns nearer than 45 deg [%]")
+    in_50_region: float = Field(description="share of suns inside the 50 % region [%]")
+    in_90_region: float = Field(description="share of suns inside the 90 % region [%]")
+
+
+class ModelCard(BaseModel):
+    """The network that answers."""
+
+    name: str = Field(examples=["outdoor"])
+    version: str = Field(examples=["1.0.0"])
+    licence: str = Field(examples=["Apache-2.0"])
+    grid: str = Field(examples=["fibonacci:1024"])
+    accuracy: dict[str, Accuracy] = Field(description="by protocol of the model card; empty for a network without one")
+
+
+class FieldError(BaseModel):
+    field: str
+    detail: str
+    minimum: float | None = None
+    maximum: float | None = None
+
+
+class Problem(BaseModel):
+    """What went wrong (RFC 9457)."""
+
+    type: str = Field(examples=["tag:outdoor-lighting,2026:invalid"])
+    title: str
+    status: int
+    detail: str
+    instance: str
+    request_id: str
+    errors: list[FieldError] = Field([], description="the fields that are wrong, with their ranges")
+
+
+class Status(BaseModel):
+    status: Literal["ok"] = "ok"

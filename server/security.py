@@ -1,0 +1,111 @@
+"""Who may call and how often, and the headers that tell browsers to stay inside."""
+
+import hmac
+import time
+from collections.abc import Iterable
+from hashlib import sha256
+from ipaddress import ip_address, ip_network
+from typing import Annotated
+
+from fastapi import Depends, Request
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from limits import RateLimitItem
+from limits.storage import MemoryStorage
+from limits.strategies import MovingWindowRateLimiter
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server import problems
+from server.problems import ProblemError
+
+CONTENT_POLICY = (
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self' blob: data:; worker-src 'self' blob:; font-src 'self'; manifest-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": CONTENT_POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+}
+
+
+class SecurityHeaders:
+    """Puts HEADERS on every answer."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
+
+        await self.app(scope, receive, with_headers)
+
+
+class Keys:
+    """API keys, kept as digests; none at all means that everybody may call."""
+
+    def __init__(self, keys: Iterable[str]) -> None:
+        self._digests = [sha256(key.encode()).digest() for key in keys]
+
+    def __bool__(self) -> bool:
+        return bool(self._digests)
+
+    def hold(self, key: str) -> bool:
+        """Whether the key is one of them; takes the same time for every key."""
+        digest = sha256(key.encode()).digest()
+        return sum(hmac.compare_digest(digest, known) for known in self._digests) > 0
+
+
+class Rate:
+    """Limits on the requests of each client."""
+
+    def __init__(self, limits: list[RateLimitItem]) -> None:
+        self.limits = limits
+        self._windows = MovingWindowRateLimiter(MemoryStorage())
+
+    def __bool__(self) -> bool:
+        return bool(self.limits)
+
+    def seconds_to_wait(self, client: str) -> int:
+        """0, and the request counts; or the seconds until the client may ask again."""
+        waits = [self._wait(limit, client) for limit in self.limits]
+        return max(waits, default=0)
+
+    def _wait(self, limit: RateLimitItem, client: str) -> int:
+        if self._windows.hit(limit, client):
+            return 0
+        return max(1, round(self._windows.get_window_stats(limit, client).reset_time - time.time()))
+
+
+_bearer = HTTPBearer(auto_error=False, description="One of the service's API keys")
+Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+
+
+async def authorised(request: Request, credentials: Credentials) -> None:
+    """Refuse a request without one of the keys."""
+    if credentials is None or not request.app.state.service.keys.hold(credentials.credentials):
+        detail = "Send one of the service's API keys: Authorization: Bearer KEY."
+        raise ProblemError(problems.UNAUTHORISED, detail, {"WWW-Authenticate": "Bearer"})
+
+
+async def unhurried(request: Request) -> None:
+    """Refuse a request over its client's rate."""
+    wait = request.app.state.service.rate.seconds_to_wait(client_name(request))
+    if wait:
+        detail = f"The rate limit is reached; wait {wait} s."
+        raise ProblemError(problems.TOO_MANY_REQUESTS, detail, {"Retry-After": str(wait)})
+
+
+def client_name(request: Request) -> str:
+    """The network address that a client is known by; IPv6 clients own the 64 bits behind theirs."""
+    try:
+        address = ip_address(request.client.host if request.client else "")
+    except ValueError:
+        return "unknown"
+    return str(ip_network((address, 64), strict=False) if address.version == 6 else address)

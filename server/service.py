@@ -1,0 +1,119 @@
+"""What the requests of one app share, and the place that one of them holds."""
+
+import logging
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from fastapi import Depends, Request
+
+from lighting.model import Model, packaged_model
+from lighting.parameters import Lighting, Prediction, lighting_from
+from lighting.photo import Photo, read_photo
+from lighting.pipeline import Estimator
+from server import problems
+from server.limiter import Limiter
+from server.metrics import Metrics
+from server.problems import ProblemError
+from server.security import Keys, Rate
+from server.settings import Settings
+from server.uploads import Body
+
+T = TypeVar("T")
+
+log = logging.getLogger(__name__)
+
+
+class Service:
+    """Settings, the network, the limit on CPU work, keys and counters."""
+
+    def __init__(self, settings: Settings, estimator: Estimator | None = None) -> None:
+        self.settings = settings
+        self.limiter = Limiter(settings.places, settings.queue)
+        self.metrics = Metrics(self.limiter)
+        self.keys = Keys(settings.all_keys())
+        self.rate = Rate(settings.rate_limits)
+        self.ready = False
+        self.loaded = estimator
+
+    def load(self) -> None:
+        """Load the network unless the app was given one; raises ModelError."""
+        self.loaded = self.loaded or Estimator(Model.load(self.settings.model, self.settings.threads))
+
+    def answer_once(self) -> None:
+        """Estimate the light of a grey picture; from then on the service is ready."""
+        grey = np.full((64, 96, 3), 128, dtype=np.uint8)
+        self.estimator(Photo(grey, 96, 64, "JPEG"))
+        self.metrics.model.labels(self.estimator.model.spec.name, self.estimator.model.spec.version).set(1)
+        self.ready = True
+        log.info("ready: network %s, %d at once", self.model_name, self.settings.places)
+
+    @property
+    def estimator(self) -> Estimator:
+        if self.loaded is None:
+            raise ProblemError(
+                problems.NOT_READY, "The network is not loaded yet.", {"Retry-After": problems.RETRY_SECONDS}
+            )
+        return self.loaded
+
+    @property
+    def model_name(self) -> str:
+        """Name and version, as answers carry them; empty while there is none."""
+        spec = self.loaded.model.spec if self.loaded else None
+        return f"{spec.name} {spec.version}" if spec else ""
+
+    @property
+    def model_folder(self) -> Path:
+        return (self.settings.model or packaged_model()).parent
+
+    def read(self, data: bytes) -> Photo:
+        """The photo in an upload; raises PhotoError."""
+        photo = read_photo(data, max_bytes=self.settings.max_bytes, max_pixels=self.settings.max_pixels)
+        self.metrics.photo_bytes.inc(len(data))
+        self.metrics.photo_pixels.inc(photo.width * photo.height)
+        return photo
+
+    def estimate(self, photo: Photo) -> tuple[Prediction, Lighting]:
+        """What the network says about a photo, and its light."""
+        with self.metrics.inference.time():
+            prediction = self.estimator.predict(photo)
+        return prediction, lighting_from(prediction)
+
+
+def service_of(request: Request) -> Service:
+    service: Service = request.app.state.service
+    return service
+
+
+class Place:
+    """A request's place in the service, held from before its body is read until its answer is there."""
+
+    def __init__(self, request: Request, service: Service) -> None:
+        self.request = request
+        self.service = service
+        self.body = Body(request, service.settings.max_bytes, service.settings.upload_seconds)
+
+    async def run(self, work: Callable[..., T], *arguments: Any) -> T:
+        """What the work returns, done in a thread when its turn comes; dropped when the client goes away."""
+        return await self.service.limiter.run(self.request.receive, lambda: work(*arguments))
+
+
+Services = Annotated[Service, Depends(service_of)]
+
+
+async def place(request: Request, service: Services) -> AsyncIterator[Place]:
+    """Admit a request; raises BusyError."""
+    with service.limiter.admission():
+        yield Place(request, service)
+
+
+Placed = Annotated[Place, Depends(place, scope="function")]
+
+
+async def photo_bytes(place: Placed) -> bytes:
+    """The photo that a request brings; raises ProblemError."""
+    return await place.body.photo()
+
+
+PhotoBytes = Annotated[bytes, Depends(photo_bytes)]

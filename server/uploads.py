@@ -1,0 +1,94 @@
+"""Bodies of requests: a photo as a form's file or as it is, or a lighting record, none of them ever written to disk."""
+
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+
+from anyio import fail_after
+from fastapi import Request
+from starlette.datastructures import FormData, UploadFile
+from starlette.formparsers import MultiPartException, MultiPartParser
+
+from server import problems
+from server.problems import ProblemError
+
+FORM = "multipart/form-data"
+JSON = "application/json"
+PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif")
+PHOTO_FIELD = "photo"
+MAX_RECORD_BYTES = 100_000
+MAX_FIELDS = 16
+
+
+def media_type(request: Request) -> str:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+
+def unsupported(*accepted: str) -> ProblemError:
+    listed = ", ".join(accepted)
+    return ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
+
+
+class Body:
+    """The body of a request, at most `max_bytes` long and arriving within `seconds`."""
+
+    def __init__(self, request: Request, max_bytes: int, seconds: float) -> None:
+        self.request = request
+        self.max_bytes = max_bytes
+        self.seconds = seconds
+
+    async def photo(self, *also: str) -> bytes:
+        """The file of a photo; raises ProblemError. `also` names types that the caller takes beside photos."""
+        if media_type(self.request) == FORM:
+            return await self._in_time(self._photo_of_form)
+        if media_type(self.request) in PHOTO_TYPES:
+            return await self._in_time(self._joined)
+        raise unsupported(FORM, *PHOTO_TYPES, *also)
+
+    async def record(self) -> bytes:
+        """The JSON of a lighting record; raises ProblemError."""
+        self.max_bytes = min(self.max_bytes, MAX_RECORD_BYTES)
+        return await self._in_time(self._joined)
+
+    async def _in_time(self, read: Callable[[], Awaitable[bytes]]) -> bytes:
+        try:
+            with fail_after(self.seconds):
+                return await read()
+        except TimeoutError as error:
+            detail = f"The body did not arrive within {self.seconds:g} seconds."
+            raise ProblemError(problems.TOO_SLOW, detail, {"Connection": "close"}) from error
+
+    async def _joined(self) -> bytes:
+        return b"".join([chunk async for chunk in self._chunks()])
+
+    async def _chunks(self) -> AsyncGenerator[bytes, None]:
+        self._check(int(length) if (length := self.request.headers.get("content-length", "")).isdecimal() else 0)
+        size = 0
+        async for chunk in self.request.stream():
+            size += len(chunk)
+            self._check(size)
+            yield chunk
+
+    def _check(self, size: int) -> None:
+        if size > self.max_bytes:
+            detail = f"The body is larger than the limit of {self.max_bytes / 1e6:g} MB."
+            raise ProblemError(problems.TOO_LARGE, detail)
+
+    async def _photo_of_form(self) -> bytes:
+        async with self._form() as form:
+            files = form.getlist(PHOTO_FIELD)
+            if len(files) != 1 or not isinstance(files[0], UploadFile):
+                raise problems.invalid(PHOTO_FIELD, "The form needs exactly one file in this field.")
+            return await files[0].read()
+
+    @asynccontextmanager
+    async def _form(self) -> AsyncIterator[FormData]:
+        parser = MultiPartParser(self.request.headers, self._chunks(), max_files=1, max_fields=MAX_FIELDS)
+        parser.spool_max_size = self.max_bytes + 1
+        try:
+            form = await parser.parse()
+        except MultiPartException as error:
+            raise ProblemError(problems.UNREADABLE_BODY, f"The form cannot be read: {error.message}") from error
+        try:
+            yield form
+        finally:
+            await form.close()
