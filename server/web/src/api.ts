@@ -1,5 +1,6 @@
 /** The service as the page uses it. Paths are relative, so that it also works behind a proxy's prefix. */
 
+import { apiKey } from "./key";
 import type { Camera } from "./pure/camera";
 import type { Distribution } from "./pure/distribution";
 
@@ -35,9 +36,10 @@ export interface Parameters {
 
 export type Format = "exr" | "hdr" | "png";
 
-/** A refusal by the service, in its own words. */
+/** A refusal by the service, in its own words; status 0 where there was no answer. */
 export class Refusal extends Error {
   constructor(
+    readonly status: number,
     readonly title: string,
     detail: string,
   ) {
@@ -62,15 +64,25 @@ export function envmapUrl(parameters: Parameters, format: Format, height: number
   return `v1/envmap?${query}`;
 }
 
-/** The bytes of an environment map in Radiance format. */
-export async function envmap(parameters: Parameters, height: number, signal: AbortSignal): Promise<ArrayBuffer> {
-  return (await ask(envmapUrl(parameters, "hdr", height), { signal })).arrayBuffer();
+/** A file of the service. */
+export async function file(url: string, signal?: AbortSignal): Promise<Blob> {
+  return (await ask(url, signal ? { signal } : {})).blob();
+}
+
+/** Median errors on photos the network never saw, by the names of the model card; empty where none are stated. */
+export async function accuracy(): Promise<Record<string, number>> {
+  const { accuracy } = (await (await ask("v1/model", {})).json()) as {
+    accuracy: Record<string, Record<string, number>>;
+  };
+  return accuracy.phone ?? Object.values(accuracy)[0] ?? {};
 }
 
 async function ask(url: string, init: RequestInit): Promise<Response> {
-  const response = await fetch(url, init).catch((error: unknown) => {
+  const key = apiKey();
+  const headers: HeadersInit = key ? { Authorization: `Bearer ${key}` } : {};
+  const response = await fetch(url, { ...init, headers }).catch((error: unknown) => {
     if (init.signal?.aborted) throw error;
-    throw new Refusal("The service did not answer", "Check that it is still running, then try again.");
+    throw new Refusal(0, "The service did not answer", "Check that it is still running, then try again.");
   });
   if (!response.ok) throw await refusal(response);
   return response;
@@ -79,5 +91,5 @@ async function ask(url: string, init: RequestInit): Promise<Response> {
 async function refusal(response: Response): Promise<Refusal> {
   const problem = await response.json().catch(() => ({}));
   const title = typeof problem.title === "string" ? problem.title : `The service answered ${response.status}`;
-  return new Refusal(title, typeof problem.detail === "string" ? problem.detail : response.statusText);
+  return new Refusal(response.status, title, typeof problem.detail === "string" ? problem.detail : response.statusText);
 }

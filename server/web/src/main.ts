@@ -1,13 +1,14 @@
 /** The page: a photo goes to the service, its answer to the views, and the controls change the light on show. */
 
-import { type Estimate, envmapUrl, estimate, type Parameters, Refusal } from "./api";
+import { type Estimate, envmapUrl, estimate, file, type Parameters, Refusal } from "./api";
 import { byId } from "./dom";
+import { keepKey } from "./key";
 import { isSame, parametersOf } from "./parameters";
 import { decodePhoto, type Photo } from "./photo";
 import { latest } from "./pure/latest";
 import { headline, isSunny } from "./pure/words";
 import { Dome } from "./views/dome";
-import { linkDownloads } from "./views/downloads";
+import { linkDownloads, listenForDownloads } from "./views/downloads";
 import { mapMarks, photoMarks } from "./views/marks";
 import { showNumbers } from "./views/numbers";
 import { ObjectView } from "./views/object";
@@ -22,6 +23,7 @@ interface Shown {
 }
 
 let shown: Shown | undefined;
+let asked: File | undefined;
 
 const result = byId("result");
 const status = byId("status");
@@ -41,30 +43,41 @@ const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) =>
   shown ? mapMarks(shown.answer, shown.parameters, aspectOf(shown.photo), width, height) : [],
 );
 
-listenForPhotos((file) => {
-  status.textContent = `Looking at ${file.name}…`;
-  byId("error").hidden = true;
-  result.setAttribute("aria-busy", "true");
-  submit(file);
+listenForPhotos(take);
+listenForDownloads(fail);
+byId("key-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  keepKey(byId<HTMLInputElement>("key").value);
+  if (asked) take(asked);
 });
 byId("reset").addEventListener("click", () => shown && change(parametersOf(shown.answer)));
 byId("show-marks").addEventListener("change", drawPhotoMarks);
 byId("size").addEventListener("change", () => change({}));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dome.paint());
 
-async function run(file: File, signal: AbortSignal): Promise<void> {
+function take(photo: File): void {
+  asked = photo;
+  status.textContent = `Looking at ${photo.name}…`;
+  byId("error").hidden = true;
+  byId("key-form").hidden = true;
+  result.setAttribute("aria-busy", "true");
+  submit(photo);
+}
+
+async function run(photo: File, signal: AbortSignal): Promise<void> {
   const began = performance.now();
-  const [answer, photo] = await Promise.all([estimate(file, signal), decodePhoto(file)]);
+  const [answer, decoded] = await Promise.all([estimate(photo, signal), decodePhoto(photo)]);
   if (signal.aborted) return;
   if (shown) URL.revokeObjectURL(shown.photo.url);
-  show(answer, photo ?? blank(file.name));
+  show(answer, decoded ?? blank(photo.name));
   const seconds = ((performance.now() - began) / 1000).toFixed(1);
-  const words = photo ? "" : " This browser cannot show the photo itself.";
-  status.textContent = `${file.name}: answered in ${seconds} s.${words}`;
+  const words = decoded ? "" : " This browser cannot show the photo itself.";
+  status.textContent = `${photo.name}: answered in ${seconds} s.${words}`;
 }
 
 function show(answer: Estimate, photo: Photo): void {
   shown = { answer, photo, parameters: parametersOf(answer) };
+  byId("intro").hidden = true;
   result.hidden = false;
   result.removeAttribute("aria-busy");
   const { title, text } = headline(answer);
@@ -72,7 +85,7 @@ function show(answer: Estimate, photo: Photo): void {
   byId("title").classList.toggle("sunny", isSunny(answer));
   byId("spread").textContent = text;
   byId("model").textContent = `Network ${answer.model.name} ${answer.model.version}`;
-  byId<HTMLImageElement>("photo").src = photo.url;
+  Object.assign(byId("photo"), { src: photo.url, alt: photo.name });
   byId("frame").style.setProperty("--aspect", String(aspectOf(photo)));
   showNumbers(answer);
   dome.show(answer, aspectOf(photo));
@@ -96,8 +109,13 @@ function change(part: Partial<Parameters>): void {
   object.mark(parameters);
 }
 
-async function renderMap(parameters: Parameters): Promise<void> {
-  byId<HTMLImageElement>("envmap").src = envmapUrl(parameters, "png", 512);
+async function renderMap(parameters: Parameters, signal: AbortSignal): Promise<void> {
+  const picture = await file(envmapUrl(parameters, "png", 512), signal);
+  if (signal.aborted) return;
+  const image = byId<HTMLImageElement>("envmap");
+  const before = image.src;
+  image.src = URL.createObjectURL(picture);
+  URL.revokeObjectURL(before);
 }
 
 function fail(error: unknown): void {
@@ -106,6 +124,7 @@ function fail(error: unknown): void {
   const box = byId("error");
   box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: title }), ` ${message}`);
   box.hidden = false;
+  byId("key-form").hidden = !(error instanceof Refusal && error.status === 401);
   status.textContent = "";
   result.removeAttribute("aria-busy");
 }

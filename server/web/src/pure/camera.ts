@@ -96,7 +96,7 @@ export interface Place {
 }
 
 const EYE_HEIGHT = 1.6; // metres, of a camera in the hand; the photo itself does not tell the scale
-const SHARE_OF_FRAME = 0.27; // of half the photo's height, the object's radius
+const SHARE_OF_FRAME = 0.24; // of half the photo's height, the object's radius
 const LEAST_DEPRESSION = 3; // degrees below the horizon, so that the object is not a kilometre away
 
 /** A place for an object in the lower middle of the photo. */
@@ -104,7 +104,7 @@ export function placeFor(camera: Camera): Place {
   const frame: Size = { width: 2, height: 2 };
   const middle = horizon(camera, frame);
   const horizonRow = middle ? (middle[0][1] + middle[1][1]) / 2 : camera.elevation < 0 ? -1 : 3;
-  const row = clamp(horizonRow + 0.58 * (2 - horizonRow), 1.1, 1.72);
+  const row = clamp(horizonRow + 0.62 * (2 - horizonRow), 1.1, 1.72);
   const ray = rayThrough([1, row], camera, frame);
   const grounded = -ray[1] > Math.hypot(...ray) * Math.sin(radians(LEAST_DEPRESSION));
   const scale = grounded ? EYE_HEIGHT / -ray[1] : 4 / Math.hypot(...ray);

@@ -39,19 +39,29 @@ export function headline(lighting: Lighting): { title: string; text: string } {
   return { title: `Sun ${where}`, text: spread };
 }
 
-export function numbers({ sun, sky, camera }: Lighting): Named[] {
+/** The numbers of a record; `errors` are the median errors of the model card, where it states them. */
+export function numbers({ sun, sky, camera }: Lighting, errors: Record<string, number> = {}): Named[] {
+  const note = (name: string, unit: string): { note: string } | undefined => {
+    const error = errors[`${name}_median`];
+    return error === undefined ? undefined : { note: `± ${error}${unit}` };
+  };
   return [
-    { name: "Sun azimuth", value: azimuthWords(sun.azimuth).replace(" (behind)", "") },
-    { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°` },
+    { name: "Sun azimuth", value: azimuthWords(sun.azimuth).replace(" (behind)", ""), ...note("sun_azimuth", "°") },
+    { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°`, ...note("sun_elevation", "°") },
     { name: "50 % / 90 % within", value: `${short(sun.radius_50)}° / ${short(sun.radius_90)}°` },
     { name: "Direct sun", value: percent(sun.visibility) },
-    { name: "Turbidity", value: sky.turbidity.toFixed(1) },
-    { name: "Exposure", value: factor(sky.exposure) },
+    { name: "Turbidity", value: sky.turbidity.toFixed(1), ...note("turbidity", "") },
+    { name: "Exposure", value: factor(sky.exposure), ...note("exposure", " stops") },
     {
       name: "Camera elevation",
       value: `${Math.abs(camera.elevation).toFixed(1)}° ${camera.elevation < 0 ? "down" : "up"}`,
+      ...note("camera_elevation", "°"),
     },
-    { name: "Camera roll", value: `${(Math.round(camera.roll * 10) / 10 + 0).toFixed(1)}°` },
-    { name: "Vertical field of view", value: `${camera.vertical_fov.toFixed(1)}°` },
+    {
+      name: "Camera roll",
+      value: `${(Math.round(camera.roll * 10) / 10 + 0).toFixed(1)}°`,
+      ...note("camera_roll", "°"),
+    },
+    { name: "Vertical field of view", value: `${camera.vertical_fov.toFixed(1)}°`, ...note("vertical_fov", "°") },
   ];
 }

@@ -2,20 +2,24 @@
 
 import { FloatType } from "three";
 import { HDRLoader } from "three/addons/loaders/HDRLoader.js";
-import { envmap, type Parameters } from "../api";
+import { envmapUrl, file, type Parameters } from "../api";
 import { type Latlong, type SceneLight, splitLight } from "../pure/light";
 
 const HEIGHT = 256; // rows
 
 export async function fetchLight(parameters: Parameters, signal: AbortSignal): Promise<SceneLight> {
-  const withoutSun = envmap({ ...parameters, sun: false }, HEIGHT, signal).then(decode);
+  const withoutSun = fetchMap({ ...parameters, sun: false }, signal);
   if (!parameters.sun) return withoutSun.then((map) => splitLight(map, map));
-  const withSun = envmap(parameters, HEIGHT, signal).then(decode);
-  return splitLight(await withSun, await withoutSun);
+  const [lit, unlit] = await Promise.all([fetchMap(parameters, signal), withoutSun]);
+  return splitLight(lit, unlit);
 }
 
-function decode(file: ArrayBuffer): Latlong {
-  const { width, height, data } = new HDRLoader().setDataType(FloatType).parse(file);
+async function fetchMap(parameters: Parameters, signal: AbortSignal): Promise<Latlong> {
+  return decode(await (await file(envmapUrl(parameters, "hdr", HEIGHT), signal)).arrayBuffer());
+}
+
+function decode(bytes: ArrayBuffer): Latlong {
+  const { width, height, data } = new HDRLoader().setDataType(FloatType).parse(bytes);
   if (!(data instanceof Float32Array) || !width || !height) throw new TypeError("HDRLoader gave no floats.");
   return { width, height, data };
 }

@@ -12,7 +12,7 @@ import {
   LinearFilter,
   Matrix4,
   Mesh,
-  PCFSoftShadowMap,
+  PCFShadowMap,
   PerspectiveCamera,
   Scene,
   ShaderChunk,
@@ -54,11 +54,11 @@ export class Stage {
     this.renderer = new WebGLRenderer({ canvas, antialias: true });
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = PCFSoftShadowMap;
+    this.renderer.shadowMap.type = PCFShadowMap;
     this.object.castShadow = true;
     this.object.receiveShadow = true;
     this.sun.castShadow = true;
-    this.sun.shadow.mapSize.set(2048, 2048);
+    this.sun.shadow.mapSize.set(1024, 1024);
     this.scene.environmentRotation.y = Math.PI / 2; // three.js has +X at a map's centre, here it is -Z
     this.scene.add(this.ground, this.object, this.sun, this.sun.target);
   }

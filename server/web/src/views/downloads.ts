@@ -1,7 +1,8 @@
 /** Links to the light on show, as files. */
 
-import { envmapUrl, type Format, type Lighting, type Parameters } from "../api";
-import { byId } from "../dom";
+import { envmapUrl, type Format, file, type Lighting, type Parameters } from "../api";
+import { byId, make } from "../dom";
+import { apiKey } from "../key";
 import { recordOf } from "../parameters";
 
 const FORMATS: Format[] = ["exr", "hdr", "png"];
@@ -14,6 +15,24 @@ export function linkDownloads(lighting: Lighting, parameters: Parameters, photoN
   const before = byId<HTMLAnchorElement>("get-json").href;
   link("get-json", URL.createObjectURL(new Blob([record], { type: "application/json" })), `${stem}.json`);
   if (before) URL.revokeObjectURL(before);
+}
+
+/** Links carry no API key; where one is needed the file is fetched with it instead. */
+export function listenForDownloads(failed: (error: unknown) => void): void {
+  for (const format of FORMATS) {
+    byId(`get-${format}`).addEventListener("click", (event) => {
+      if (!apiKey()) return;
+      event.preventDefault();
+      const { href, download } = event.currentTarget as HTMLAnchorElement;
+      file(href).then((blob) => save(blob, download), failed);
+    });
+  }
+}
+
+function save(blob: Blob, name: string): void {
+  const url = URL.createObjectURL(blob);
+  make("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
 function link(id: string, href: string, name: string): void {

@@ -20,6 +20,7 @@ export class ObjectView {
   private begin: () => void = () => {};
 
   constructor(failed: (error: unknown) => void) {
+    this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", "An object in the photo, in its light: the arrow keys turn it");
     this.stage = new Promise<void>((resolve) => {
       this.begin = resolve;

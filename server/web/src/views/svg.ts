@@ -29,14 +29,15 @@ export function sunSign([x, y]: Point, size: number, kind: string): SVGElement {
     const [c, s] = [Math.cos((i * Math.PI) / 4), Math.sin((i * Math.PI) / 4)];
     return `M${(1.6 * size * c).toFixed(2)} ${(1.6 * size * s).toFixed(2)}L${(2.3 * size * c).toFixed(2)} ${(2.3 * size * s).toFixed(2)}`;
   });
-  const strokes = { d: rays.join(""), "stroke-width": size / 3, "stroke-linecap": "round" };
-  return svg(
-    "g",
-    { class: kind, transform: `translate(${x.toFixed(2)} ${y.toFixed(2)})` },
-    svg("circle", { r: size * 2.6, class: "shade" }),
-    svg("circle", { r: size }),
-    svg("path", strokes),
-  );
+  const layer = (grow: number, kind: string): SVGElement =>
+    svg(
+      "g",
+      { class: kind, "stroke-width": size / 3 + 2 * grow, "stroke-linecap": "round" },
+      svg("path", { d: rays.join("") }),
+      svg("circle", { r: size + grow, "stroke-width": 0 }),
+    );
+  const place = `translate(${x.toFixed(2)} ${y.toFixed(2)})`;
+  return svg("g", { transform: place }, layer(size / 4, "shade"), layer(0, kind));
 }
 
 /** Draws into an SVG in CSS pixels, again whenever its size changes. */
