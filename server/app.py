@@ -70,6 +70,7 @@ def _include(app: FastAPI, service: Service) -> None:
 def _wrap(app: FastAPI, service: Service) -> None:
     """Middleware, from the inside out."""
     app.add_middleware(operations.Caught)
+    app.add_middleware(operations.HeadAsGet)
     if service.settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,
@@ -111,6 +112,8 @@ def _document(app: FastAPI) -> None:
         document = generate()
         schemas = document["components"]["schemas"]
         for model in (Problem, LightingRecord):
+            if model.__name__ in schemas:
+                continue
             schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas.update({**schema.pop("$defs", {}), model.__name__: schema, **schemas})
         return document

@@ -29,12 +29,16 @@ async def livez() -> Status:
 
 
 @router.get("/readyz", summary="Whether the network has answered once", responses=problems.documented(503))
-@router.get("/healthz", summary="The same as /readyz", responses=problems.documented(503))
 async def readyz(service: Services) -> Status:
     if not service.ready:
         retry = {"Retry-After": problems.RETRY_SECONDS}
         raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
     return Status()
+
+
+@router.get("/healthz", summary="The same as /readyz", responses=problems.documented(503))
+async def healthz(service: Services) -> Status:
+    return await readyz(service)
 
 
 @router.get(
@@ -113,3 +117,22 @@ class Caught:
                 raise
             answer = await problems.answer(Request(scope), error)
             await answer(scope, receive, send)
+
+
+class HeadAsGet:
+    """Answers HEAD as GET without the body."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def without_body(message: Message) -> None:
+            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
+
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            return await self.app(scope, receive, send)
+        inner = {**scope, "method": "GET"}
+        try:
+            await self.app(inner, receive, without_body)
+        finally:
+            scope["route"] = inner.get("route")

@@ -25,14 +25,14 @@ def page_router(bundle: Path = BUNDLE) -> APIRouter:
     router = APIRouter(include_in_schema=False)
     files = StaticFiles(directory=bundle / "assets", check_dir=False)
 
-    @router.api_route("/", methods=["GET", "HEAD"])
+    @router.get("/")
     async def page() -> Response:
         index = bundle / "index.html"
         if not index.is_file():
             return HTMLResponse(NOT_BUILT)
         return FileResponse(index, headers={"Cache-Control": "no-cache"})
 
-    @router.api_route("/assets/{path:path}", methods=["GET", "HEAD"])
+    @router.get("/assets/{path:path}")
     async def asset(request: Request, path: str) -> Response:
         response = await files.get_response(path, request.scope)
         response.headers["Cache-Control"] = FOREVER

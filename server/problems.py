@@ -88,7 +88,7 @@ def response(request: Request, error: ProblemError) -> JSONResponse:
         "title": kind.title,
         "status": kind.status,
         "detail": error.detail,
-        "instance": quote(request.url.path),
+        "instance": quote(request.scope["path"]),
         "request_id": request.scope.get("request_id", ""),
         **error.more,
     }
@@ -140,9 +140,19 @@ def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
 async def answer(request: Request, error: Exception) -> JSONResponse:
     """The answer to a request that ended with an error; what nobody expected is logged."""
     problem = problem_of(error)
+    if problem.kind is METHOD_NOT_ALLOWED:
+        problem.headers = _allowed(request) or problem.headers
     if problem.kind is INTERNAL:
         log.error("request %s failed", request.scope.get("request_id"), exc_info=error)
     return response(request, problem)
+
+
+def _allowed(request: Request) -> dict[str, str]:
+    """The methods of every route of a path; the router names those of the first alone."""
+    path = getattr(request.scope.get("route"), "path", "")
+    methods = {method.upper() for method in request.app.openapi()["paths"].get(path, ())}
+    also = {"HEAD"} if "GET" in methods else set()
+    return {"Allow": ", ".join(sorted(methods | also))} if methods else {}
 
 
 def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:

@@ -30,7 +30,7 @@ class Between:
     """A number is in [low, high]; whatever else is refused with that range."""
 
     def __init__(self, low: float, high: float, **documented: Any) -> None:
-        self.limits = {"minimum": low, "maximum": high}
+        self.limits = {"minimum": low, "maximum": high}  # also members of the error
         self.documented = documented
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -46,7 +46,8 @@ class Between:
             number = float("nan")
         if self.limits["minimum"] <= number <= self.limits["maximum"]:
             return number
-        raise PydanticCustomError("range", "must be a number from {minimum} to {maximum}", self.limits)
+        low, high = self.limits.values()
+        raise PydanticCustomError("range", f"must be a number from {low:g} to {high:g}", self.limits)
 
 
 def named(name: str, meaning: str, example: float) -> Between:
@@ -73,8 +74,8 @@ Flag = Annotated[bool, BeforeValidator(_flag)]
 FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
 Height = Annotated[
     int,
-    AfterValidator(_even),
     Between(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),
+    AfterValidator(_even),
 ]
 
 SunAzimuth = Annotated[float, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)]

@@ -1,6 +1,6 @@
 """Bodies of requests: a photo as a form's file or as it is, or a lighting record, none of them ever written to disk."""
 
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable
 from contextlib import asynccontextmanager
 
 from anyio import fail_after
@@ -23,11 +23,6 @@ def media_type(request: Request) -> str:
     return request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
 
-def unsupported(*accepted: str) -> ProblemError:
-    listed = ", ".join(accepted)
-    return ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
-
-
 class Body:
     """The body of a request, at most `max_bytes` long and arriving within `seconds`."""
 
@@ -38,40 +33,37 @@ class Body:
 
     async def photo(self, *also: str) -> bytes:
         """The file of a photo; raises ProblemError. `also` names types that the caller takes beside photos."""
-        if media_type(self.request) == FORM:
-            return await self._in_time(self._photo_of_form)
-        if media_type(self.request) in PHOTO_TYPES:
-            return await self._in_time(self._joined)
-        raise unsupported(FORM, *PHOTO_TYPES, *also)
+        kind = media_type(self.request)
+        if kind == FORM:
+            return await self._in_time(self._photo_of_form())
+        if kind in PHOTO_TYPES:
+            return await self._in_time(self._whole(self.max_bytes))
+        listed = ", ".join((FORM, *PHOTO_TYPES, *also))
+        raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
 
     async def record(self) -> bytes:
         """The JSON of a lighting record; raises ProblemError."""
-        self.max_bytes = min(self.max_bytes, MAX_RECORD_BYTES)
-        return await self._in_time(self._joined)
+        return await self._in_time(self._whole(min(self.max_bytes, MAX_RECORD_BYTES)))
 
-    async def _in_time(self, read: Callable[[], Awaitable[bytes]]) -> bytes:
+    async def _in_time(self, reading: Awaitable[bytes]) -> bytes:
         try:
             with fail_after(self.seconds):
-                return await read()
+                return await reading
         except TimeoutError as error:
             detail = f"The body did not arrive within {self.seconds:g} seconds."
             raise ProblemError(problems.TOO_SLOW, detail, {"Connection": "close"}) from error
 
-    async def _joined(self) -> bytes:
-        return b"".join([chunk async for chunk in self._chunks()])
+    async def _whole(self, limit: int) -> bytes:
+        return b"".join([chunk async for chunk in self._chunks(limit)])
 
-    async def _chunks(self) -> AsyncGenerator[bytes, None]:
-        self._check(int(length) if (length := self.request.headers.get("content-length", "")).isdecimal() else 0)
+    async def _chunks(self, limit: int) -> AsyncGenerator[bytes, None]:
+        announced = self.request.headers.get("content-length", "")
+        _check(int(announced) if announced.isdecimal() else 0, limit)
         size = 0
         async for chunk in self.request.stream():
             size += len(chunk)
-            self._check(size)
+            _check(size, limit)
             yield chunk
-
-    def _check(self, size: int) -> None:
-        if size > self.max_bytes:
-            detail = f"The body is larger than the limit of {self.max_bytes / 1e6:g} MB."
-            raise ProblemError(problems.TOO_LARGE, detail)
 
     async def _photo_of_form(self) -> bytes:
         async with self._form() as form:
@@ -82,7 +74,7 @@ class Body:
 
     @asynccontextmanager
     async def _form(self) -> AsyncIterator[FormData]:
-        parser = MultiPartParser(self.request.headers, self._chunks(), max_files=1, max_fields=MAX_FIELDS)
+        parser = MultiPartParser(self.request.headers, self._chunks(self.max_bytes), max_files=1, max_fields=MAX_FIELDS)
         parser.spool_max_size = self.max_bytes + 1
         try:
             form = await parser.parse()
@@ -92,3 +84,8 @@ class Body:
             yield form
         finally:
             await form.close()
+
+
+def _check(size: int, limit: int) -> None:
+    if size > limit:
+        raise ProblemError(problems.TOO_LARGE, f"The body is larger than the limit of {limit / 1e6:g} MB.")

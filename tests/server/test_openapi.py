@@ -1,0 +1,126 @@
+"""The OpenAPI document: complete, stable, and true under thousands of generated requests."""
+
+import json
+from collections import Counter
+from typing import Any
+
+import pytest
+import schemathesis
+from fastapi import FastAPI
+from hypothesis import strategies as st
+from schemathesis.engine import from_schema
+from schemathesis.engine.events import FatalError, NonFatalError, ScenarioFinished
+from schemathesis.engine.recorder import ScenarioRecorder
+from starlette.testclient import TestClient
+
+from lighting import render
+from lighting.pipeline import Estimator
+from server import work
+from server.app import create_app
+from server.settings import Settings
+from tests.conftest import encode, scene
+
+OPERATIONS = {
+    "estimate_lighting": ("post", "/v1/lighting"),
+    "render_envmap": ("get", "/v1/envmap"),
+    "estimate_envmap": ("post", "/v1/envmap"),
+    "draw_preview": ("post", "/v1/preview"),
+    "describe_model": ("get", "/v1/model"),
+    "livez": ("get", "/livez"),
+    "readyz": ("get", "/readyz"),
+    "healthz": ("get", "/healthz"),
+    "metrics": ("get", "/metrics"),
+}
+
+
+@pytest.fixture
+def document(client: TestClient) -> dict[str, Any]:
+    answer: dict[str, Any] = client.get("/openapi.json").json()
+    return answer
+
+
+def operations(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {
+        operation["operationId"]: {**operation, "at": (method, path)}
+        for path, methods in document["paths"].items()
+        for method, operation in methods.items()
+    }
+
+
+def test_operation_ids_are_stable(document: dict[str, Any]) -> None:
+    assert {name: operation["at"] for name, operation in operations(document).items()} == OPERATIONS
+
+
+def test_every_operation_has_a_tag_a_summary_and_only_problems_as_errors(document: dict[str, Any]) -> None:
+    known = {tag["name"] for tag in document["tags"] if tag["description"]}
+    for operation in operations(document).values():
+        assert operation["summary"]
+        assert set(operation["tags"]) <= known
+        for status, answer in operation["responses"].items():
+            if status >= "400":
+                assert list(answer["content"]) == ["application/problem+json"], status
+                assert answer["description"]
+
+
+def test_every_parameter_and_field_has_its_range_and_an_example(document: dict[str, Any]) -> None:
+    numbers = [
+        parameter["schema"]
+        for operation in operations(document).values()
+        for parameter in operation.get("parameters", [])
+        if parameter["schema"].get("type") in ("number", "integer")
+    ]
+    for name in ("Sun", "Sky", "Camera"):
+        fields = document["components"]["schemas"][name]["properties"].values()
+        numbers += [field for field in fields if field.get("type") == "number"]
+    assert len(numbers) > 15
+    for schema in numbers:
+        assert schema["minimum"] < schema["maximum"]
+        assert schema["description"]
+
+
+def test_every_reference_leads_somewhere(document: dict[str, Any]) -> None:
+    text = json.dumps(document)
+    for name in {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}:
+        assert name in document["components"]["schemas"]
+
+
+PHOTOS = st.sampled_from([encode(scene(64, 48)), encode(scene(40, 90), quality=20)])
+for media in ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif"):
+    schemathesis.openapi.media_type(media, PHOTOS)  # what a photo is, the document cannot say
+schemathesis.openapi.format("binary", PHOTOS)
+
+
+@pytest.fixture
+def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
+    """A service that draws small pictures, whatever the size asked for."""
+    monkeypatch.setattr(work, "render", lambda lighting, height, sun=None: render(lighting, 16, sun=sun))
+    monkeypatch.setattr(work, "draw_preview", lambda *_: scene(16, 16))
+    app = create_app(Settings(), estimator)
+    app.state.service.answer_once()
+    return app
+
+
+@pytest.mark.slow
+def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
+    """All of schemathesis's checks: no 5xx, no undocumented status, type, header or body, nothing wrong accepted."""
+    config = schemathesis.Config.from_dict({"seed": 1, "generation": {"deterministic": True, "max-examples": 600}})
+    schema = schemathesis.openapi.from_asgi("/openapi.json", quick_app, config=config)
+    calls: Counter[str] = Counter()
+    failures: dict[str, str] = {}
+    for event in from_schema(schema).execute():
+        assert not isinstance(event, FatalError | NonFatalError), event.value
+        if isinstance(event, ScenarioFinished):
+            calls[event.recorder.label] += len(event.recorder.interactions)
+            failures |= failed_checks(event.recorder)
+    assert not failures, "\n\n".join(failures.values())
+    assert calls.total() > 3000, calls
+
+
+def failed_checks(recorder: ScenarioRecorder) -> dict[str, str]:
+    """What failed, with a command that repeats it, once for each kind of failure."""
+    return {
+        f"{recorder.label} {check.name}": f"{check.failure_info.failure}\n{check.failure_info.code_sample}"
+        for checks in recorder.checks.values()
+        for check in checks
+        if check.failure_info
+    }

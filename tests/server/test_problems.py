@@ -1,0 +1,199 @@
+"""Errors: every one is problem+json, says which field and range, and gives nothing away."""
+
+import json
+import logging
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from starlette.testclient import TestClient
+
+from lighting.errors import LightingError, ModelError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.parameters import RANGES
+from lighting.pipeline import Estimator
+from server import problems
+from server.schemas import Problem
+from tests.server.conftest import SKY, client_of
+
+JPEG = {"Content-Type": "image/jpeg"}
+
+
+def problem(answer: Any, status: int, name: str) -> dict[str, Any]:
+    """The body of an answer that is this problem."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    body: dict[str, Any] = answer.json()
+    Problem.model_validate(body, strict=True)
+    assert body["status"] == status
+    assert body["type"] == f"tag:outdoor-lighting,2026:{name}"
+    assert body["request_id"] == answer.headers["x-request-id"]
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    return body
+
+
+def test_an_unknown_path_is_404_and_names_itself_without_harm(client: TestClient) -> None:
+    assert problem(client.get("/nothing"), 404, "not-found")["instance"] == "/nothing"
+    strange = problem(client.get("/v1/%3Cb%3E%0d%0a%C3%A9"), 404, "not-found")["instance"]
+    assert strange == "/v1/%3Cb%3E%0D%0A%C3%A9"
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "allowed"),
+    [
+        ("GET", "/v1/lighting", "POST"),
+        ("PUT", "/v1/envmap", "GET, HEAD, POST"),
+        ("DELETE", "/v1/model", "GET, HEAD"),
+        ("POST", "/livez", "GET, HEAD"),
+        ("OPTIONS", "/v1/preview", "POST"),
+        ("HEAD", "/v1/preview", "POST"),
+        ("TEAPOT", "/v1/envmap", "GET, HEAD, POST"),
+    ],
+)
+def test_a_method_that_is_not_allowed_is_405_and_names_all_that_are(
+    client: TestClient, method: str, path: str, allowed: str
+) -> None:
+    answer = client.request(method, path)
+    if method != "HEAD":
+        problem(answer, 405, "method-not-allowed")
+    assert (answer.status_code, answer.headers["allow"]) == (405, allowed)
+
+
+@pytest.mark.parametrize("name", ["sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo"])
+@pytest.mark.parametrize("value", ["-1e9", "1e9", "nan", "inf", "-inf", "blue", "", "0x10", "1,5"])
+def test_a_parameter_out_of_range_is_422_with_its_range(client: TestClient, name: str, value: str) -> None:
+    body = problem(client.get("/v1/envmap", params={**SKY, name: value}), 422, "invalid")
+    low, high = RANGES[name]
+    (error,) = body["errors"]
+    assert (error["field"], error["minimum"], error["maximum"]) == (name, low, high)
+    assert f"from {low:g} to {high:g}" in body["detail"]
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [("15", "16 to 2048"), ("4096", "2048"), ("33", "even"), ("1.5", "number")]
+)
+def test_a_height_must_be_even_and_in_range(client: TestClient, value: str, words: str) -> None:
+    (error,) = problem(client.get("/v1/envmap", params={**SKY, "height": value}), 422, "invalid")["errors"]
+    assert error["field"] == "height"
+    assert words in error["detail"]
+
+
+@pytest.mark.parametrize(
+    "query", [{"format": "jpeg"}, {"sun": "yes"}, {"sun": ""}, {"yaw": "3"}, {"sun_elevaton": "3"}, {"format": ""}]
+)
+def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, str]) -> None:
+    (error,) = problem(client.get("/v1/envmap", params={**SKY, **query}), 422, "invalid")["errors"]
+    assert error["field"] in query
+
+
+def test_every_missing_parameter_is_named(client: TestClient) -> None:
+    errors = problem(client.get("/v1/envmap"), 422, "invalid")["errors"]
+    assert {error["field"] for error in errors} == set(SKY)
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "value", "limits"),
+    [
+        ("sun", "azimuth", 181, RANGES["sun_azimuth"]),
+        ("sun", "elevation", -0.1, RANGES["sun_elevation"]),
+        ("sun", "visibility", 2, RANGES["sun_visibility"]),
+        ("sky", "turbidity", "3", RANGES["turbidity"]),
+        ("sky", "exposure", True, RANGES["exposure"]),
+        ("sky", "ground_albedo", None, RANGES["ground_albedo"]),
+        ("camera", "vertical_fov", 0.5, RANGES["vertical_fov"]),
+        ("sky", "exposure", int("9" * 400), RANGES["exposure"]),
+    ],
+)
+def test_a_field_of_a_record_out_of_range_is_422_with_its_range(
+    client: TestClient, section: str, name: str, value: object, limits: tuple[float, float]
+) -> None:
+    record: dict[str, Any] = {"sun": {"azimuth": 1, "elevation": 2}, "sky": {"turbidity": 3, "exposure": 0.1}}
+    record = {**record, section: {**record.get(section, {}), name: value}}
+    (error,) = problem(client.post("/v1/envmap", json=record), 422, "invalid")["errors"]
+    assert (error["field"], error["minimum"], error["maximum"]) == (f"{section}.{name}", *limits)
+
+
+@pytest.mark.parametrize("body", ["[]", "3", "null", '"text"', "{}", '{"sun": 3}', '{"sky": {"model": "preetham"}}'])
+def test_json_that_is_no_record_is_422(client: TestClient, body: str) -> None:
+    answer = client.post("/v1/envmap", content=body, headers={"Content-Type": "application/json"})
+    assert problem(answer, 422, "invalid")["errors"]
+
+
+@pytest.mark.parametrize("body", [b"", b"{", b"\xff\xfe{\x00}\x00", b'{"sun": NaN!}', b"[" * 50_000, b'{"a": "\x80"}'])
+def test_a_body_that_is_not_json_is_400(client: TestClient, body: bytes) -> None:
+    answer = client.post("/v1/envmap", content=body, headers={"Content-Type": "application/json; charset=utf-16"})
+    problem(answer, 400, "unreadable-body")
+
+
+def test_nan_in_a_record_is_422(client: TestClient) -> None:
+    body = json.dumps({"sun": {"azimuth": 1, "elevation": float("nan")}, "sky": {"turbidity": 3, "exposure": 1}})
+    answer = client.post("/v1/envmap", content=body, headers={"Content-Type": "application/json"})
+    assert problem(answer, 422, "invalid")["errors"][0]["field"] == "sun.elevation"
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "name"),
+    [
+        (PhotoError("Bad."), 400, "unreadable-photo"),
+        (PhotoTooLargeError("Big."), 413, "too-large"),
+        (ParameterError("Wrong."), 422, "invalid"),
+        (ModelError("/secret/path is broken."), 500, "internal"),
+        (LightingError("/secret/path"), 500, "internal"),
+        (RuntimeError("/secret/path"), 500, "internal"),
+        (MemoryError("/secret/path"), 500, "internal"),
+    ],
+)
+def test_whatever_the_library_raises_has_its_problem(
+    app: FastAPI, client: TestClient, error: Exception, status: int, name: str, monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture, jpeg: bytes,
+) -> None:  # fmt: skip
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(app.state.service, "estimate", fail)
+    with caplog.at_level(logging.ERROR, "server"):
+        answer = client.post("/v1/lighting", content=jpeg, headers=JPEG)
+    body = problem(answer, status, name)
+    assert "secret" not in answer.text + str(answer.headers)
+    assert (body["request_id"] in caplog.text) == (status == 500)
+    assert client.get("/livez").status_code == 200
+
+
+def test_a_route_that_breaks_is_500_with_every_header(app: FastAPI, client: TestClient) -> None:
+    @app.get("/broken")
+    async def broken() -> None:
+        raise ZeroDivisionError("secret")
+
+    answer = client.get("/broken")
+    problem(answer, 500, "internal")
+    assert "secret" not in answer.text
+
+
+def test_headers_of_http_errors_are_passed_on(app: FastAPI, client: TestClient) -> None:
+    from fastapi import HTTPException
+
+    @app.get("/later")
+    async def later() -> None:
+        raise HTTPException(503, "internals", {"Retry-After": "7"})
+
+    answer = client.get("/later")
+    assert problem(answer, 503, "service-unavailable")["detail"] == "Service Unavailable."
+    assert answer.headers["retry-after"] == "7"
+
+
+def test_kinds_have_different_names() -> None:
+    assert len({kind.type for kind in problems.KINDS}) == len(problems.KINDS)
+
+
+def test_a_service_without_its_network_is_503(estimator: Estimator, jpeg: bytes) -> None:
+    client = client_of(estimator)
+    client.app.state.service.loaded = None  # type: ignore[attr-defined]
+    for answer in (
+        client.post("/v1/lighting", content=jpeg, headers=JPEG),
+        client.get("/v1/model"),
+        client.get("/readyz"),
+        client.get("/healthz"),
+    ):
+        assert problem(answer, 503, "not-ready")
+        assert answer.headers["retry-after"] == "1"
+    assert client.get("/v1/envmap", params={**SKY, "height": 16}).status_code == 200
+    assert client.get("/livez").status_code == 200

@@ -1,0 +1,158 @@
+"""The API's answers to good requests."""
+
+from io import BytesIO
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pillow_heif
+import pytest
+from PIL import Image
+from starlette.testclient import TestClient
+
+from lighting import Lighting, read_exr, render
+from lighting.parameters import lighting_from
+from lighting.photo import read_photo
+from lighting.pipeline import Estimator
+from tests.conftest import TINY, encode, scene
+from tests.server.conftest import SKY
+
+pillow_heif.register_heif_opener()
+
+JPEG = {"Content-Type": "image/jpeg"}
+
+
+def form(data: bytes, name: str = "photo.jpg", kind: str = "image/jpeg") -> dict[str, Any]:
+    return {"files": {"photo": (name, data, kind)}}
+
+
+def test_a_form_and_a_raw_body_give_the_record_of_the_library(
+    client: TestClient, jpeg: bytes, estimator: Estimator
+) -> None:
+    expected = estimator(read_photo(jpeg)).to_dict()
+    for answer in (
+        client.post("/v1/lighting", **form(jpeg)),
+        client.post("/v1/lighting", content=jpeg, headers=JPEG),
+    ):
+        assert answer.status_code == 200
+        assert {name: value for name, value in answer.json().items() if name != "links"} == expected
+        assert answer.headers["lighting-model"] == "tiny 0.0.1"
+
+
+@pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP", "HEIF"])
+def test_every_format_of_photos_is_taken(client: TestClient, kind: str) -> None:
+    media = {"HEIF": "image/heic"}.get(kind, f"image/{kind.lower()}")
+    data = encode(scene(160, 120), kind)
+    assert client.post("/v1/lighting", content=data, headers={"Content-Type": media}).status_code == 200
+
+
+def test_the_link_leads_to_the_map_of_the_estimate(client: TestClient, jpeg: bytes) -> None:
+    record = client.post("/v1/lighting", content=jpeg, headers=JPEG).json()
+    link = record["links"]["envmap"]
+    assert urlsplit(link).path == "/v1/envmap"
+    assert float(parse_qs(urlsplit(link).query)["sun_azimuth"][0]) == record["sun"]["azimuth"]
+    linked = client.get(f"{link}&height=64")
+    posted = client.post("/v1/envmap?height=64", content=jpeg, headers=JPEG)
+    assert linked.status_code == posted.status_code == 200
+    assert np.array_equal(pixels(linked.content), pixels(posted.content))
+
+
+def pixels(exr: bytes) -> Any:
+    return read_exr(BytesIO(exr))[0]
+
+
+def test_the_probability_is_added_when_asked_for(client: TestClient, jpeg: bytes, estimator: Estimator) -> None:
+    assert "probability" not in client.post("/v1/lighting?probability=false", content=jpeg, headers=JPEG).json()
+    answer = client.post("/v1/lighting?probability=true", content=jpeg, headers=JPEG).json()["probability"]
+    expected = estimator.predict(read_photo(jpeg)).sun_probability
+    assert answer["grid"] == TINY.sun_grid
+    assert np.allclose(answer["probability"], expected, rtol=1e-5)
+    assert len(answer["azimuth"]) == len(answer["elevation"]) == len(expected)
+    assert 0 < min(answer["elevation"]) < max(answer["elevation"]) < 90
+
+
+@pytest.mark.parametrize("sun", [True, False])
+def test_a_sky_is_rendered_from_parameters_alone(client: TestClient, sun: bool) -> None:
+    answer = client.get("/v1/envmap", params={**SKY, "ground_albedo": 0.5, "sun": str(sun).lower(), "height": 64})
+    assert answer.headers["content-type"] == "image/x-exr"
+    image, lighting = read_exr(BytesIO(answer.content))
+    expected = Lighting(**SKY, ground_albedo=0.5)
+    assert lighting == expected
+    assert np.array_equal(image, render(expected, 64, sun=sun))
+
+
+def test_maps_come_in_three_formats(client: TestClient) -> None:
+    files = {format: client.get("/v1/envmap", params={**SKY, "height": 32, "format": format}) for format in FORMATS}
+    assert {format: answer.headers["content-type"] for format, answer in files.items()} == FORMATS
+    assert files["hdr"].content.startswith(b"#?RADIANCE")
+    assert Image.open(BytesIO(files["png"].content)).size == (64, 32)
+    assert 'filename="envmap.hdr"' in files["hdr"].headers["content-disposition"]
+
+
+FORMATS = {"exr": "image/x-exr", "hdr": "image/vnd.radiance", "png": "image/png"}
+
+
+def test_a_cache_may_keep_a_map_and_ask_again(client: TestClient) -> None:
+    query = {**SKY, "height": 32}
+    first = client.get("/v1/envmap", params=query)
+    assert first.headers["cache-control"] == "public, max-age=86400"
+    etag = first.headers["etag"]
+    for known in (etag, etag.removeprefix("W/"), f'"other", {etag}', "*"):
+        again = client.get("/v1/envmap", params=query, headers={"If-None-Match": known})
+        assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", etag)
+    assert client.get("/v1/envmap", params=query, headers={"If-None-Match": '"other"'}).status_code == 200
+
+
+def test_equal_skies_share_a_tag_and_others_do_not(client: TestClient) -> None:
+    def tag(**changed: Any) -> str:
+        return client.get("/v1/envmap", params={**SKY, "height": 32, **changed}).headers["etag"]
+
+    assert tag(turbidity="3.40") == tag(ground_albedo=0.3) == tag(sun="true") == tag()
+    others = [tag(turbidity=3.5), tag(height=34), tag(format="hdr"), tag(sun="false"), tag(ground_albedo=0.2)]
+    assert len({tag(), *others}) == 6
+
+
+def test_a_record_is_rendered_as_it_was_edited(client: TestClient, jpeg: bytes) -> None:
+    record = client.post("/v1/lighting", content=jpeg, headers=JPEG).json()
+    record["sun"]["elevation"] = 12.5
+    answer = client.post("/v1/envmap?height=64", json=record)
+    image, lighting = read_exr(BytesIO(answer.content))
+    assert lighting == Lighting.from_dict(record)
+    assert np.array_equal(image, render(Lighting.from_dict(record), 64))
+
+
+def test_a_record_needs_only_sun_and_sky(client: TestClient) -> None:
+    record = {"sun": {"azimuth": 10, "elevation": 30}, "sky": {"turbidity": 3, "exposure": 0.02}}
+    answer = client.post("/v1/envmap?height=16", json=record)
+    assert read_exr(BytesIO(answer.content))[1] == Lighting.from_dict(record)
+
+
+def test_the_sun_of_a_photo_is_painted_where_it_shines_or_where_asked(
+    client: TestClient, jpeg: bytes, estimator: Estimator
+) -> None:
+    lighting = lighting_from(estimator.predict(read_photo(jpeg)))
+    assert lighting.sun_visibility >= 0.5
+    for query, sun in {"": True, "&sun=false": False, "&sun=true": True}.items():
+        answer = client.post(f"/v1/envmap?height=64{query}", **form(jpeg))
+        assert np.array_equal(pixels(answer.content), render(lighting, 64, sun=sun))
+
+
+@pytest.mark.slow
+def test_the_preview_is_a_picture(client: TestClient, jpeg: bytes) -> None:
+    answer = client.post("/v1/preview", **form(jpeg))
+    assert answer.headers["content-type"] == "image/png"
+    assert Image.open(BytesIO(answer.content)).width == 1600
+
+
+def test_the_model_describes_itself(client: TestClient) -> None:
+    answer = client.get("/v1/model").json()
+    assert answer == {
+        "name": "tiny", "version": "0.0.1", "licence": "Apache-2.0", "grid": "rings:3x8", "accuracy": {},
+    }  # fmt: skip
+
+
+def test_head_is_get_without_the_body(client: TestClient) -> None:
+    for path in ("/", "/livez", "/v1/model"):
+        get, head = client.get(path), client.head(path)
+        assert (head.status_code, head.content) == (200, b"")
+        assert head.headers["content-length"] == get.headers["content-length"]
