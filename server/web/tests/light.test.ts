@@ -1,0 +1,87 @@
+import { describe, expect, it } from "vitest";
+import { direction } from "../src/pure/angles";
+import { between, type Rgb, rgbOf } from "../src/pure/colour";
+import { cellsOf, densityOf, within } from "../src/pure/distribution";
+import { type Latlong, splitLight } from "../src/pure/light";
+
+/** A map of one radiance above the horizon and one below. */
+function map(height: number, above: number, below: number): Latlong {
+  const data = new Float32Array(8 * height * height);
+  data.fill(above, 0, data.length / 2);
+  data.fill(below, data.length / 2);
+  return { width: 2 * height, height, data };
+}
+
+describe("splitLight", () => {
+  it("finds pi times the radiance of a uniform sky on level ground", () => {
+    const { sky, sun } = splitLight(map(32, 2, 0), map(32, 2, 0));
+    for (const value of sky) expect(value).toBeCloseTo(2 * Math.PI, 5);
+    expect(sun).toEqual([0, 0, 0]);
+  });
+
+  it("finds the sun's irradiance in what the maps differ by", () => {
+    const [lit, unlit] = [map(64, 1, 0.5), map(64, 1, 0.1)];
+    const row = 20;
+    lit.data.set([1001, 801, 401, 0], 4 * (row * 128 + 7));
+    const solidAngle = ((2 * Math.PI) / 128) * (Math.cos((Math.PI * row) / 64) - Math.cos((Math.PI * (row + 1)) / 64));
+    const { sun } = splitLight(lit, unlit);
+    [1000, 800, 400].forEach((value, i) => {
+      expect(sun[i]).toBeCloseTo(value * solidAngle, 3);
+    });
+  });
+
+  it("keeps the sky without the disc above the ground that both light", () => {
+    const { map: kept } = splitLight(map(16, 5, 0.5), map(16, 1, 0.1));
+    expect([kept.data[0], kept.data.at(-1)]).toEqual([1, 0.5]);
+  });
+});
+
+describe("the sun's probability", () => {
+  const distribution = { grid: "any", azimuth: [0, 90, 180], elevation: [10, 20, 60], probability: [0.5, 0.3, 0.2] };
+  const cells = cellsOf(distribution);
+
+  it("is the sum of the cells within a radius", () => {
+    expect(within(cells, direction(2, 12), 5)).toBeCloseTo(0.5);
+    expect(within(cells, direction(45, 80), 180)).toBeCloseTo(1);
+    expect(within(cells, direction(-90, 10), 20)).toBe(0);
+  });
+
+  it("is spread over the neighbourhood and sums to one", () => {
+    const density = densityOf(fibonacci(1024));
+    let sum = 0;
+    for (let row = 0; row < 180; row++) {
+      for (let column = 0; column < 720; column++) {
+        const elevation = row - 89.5;
+        sum += density(direction(column / 2, elevation)) * Math.cos((elevation * Math.PI) / 180);
+      }
+    }
+    expect(sum * (Math.PI / 180) * (Math.PI / 360)).toBeCloseTo(1, 2);
+  });
+});
+
+/** The golden spiral of `lighting.sun_grid` with a lobe of 6 degrees at azimuth 50, elevation 40. */
+function fibonacci(count: number): { towards: readonly [number, number, number]; probability: number }[] {
+  const centre = direction(50, 40);
+  const cells = Array.from({ length: count }, (_, i) => {
+    const elevation = (Math.asin(1 - (i + 0.5) / count) * 180) / Math.PI;
+    const towards = direction(i * 180 * (3 - Math.sqrt(5)), elevation);
+    const cosine = towards[0] * centre[0] + towards[1] * centre[1] + towards[2] * centre[2];
+    return { towards, probability: Math.exp(80 * (cosine - 1)) };
+  });
+  const total = cells.reduce((sum, { probability }) => sum + probability, 0);
+  return cells.map(({ towards, probability }) => ({ towards, probability: probability / total }));
+}
+
+describe("colours", () => {
+  const stops: Rgb[] = [[0, 0, 0], [100, 50, 0], [200, 50, 80]]; // biome-ignore format: a table
+
+  it("are read from hex", () => {
+    expect(rgbOf(" #1e22fa")).toEqual([30, 34, 250]);
+  });
+
+  it("are mixed between stops and clamped at the ends", () => {
+    expect(between(stops, 0.25)).toEqual([50, 25, 0]);
+    expect(between(stops, 0.75)).toEqual([150, 50, 40]);
+    expect([between(stops, -1), between(stops, 7)]).toEqual([stops[0], stops[2]]);
+  });
+});

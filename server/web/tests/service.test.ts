@@ -1,0 +1,112 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { envmapUrl, estimate, file, type Refusal } from "../src/api";
+import { latest } from "../src/pure/latest";
+
+const stored = new Map<string, string>();
+
+beforeEach(() => {
+  stored.clear();
+  vi.stubGlobal("sessionStorage", { getItem: (name: string) => stored.get(name) ?? null });
+});
+
+afterEach(() => {
+  vi.unstubAllGlobals();
+  vi.useRealTimers();
+});
+
+function answer(body: BodyInit, status: number): void {
+  vi.stubGlobal("fetch", vi.fn().mockResolvedValue(new Response(body, { status })));
+}
+
+const refusalOf = (url: string): Promise<Refusal> =>
+  file(url).then(
+    () => expect.fail("no refusal"),
+    (error) => error,
+  );
+
+describe("the service", () => {
+  it("is asked for a map by its parameters", () => {
+    const parameters = {
+      sun_azimuth: -41.23456789,
+      sun_elevation: 33,
+      turbidity: 3.4,
+      exposure: 2e-6,
+      ground_albedo: 0.3,
+    };
+    expect(envmapUrl({ ...parameters, sun: true }, "hdr", 256)).toBe(
+      "v1/envmap?sun_azimuth=-41.2346&sun_elevation=33&turbidity=3.4&exposure=0.000002&ground_albedo=0.3&sun=true" +
+        "&height=256&format=hdr",
+    );
+  });
+
+  it("gets the photo as one field of a form, and the key where there is one", async () => {
+    answer("{}", 200);
+    stored.set("lighting-api-key", "secret");
+    await estimate(new Blob(["x"], { type: "image/jpeg" }), new AbortController().signal);
+    const [url, { body, headers }] = vi.mocked(fetch).mock.calls[0] as [string, { body: FormData; headers: object }];
+    expect(url).toBe("v1/lighting?probability=true");
+    expect([...body.keys()]).toEqual(["photo"]);
+    expect(headers).toEqual({ Authorization: "Bearer secret" });
+  });
+
+  it("refuses in its own words", async () => {
+    answer(JSON.stringify({ title: "Too large", detail: "Send less." }), 413);
+    const refusal = await refusalOf("any");
+    expect([refusal.status, refusal.title, refusal.message]).toEqual([413, "Too large", "Send less."]);
+  });
+
+  it("may stand behind a proxy that knows no problem documents", async () => {
+    answer("<html>Bad gateway</html>", 502);
+    expect((await refusalOf("any")).title).toBe("The service answered 502");
+  });
+
+  it("may not be there", async () => {
+    vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("Failed to fetch")));
+    expect((await refusalOf("any")).title).toBe("The service did not answer");
+  });
+});
+
+describe("latest", () => {
+  it("does only the last of many calls", async () => {
+    vi.useFakeTimers();
+    const done: number[] = [];
+    const call = latest<number>(
+      async (value) => void done.push(value),
+      40,
+      (error) => expect.fail(String(error)),
+    );
+    for (const value of [1, 2, 3]) call(value);
+    await vi.advanceTimersByTimeAsync(100);
+    expect(done).toEqual([3]);
+  });
+
+  it("aborts the call under way, and that is no failure", async () => {
+    vi.useFakeTimers();
+    const [signals, failed]: [AbortSignal[], unknown[]] = [[], []];
+    const wait = (_: number, signal: AbortSignal): Promise<void> =>
+      new Promise((_resolve, reject) => {
+        signals.push(signal);
+        signal.addEventListener("abort", () => reject(signal.reason));
+      });
+    const call = latest<number>(wait, 10, (error) => failed.push(error));
+    call(1);
+    await vi.advanceTimersByTimeAsync(20);
+    call(2);
+    await vi.advanceTimersByTimeAsync(20);
+    expect(signals.map(({ aborted }) => aborted)).toEqual([true, false]);
+    expect(failed).toEqual([]);
+  });
+
+  it("hands on what goes wrong", async () => {
+    vi.useFakeTimers();
+    const failed: unknown[] = [];
+    const call = latest<number>(
+      async () => Promise.reject(new Error("broken")),
+      0,
+      (error) => failed.push(error),
+    );
+    call(1);
+    await vi.advanceTimersByTimeAsync(5);
+    expect(failed).toEqual([new Error("broken")]);
+  });
+});
