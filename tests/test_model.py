@@ -2,6 +2,9 @@
 
 import json
 import os
+import subprocess
+import sys
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -132,3 +135,22 @@ def test_exactly_one_network_is_packaged(monkeypatch: pytest.MonkeyPatch, tmp_pa
     (tmp_path / "data" / "outdoor-2.onnx").write_bytes(b"")
     with pytest.raises(ModelError, match="it holds 2"):
         Model.load()
+
+
+@pytest.mark.slow
+def test_loading_reports_to_nobody(network: Path, tmp_path: Path) -> None:
+    """onnxruntime's own wheels keep a device identifier and a queue of events below the home folder."""
+    code = "import sys; from lighting.model import Model; Model.load(sys.argv[1])"
+    kept = {name: value for name, value in os.environ.items() if name not in ("ORT_DISABLE_TELEMETRY", "CI")}
+    home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    subprocess.run([sys.executable, "-c", code, str(network)], env=kept | home, check=True, timeout=60)
+    assert not list(tmp_path.rglob("*"))
+
+
+def test_the_network_is_the_one_that_was_published() -> None:
+    """The container's build checks the same file; `sha256sum *.onnx *.npz > SHA256SUMS` renews it."""
+    folder = packaged_model().parent
+    sums = dict(line.split()[::-1] for line in (folder / "SHA256SUMS").read_text().splitlines())
+    assert sums == {
+        p.name: sha256(p.read_bytes()).hexdigest() for p in folder.iterdir() if p.suffix in (".onnx", ".npz")
+    }
