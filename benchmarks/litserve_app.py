@@ -1,6 +1,6 @@
 """The same job under LitServe with its defaults, for benchmarks/load.py: a form with a photo in, an EXR out.
 
-    PYTHONPATH=. PYTHON_WITH_LITSERVE benchmarks/litserve_app.py PORT
+PYTHONPATH=. PYTHON_WITH_LITSERVE benchmarks/litserve_app.py PORT
 """
 
 import sys

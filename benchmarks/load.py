@@ -1,0 +1,144 @@
+"""The service under load, and LitServe doing the same job beside it.
+
+    python -m benchmarks.load [--seconds 60] [--beside PYTHON]
+
+1, 4, 16 and 64 clients send a 12-megapixel JPEG each, again and again, and wait for a 1024 x 512 EXR: requests per
+second and latency in milliseconds. PYTHON is one with litserve, python-multipart and this project's requirements:
+
+    python -m venv lit && lit/bin/pip install litserve==0.2.19 python-multipart .
+
+Then the service's memory before and after, and what SIGTERM does to requests under way. Everything stays on 127.0.0.1.
+"""
+
+import argparse
+import asyncio
+import os
+import platform
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from benchmarks.clients import Job, Outcome, ask_for
+from benchmarks.envmap import twelve_megapixels
+
+ROOT = Path(__file__).parent.parent
+LEVELS = (1, 4, 16, 64)  # clients
+EXR, RECORD = b"v/1\x01", b'{"model"'
+START = 60  # seconds
+HEAD = f"{'clients':>26}{'req/s':>8}{'p50':>9}{'p95':>9}{'p99':>9}{'replies':>9}"
+
+
+def main() -> None:
+    """Measure and print."""
+    options = _options()
+    share = options.seconds / (12 if options.beside else 8)  # of the time, for one level of one service
+    print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}, queue {options.queue}")
+    with ExitStack() as stack:
+        photo = stack.enter_context(_photo())
+        port, ours = stack.enter_context(started([sys.executable, "-m", "server"], "/readyz", options.queue))
+        print(f"photo of {len(photo) / 1e6:.1f} MB\n\n{HEAD}")
+        jobs = {"POST /v1/envmap": Job(port, "/v1/envmap", photo, EXR)}
+        if options.beside:
+            other = [options.beside, str(ROOT / "benchmarks/litserve_app.py")]
+            other_port, _ = stack.enter_context(started(other, "/health"))
+            jobs["LitServe"] = Job(other_port, "/predict", photo, EXR)
+        for job in jobs.values():  # every buffer and thread exists afterwards
+            run(job, max(LEVELS), share / 2)
+        before = memory(ours.pid)
+        for clients in LEVELS:
+            for name, job in jobs.items():
+                report(name, clients, run(job, clients, share))
+        for clients in LEVELS:
+            report("POST /v1/lighting", clients, run(Job(port, "/v1/lighting", photo, RECORD), clients, share / 2))
+        after = memory(ours.pid)
+        print(f"\nmemory {before:.0f} MB after warm-up, {after:.0f} MB at the end: {after / before - 1:+.1%}")
+        interrupt(jobs["POST /v1/envmap"], ours, share)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--seconds", type=float, default=60, help="of measuring, all in all")
+    parser.add_argument("--beside", metavar="PYTHON", help="measure LitServe too, run by this Python")
+    parser.add_argument("--queue", type=int, default=64, help="the service's setting LIGHTING_QUEUE")
+    return parser.parse_args()
+
+
+@contextmanager
+def _photo() -> Iterator[bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "photo.jpg"
+        twelve_megapixels(path)
+        yield path.read_bytes()
+
+
+@contextmanager
+def started(command: list[str], ready: str, queue: int = 64) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
+    """A service in a process group of its own, from when it says that it is ready; its port and process."""
+    port = _free_port()
+    settings = {"LIGHTING_PORT": str(port), "LIGHTING_QUEUE": str(queue), "LIGHTING_LOG_LEVEL": "warning"}
+    quiet = {"PYTHONPATH": str(ROOT), "ORT_DISABLE_TELEMETRY": "1"}
+    arguments = command if "-m" in command else [*command, str(port)]
+    environment = {**os.environ, **settings, **quiet}
+    with subprocess.Popen(arguments, env=environment, stdout=subprocess.DEVNULL, process_group=0) as process:
+        try:
+            _wait(f"http://127.0.0.1:{port}{ready}", process)
+            yield port, process
+        finally:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as anything:
+        return int(anything.getsockname()[1])
+
+
+def _wait(url: str, process: subprocess.Popen[bytes]) -> None:
+    for _ in range(START * 5):
+        try:
+            urllib.request.urlopen(url, timeout=5).close()
+            return
+        except (urllib.error.URLError, OSError):
+            if process.poll() is not None:
+                break
+        time.sleep(0.2)
+    sys.exit(f"{url} is not there.")
+
+
+def run(job: Job, clients: int, seconds: float) -> Outcome:
+    """`ask_for`, from a loop of its own."""
+    return asyncio.run(ask_for(job, clients, seconds))
+
+
+def report(name: str, clients: int, outcome: Outcome) -> None:
+    """One line of the table."""
+    print(f"{name:<18}{clients:>8}{outcome.row()}", flush=True)
+
+
+def memory(pid: int) -> float:
+    """Proportional share of memory of a process, MB."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("Pss:")) * 1024 / 1e6
+
+
+def interrupt(job: Job, service: subprocess.Popen[bytes], seconds: float) -> None:
+    """Send SIGTERM while 16 clients ask; every request that the service had taken must get its whole reply."""
+
+    async def asked() -> Outcome:
+        asyncio.get_running_loop().call_later(seconds / 2, service.send_signal, signal.SIGTERM)
+        return await ask_for(job, 16, seconds)
+
+    outcome = asyncio.run(asked())
+    code = service.wait(START)
+    print(f"SIGTERM under 16 clients: {dict(sorted(outcome.counts.items()))}, exit status {code}")
+
+
+if __name__ == "__main__":
+    main()
