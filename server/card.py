@@ -6,15 +6,24 @@ from pathlib import Path
 from lighting.parameters import ModelSpec
 
 CARD = "MODEL_CARD.md"
-COLUMNS = {  # in the card's tables of the sun: in an answer
+SUN = {  # column of the card's tables of the sun: name in an answer
     "crops": "crops",
     "median": "sun_median",
     "quartile 1": "sun_quartile_1",
     "quartile 3": "sun_quartile_3",
+    "azimuth": "sun_azimuth_median",
+    "elevation": "sun_elevation_median",
     "< 22.5° %": "within_22_5",
     "< 45° %": "within_45",
     "in 50 % region": "in_50_region",
     "in 90 % region": "in_90_region",
+}
+CAMERA_AND_SKY = {
+    "elevation": "camera_elevation_median",
+    "roll": "camera_roll_median",
+    "fov": "vertical_fov_median",
+    "turbidity": "turbidity_median",
+    "exposure, stops": "exposure_median",
 }
 
 
@@ -29,10 +38,20 @@ def accuracy(spec: ModelSpec, folder: Path) -> dict[str, dict[str, float]]:
 
 
 def _numbers(section: str, network: str) -> dict[str, float]:
-    """The network's row of a section's first table."""
-    header, _, *rows = [_cells(line) for line in section.splitlines() if line.startswith("|")]
-    row = next(row for row in rows if row[0] == network)
-    return {COLUMNS[name]: float(cell) for name, cell in zip(header, row, strict=True) if name in COLUMNS}
+    """The network's numbers in a section's first table, of the sun, and in the one of camera and sky."""
+    rows = [row for table in re.findall(r"(?:^\|.*\n)+", section, re.MULTILINE) for row in _rows(table, network)]
+    camera = next(row for row in rows if "fov" in row)
+    return {
+        name: float(row[column])
+        for row, names in ((rows[0], SUN), (camera, CAMERA_AND_SKY))
+        for column, name in names.items()
+    }
+
+
+def _rows(table: str, network: str) -> list[dict[str, str]]:
+    """The network's rows of a table, by column."""
+    header, _, *rows = [_cells(line) for line in table.splitlines()]
+    return [dict(zip(header, row, strict=True)) for row in rows if row[0] == network]
 
 
 def _cells(line: str) -> list[str]:

@@ -186,12 +186,19 @@ class Estimate(LightingRecord):
 
 
 class Accuracy(BaseModel):
-    """Errors over test crops whose sun is known, in degrees, from the model card."""
+    """Errors over test crops, in degrees, from the model card; those of the sun over crops whose sun is known."""
 
-    crops: int
+    crops: int = Field(description="whose sun is known")
     sun_median: float
     sun_quartile_1: float
     sun_quartile_3: float
+    sun_azimuth_median: float
+    sun_elevation_median: float
+    camera_elevation_median: float
+    camera_roll_median: float
+    vertical_fov_median: float
+    turbidity_median: float
+    exposure_median: float = Field(description="in stops")
     within_22_5: float = Field(description="share of suns nearer than 22.5 deg [%]")
     within_45: float = Field(description="share of suns nearer than 45 deg [%]")
     in_50_region: float = Field(description="share of suns inside the 50 % region [%]")

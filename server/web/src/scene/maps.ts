@@ -5,7 +5,7 @@ import { HDRLoader } from "three/addons/loaders/HDRLoader.js";
 import { envmapUrl, file, type Parameters } from "../api";
 import { type Latlong, type SceneLight, splitLight } from "../pure/light";
 
-const HEIGHT = 256; // rows
+const HEIGHT = 128; // rows; finer ones take phones too long to prefilter
 
 export async function fetchLight(parameters: Parameters, signal: AbortSignal): Promise<SceneLight> {
   const withoutSun = fetchMap({ ...parameters, sun: false }, signal);

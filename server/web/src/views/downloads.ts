@@ -2,7 +2,6 @@
 
 import { envmapUrl, type Format, file, type Lighting, type Parameters } from "../api";
 import { byId, make } from "../dom";
-import { apiKey } from "../key";
 import { recordOf } from "../parameters";
 
 const FORMATS: Format[] = ["exr", "hdr", "png"];
@@ -17,11 +16,10 @@ export function linkDownloads(lighting: Lighting, parameters: Parameters, photoN
   if (before) URL.revokeObjectURL(before);
 }
 
-/** Links carry no API key; where one is needed the file is fetched with it instead. */
+/** Fetches what a link leads to: links carry no API key, say no errors, and save under the service's own name. */
 export function listenForDownloads(failed: (error: unknown) => void): void {
   for (const format of FORMATS) {
     byId(`get-${format}`).addEventListener("click", (event) => {
-      if (!apiKey()) return;
       event.preventDefault();
       const { href, download } = event.currentTarget as HTMLAnchorElement;
       file(href).then((blob) => save(blob, download), failed);
