@@ -7,15 +7,19 @@ import uvicorn
 from pydantic import ValidationError
 
 from lighting.errors import LightingError
-from server.app import create_app
-from server.settings import PREFIX, Settings
+from server.process import prepare
 
 
 def main() -> None:
     """Serve until SIGTERM or SIGINT; running requests then have `shutdown_seconds` to finish."""
+    prepare()
+    from server.app import create_app
+    from server.settings import PREFIX, Settings
+
     try:
         settings = Settings()
         app = create_app(settings)
+        app.state.service.load()
     except ValidationError as error:
         sys.exit("\n".join(f"{PREFIX}{'.'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors()))
     except (LightingError, OSError) as error:
@@ -40,6 +44,7 @@ def _logging(level: str) -> dict[str, Any]:
         "disable_existing_loggers": False,
         "formatters": {"line": {"format": "%(asctime)s %(levelname)s %(name)s: %(message)s"}},
         "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
+        "loggers": {"python_multipart": {"level": "ERROR"}},  # warns of every odd byte of a form
         "root": {"level": level, "handlers": ["stderr"]},
     }
 

@@ -42,9 +42,8 @@ def sun_probability(prediction: Prediction) -> dict[str, Any]:
 
 
 def map_response(data: bytes, format: Format, headers: dict[str, str] | None = None) -> Response:
-    """An environment map as a file that browsers save under a name."""
-    name = {"Content-Disposition": f'inline; filename="envmap.{format}"'}
-    return Response(data, media_type=MEDIA_TYPES[format], headers={**name, **(headers or {})})
+    """An environment map as a file."""
+    return Response(data, media_type=MEDIA_TYPES[format], headers=headers)
 
 
 def cache_headers(query: SkyQuery, seconds: int, public: bool) -> dict[str, str]:

@@ -30,7 +30,7 @@ PHOTO_BODY: dict[str, Any] = {
 RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
 MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}
 PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
-PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 503)
+PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 500, 503)
 
 router = APIRouter(prefix="/v1", tags=["lighting"])
 
@@ -60,7 +60,7 @@ async def estimate_lighting(
     "/envmap",
     summary="The environment map of a sky",
     response_class=Response,
-    responses={200: MAPS, 304: {"description": "The client's copy is still good"}, **documented(422, 503)},
+    responses={200: MAPS, 304: {"description": "The client's copy is still good"}, **documented(422, 500, 503)},
 )
 async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
@@ -102,7 +102,7 @@ async def draw_preview(place: Placed, photo: PhotoBytes) -> Response:
     return Response(await place.run(work.preview_file, place.service, photo), media_type="image/png")
 
 
-@router.get("/model", summary="The network that answers", responses=documented(503))
+@router.get("/model", summary="The network that answers", responses=documented(500, 503))
 async def describe_model(service: Services) -> ModelCard:
     """Its name, version and licence, the grid it votes on, and how accurate it is."""
     spec = service.estimator.model.spec

@@ -74,8 +74,8 @@ class Body:
 
     @asynccontextmanager
     async def _form(self) -> AsyncIterator[FormData]:
-        parser = MultiPartParser(self.request.headers, self._chunks(self.max_bytes), max_files=1, max_fields=MAX_FIELDS)
-        parser.spool_max_size = self.max_bytes + 1
+        parser = _Form(self.request.headers, self._chunks(self.max_bytes), max_files=1, max_fields=MAX_FIELDS)
+        parser.spool_max_size = self.max_bytes + 1  # in memory, never on disk
         try:
             form = await parser.parse()
         except MultiPartException as error:
@@ -84,6 +84,23 @@ class Body:
             yield form
         finally:
             await form.close()
+
+
+class _Form(MultiPartParser):
+    """A parser that refuses a form without its end."""
+
+    ended = False
+
+    def on_end(self) -> None:
+        self.ended = True
+
+    async def parse(self) -> FormData:
+        form = await super().parse()
+        if not self.ended:
+            for file in self._files_to_close_on_error:
+                file.close()
+            raise MultiPartException("It is cut short.")
+        return form
 
 
 def _check(size: int, limit: int) -> None:

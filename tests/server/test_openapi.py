@@ -93,7 +93,7 @@ schemathesis.openapi.format("binary", PHOTOS)
 @pytest.fixture
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
-    monkeypatch.setattr(work, "render", lambda lighting, height, sun=None: render(lighting, 16, sun=sun))
+    monkeypatch.setattr(work, "render", lambda lighting, _, sun=None: render(lighting, 16, sun=sun))
     monkeypatch.setattr(work, "draw_preview", lambda *_: scene(16, 16))
     app = create_app(Settings(), estimator)
     app.state.service.answer_once()

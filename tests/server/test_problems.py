@@ -20,7 +20,7 @@ JPEG = {"Content-Type": "image/jpeg"}
 
 def problem(answer: Any, status: int, name: str) -> dict[str, Any]:
     """The body of an answer that is this problem."""
-    assert answer.status_code == status, answer.text
+    assert answer.status_code == status, answer.content[:300]
     assert answer.headers["content-type"] == "application/problem+json"
     body: dict[str, Any] = answer.json()
     Problem.model_validate(body, strict=True)

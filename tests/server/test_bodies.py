@@ -1,0 +1,234 @@
+"""Bad bodies: each gets the right 4xx, and the service answers the next good request."""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from typing import Any
+
+import pytest
+from PIL import Image
+from starlette.testclient import TestClient
+
+from lighting.pipeline import Estimator
+from tests.conftest import encode, scene
+from tests.server.conftest import client_of
+from tests.server.test_problems import problem
+
+LIMIT = 300_000  # bytes
+BOUNDARY = "frontier"
+GOOD = encode(scene(320, 240))
+
+
+@pytest.fixture
+def client(estimator: Estimator) -> Iterator[TestClient]:
+    """A service with low limits, which must answer a good request after whatever the test did."""
+    client = client_of(estimator, max_bytes=LIMIT, max_pixels=1_000_000)
+    yield client
+    assert client.post("/v1/lighting", content=GOOD, headers={"Content-Type": "image/jpeg"}).status_code == 200
+    assert client.app.state.service.limiter.admitted == 0  # type: ignore[attr-defined]
+
+
+def chunk(name: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+
+def png(width: int, height: int, *extra: bytes) -> bytes:
+    """A PNG that announces a size and holds one row; grey, 8 bits."""
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
+    pixels = chunk(b"IDAT", zlib.compress(bytes(width + 1)))
+    return b"\x89PNG\r\n\x1a\n" + header + b"".join(extra) + pixels + chunk(b"IEND", b"")
+
+
+TEXT_BOMB = chunk(b"zTXt", b"Comment\0\0" + zlib.compress(bytes(100_000_000), 9))
+
+BAD_PHOTOS = {
+    "empty": (b"", 400),
+    "text": (b"This is no picture.", 400),
+    "zeros": (bytes(10_000), 400),
+    "half a JPEG": (GOOD[: len(GOOD) // 2], 400),
+    "a JPEG's first bytes": (GOOD[:20], 400),
+    "a JPEG without its first byte": (GOOD[1:], 400),
+    "GIF": (encode(scene(64, 64), "GIF"), 400),
+    "TIFF": (encode(scene(64, 64), "TIFF"), 400),
+    "SVG": (b'<?xml version="1.0"?><svg xmlns="http://www.w3.org/2000/svg" width="99" height="99"/>', 400),
+    "PostScript": (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 99 99\n", 400),
+    "1 x 1": (encode(scene(1, 1), "PNG"), 400),
+    "30000 x 1": (encode(Image.new("L", (30_000, 1)), "PNG"), 400),
+    "1 x 30000": (encode(Image.new("L", (1, 30_000)), "PNG"), 400),
+    "0 x 0": (png(0, 0), 400),
+    "a PNG over the pixel limit": (encode(Image.new("L", (2000, 2000)), "PNG"), 413),
+    "a PNG of 10^10 pixels": (png(100_000, 100_000), 413),
+    "a PNG of 2^62 pixels": (png(2**31 - 1, 2**31 - 1), 413),
+    "a PNG whose comment inflates to 100 MB": (png(400, 400, TEXT_BOMB), 400),
+    "HEIC brand and nothing else": (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", 400),
+    "ZIP with the name of a JPEG": (b"PK\x03\x04" + bytes(26) + b"photo.jpg" + GOOD[:100], 400),
+    "HTML before a JPEG": (b"<html><script>alert(1)</script></html>" + GOOD, 400),
+    "over the byte limit": (GOOD + bytes(LIMIT), 413),
+}
+KINDS = {400: "unreadable-photo", 413: "too-large"}
+
+
+@pytest.mark.parametrize("name", BAD_PHOTOS)
+@pytest.mark.parametrize("path", ["/v1/lighting", "/v1/envmap", "/v1/preview"])
+def test_a_raw_body_that_is_no_photo(client: TestClient, path: str, name: str) -> None:
+    data, status = BAD_PHOTOS[name]
+    problem(client.post(path, content=data, headers={"Content-Type": "image/png"}), status, KINDS[status])
+
+
+@pytest.mark.parametrize("name", BAD_PHOTOS)
+def test_a_file_in_a_form_that_is_no_photo(client: TestClient, name: str) -> None:
+    data, status = BAD_PHOTOS[name]
+    problem(client.post("/v1/lighting", files={"photo": ("x.jpg", data, "image/jpeg")}), status, KINDS[status])
+
+
+@pytest.mark.parametrize("media", ["image/jpeg", "multipart/form-data; boundary=frontier", "application/json"])
+def test_a_body_without_a_length_is_counted_as_it_comes(client: TestClient, media: str) -> None:
+    sent = 0
+
+    def endless() -> Iterator[bytes]:
+        nonlocal sent
+        yield f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="photo"; filename="a"\r\n\r\n'.encode()
+        for _ in range(100):
+            sent += 50_000
+            yield bytes(50_000)
+
+    answer = client.post("/v1/envmap", content=endless(), headers={"Content-Type": media})
+    assert "larger than the limit" in problem(answer, 413, "too-large")["detail"]
+
+
+@pytest.mark.parametrize("lie", ["-1", "abc", "1e3", "9" * 30])
+def test_a_strange_length_does_no_harm(client: TestClient, lie: str) -> None:
+    headers = {"Content-Type": "image/jpeg", "Content-Length": lie}
+    answer = client.post("/v1/lighting", content=GOOD, headers=headers)
+    assert answer.status_code == (413 if lie.startswith("9") else 200)
+
+
+UNKNOWN_TYPES = [
+    None,
+    "",
+    "text/plain",
+    "application/x-www-form-urlencoded",
+    "application/octet-stream",
+    "image/gif",
+    "image/*",
+    "image",
+    "multipart/mixed; boundary=x",
+    "é/é",
+]
+
+
+@pytest.mark.parametrize("media", UNKNOWN_TYPES)
+def test_another_content_type_is_415_and_names_those_taken(client: TestClient, media: str | None) -> None:
+    headers = {} if media is None else {"Content-Type": media.encode("latin-1")}
+    answer = client.request("POST", "/v1/lighting", content=GOOD, headers=headers)
+    problem(answer, 415, "unsupported-type")
+    assert "image/jpeg" in answer.headers["accept"]
+    assert "application/json" not in answer.headers["accept"]
+
+
+def test_json_is_taken_where_a_record_is(client: TestClient) -> None:
+    problem(client.post("/v1/preview", json={}), 415, "unsupported-type")
+    assert "application/json" in client.post("/v1/envmap", content=b"", headers={}).headers["accept"]
+
+
+@pytest.mark.parametrize("media", ["image/png", "image/webp", "IMAGE/JPEG", "image/jpeg; charset=klingon"])
+def test_the_bytes_say_what_a_photo_is(client: TestClient, media: str) -> None:
+    assert client.post("/v1/lighting", content=GOOD, headers={"Content-Type": media}).status_code == 200
+
+
+def exif_garbage() -> bytes:
+    segment = b"Exif\0\0MM\0*\xff\xff\xff\xff" + bytes(range(256)) * 8
+    return GOOD[:2] + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + GOOD[2:]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        exif_garbage(),
+        GOOD + b"PK\x03\x04 a ZIP behind the photo",
+        GOOD + b"<script>alert(1)</script>",
+        GOOD + GOOD[:1000],
+    ],
+    ids=["EXIF garbage", "ZIP behind", "HTML behind", "another begun"],
+)
+def test_oddities_around_a_good_photo_are_left_alone(client: TestClient, data: bytes) -> None:
+    assert client.post("/v1/lighting", content=data, headers={"Content-Type": "image/jpeg"}).status_code == 200
+
+
+def form(*parts: bytes, end: bytes = b"--frontier--\r\n") -> bytes:
+    return b"".join(b"--frontier\r\n" + part + b"\r\n" for part in parts) + end
+
+
+FILE = b'Content-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n' + GOOD
+OTHER = b'Content-Disposition: form-data; name="other"; filename="p.jpg"\r\n\r\n' + GOOD
+TEXT = b'Content-Disposition: form-data; name="photo"\r\n\r\ntext'
+NAMELESS = b"Content-Disposition: form-data\r\n\r\ntext"
+FIELD = b'Content-Disposition: form-data; name="note"\r\n\r\ntext'
+
+BAD_FORMS = {
+    "empty": (b"", 400),
+    "no part": (form(), 422),
+    "another field": (form(OTHER), 422),
+    "text in the field": (form(TEXT), 422),
+    "text and a file": (form(TEXT, FILE), 422),
+    "two files": (form(FILE, FILE), 400),
+    "seventeen fields": (form(*[FIELD] * 17), 400),
+    "a nameless part": (form(NAMELESS), 400),
+    "no disposition": (form(b"\r\n" + GOOD), 400),
+    "another boundary": (form(FILE).replace(b"frontier", b"limit"), 400),
+    "cut short": (form(FILE)[:3000], 400),
+    "cut in the headers": (form(FILE)[:40], 400),
+    "no end": (form(FILE, end=b""), 400),
+    "noise": (bytes(range(256)) * 20, 400),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FORMS)
+def test_a_form_that_is_not_as_it_should_be(client: TestClient, name: str) -> None:
+    data, status = BAD_FORMS[name]
+    headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}"}
+    body = problem(client.post("/v1/lighting", content=data, headers=headers), status, FORM_KINDS[status])
+    assert status == 400 or body["errors"][0]["field"] == "photo"
+
+
+FORM_KINDS = {400: "unreadable-body", 422: "invalid"}
+
+
+@pytest.mark.parametrize("parameters", ["", "; boundary=", f"; boundary={'x' * 500}", "; boundary=é"])
+def test_a_form_without_a_boundary_of_use_is_400(client: TestClient, parameters: str) -> None:
+    headers = {"Content-Type": f"multipart/form-data{parameters}".encode("latin-1")}
+    answer = client.post("/v1/lighting", content=form(FILE), headers=headers)
+    assert answer.status_code in (400, 422)
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize("charset", ["utf-16", "klingon", "idna", "rot13", "zlib"])
+def test_a_form_in_a_wrong_charset_does_no_harm(client: TestClient, charset: str) -> None:
+    headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}; charset={charset}"}
+    assert client.post("/v1/lighting", content=form(FILE), headers=headers).status_code in (200, 400, 422)
+
+
+def test_a_form_may_hold_other_fields_and_any_file_name(client: TestClient) -> None:
+    for name in ("../../etc/passwd", "a\0b", "x" * 2000, "фото.jpg", ""):
+        files: Any = {"photo": (name or "p", GOOD, "text/html")}
+        answer = client.post("/v1/lighting", files=files, data={"note": "hello"})
+        assert answer.status_code == 200, name
+
+
+def test_a_record_has_a_limit_of_its_own(client: TestClient) -> None:
+    body = b'{"sun": "' + b"x" * 100_000 + b'"}'
+    answer = client.post("/v1/envmap", content=body, headers={"Content-Type": "application/json"})
+    assert "0.1 MB" in problem(answer, 413, "too-large")["detail"]
+
+
+def test_no_upload_ever_reaches_the_disk(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    import tempfile
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a temporary file")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
+    monkeypatch.setattr(tempfile.SpooledTemporaryFile, "rollover", refuse)
+    large = BytesIO(encode(scene(900, 800), "JPEG", quality=100))
+    assert client.post("/v1/lighting", files={"photo": ("p.jpg", large, "image/jpeg")}).status_code == 200

@@ -1,0 +1,177 @@
+"""Places: so many run, so many wait, the next is told at once, and whoever goes away leaves his to others."""
+
+import json
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import anyio
+import pytest
+from fastapi import FastAPI
+from starlette.types import Message
+
+from lighting.parameters import Lighting, Prediction
+from lighting.photo import Photo
+from lighting.pipeline import Estimator
+from server.app import create_app
+from server.limiter import BusyError, Limiter
+from server.service import Service
+from server.settings import Settings
+
+
+class Held:
+    """A service with one place and one waiting place whose readings of photos last until `release`."""
+
+    def __init__(self, estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.app: FastAPI = create_app(Settings(concurrency=1, queue=1), estimator)
+        self.service: Service = self.app.state.service
+        self.release = threading.Event()
+        self.estimates = 0
+        read, estimate = self.service.read, self.service.estimate
+
+        def held_read(data: bytes) -> Photo:
+            assert self.release.wait(30)
+            return read(data)
+
+        def counted_estimate(photo: Photo) -> tuple[Prediction, Lighting]:
+            self.estimates += 1
+            return estimate(photo)
+
+        monkeypatch.setattr(self.service, "read", held_read)
+        monkeypatch.setattr(self.service, "estimate", counted_estimate)
+
+
+@pytest.fixture
+def held(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> Held:
+    return Held(estimator, monkeypatch)
+
+
+class Client:
+    """One request with a photo, by hand, so that it can break off."""
+
+    def __init__(self, app: FastAPI, photo: bytes, sent: int | None = None) -> None:
+        self.app = app
+        self.gone = anyio.Event()
+        self.bodies = [{"type": "http.request", "body": photo[:sent], "more_body": sent is not None}]
+        self.sent: list[Message] = []
+
+    async def receive(self) -> Message:
+        if self.bodies:
+            return self.bodies.pop()
+        await self.gone.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(self, message: Message) -> None:
+        self.sent.append(message)
+
+    async def ask(self) -> None:
+        headers = [(b"content-type", b"image/jpeg")]
+        scope = {"type": "http", "method": "POST", "path": "/v1/lighting", "query_string": b"", "headers": headers}
+        await self.app(scope, self.receive, self.send)
+
+    @property
+    def status(self) -> int:
+        return int(self.sent[0]["status"]) if self.sent else 0
+
+    @property
+    def headers(self) -> dict[bytes, bytes]:
+        return dict(self.sent[0]["headers"])
+
+
+async def until(condition: Callable[[], Any]) -> None:
+    with anyio.fail_after(30):
+        while not condition():
+            await anyio.sleep(0.002)
+
+
+def test_places_run_out_and_come_back() -> None:
+    limiter = Limiter(1, 1)
+    with limiter.admission():
+        with limiter.admission():
+            assert (limiter.admitted, limiter.waiting) == (2, 2)
+            with pytest.raises(BusyError), limiter.admission():
+                raise AssertionError("there was no place")
+        with limiter.admission():
+            assert limiter.admitted == 2
+    with pytest.raises(KeyError), limiter.admission():
+        raise KeyError
+    assert limiter.admitted == 0
+
+
+def test_a_full_queue_is_told_at_once_and_who_leaves_it_makes_room(held: Held, jpeg: bytes) -> None:
+    async def scenario() -> None:
+        running, waiting, refused, late = (Client(held.app, jpeg) for _ in range(4))
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(running.ask)
+            await until(lambda: held.service.limiter.running == 1)
+            tasks.start_soon(waiting.ask)
+            await until(lambda: held.service.limiter.waiting == 1)
+            await refused.ask()
+            assert refused.status == 503
+            assert refused.headers[b"retry-after"] == b"1"
+            assert json.loads(refused.sent[1]["body"])["type"].endswith(":busy")
+            waiting.gone.set()
+            await until(lambda: held.service.limiter.admitted == 1)
+            tasks.start_soon(late.ask)
+            await until(lambda: held.service.limiter.waiting == 1)
+            held.release.set()
+        assert (running.status, waiting.status, late.status) == (200, 499, 200)
+        assert held.service.limiter.admitted == held.service.limiter.running == 0
+
+    anyio.run(scenario)
+
+
+def test_work_for_a_client_that_has_gone_stops_at_its_next_step(held: Held, jpeg: bytes) -> None:
+    async def scenario() -> None:
+        client = Client(held.app, jpeg)
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(client.ask)
+            await until(lambda: held.service.limiter.running == 1)
+            client.gone.set()
+            await anyio.sleep(0.01)
+            held.release.set()
+        assert client.status == 499
+        assert held.estimates == 0
+        assert held.service.limiter.admitted == held.service.limiter.running == 0
+
+    anyio.run(scenario)
+
+
+def test_an_upload_that_breaks_off_frees_its_place(held: Held, jpeg: bytes) -> None:
+    async def scenario() -> None:
+        client = Client(held.app, jpeg, sent=100)
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(client.ask)
+            await until(lambda: held.service.limiter.waiting == 1)
+            client.gone.set()
+        assert client.status == 499
+        assert held.service.limiter.admitted == 0
+
+    anyio.run(scenario)
+
+
+def test_an_upload_that_takes_too_long_is_408_and_frees_its_place(estimator: Estimator, jpeg: bytes) -> None:
+    async def scenario() -> None:
+        app = create_app(Settings(upload_seconds=0.05), estimator)
+        client = Client(app, jpeg, sent=100)
+        await client.ask()
+        assert client.status == 408
+        assert client.headers[b"connection"] == b"close"
+        assert app.state.service.limiter.admitted == 0
+
+    anyio.run(scenario)
+
+
+def test_what_work_raises_comes_out_as_it_is() -> None:
+    async def never() -> Message:
+        await anyio.sleep_forever()
+        raise AssertionError
+
+    def fail() -> None:
+        raise KeyError("work")
+
+    async def scenario() -> None:
+        with pytest.raises(KeyError, match="work"):
+            await Limiter(1, 0).run(never, fail)
+
+    anyio.run(scenario)

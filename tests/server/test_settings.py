@@ -1,0 +1,64 @@
+"""Settings: from the environment, checked, and in README."""
+
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from server import problems
+from server.settings import PREFIX, Settings
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+
+
+def test_readme_lists_every_setting_with_its_default_and_meaning() -> None:
+    rows = re.findall(rf"^\| `{PREFIX}(\w+)` \| (.*?) \| (.*?) \|$", README, re.MULTILINE)
+    expected = [
+        (name.upper(), shown(field.default), field.description) for name, field in Settings.model_fields.items()
+    ]
+    assert rows == expected
+
+
+def shown(default: object) -> str:
+    return "" if default in (None, "", ()) else f"`{default}`"
+
+
+def test_readme_lists_every_problem_and_route() -> None:
+    for kind in problems.KINDS:
+        assert f"| {kind.status} | `{kind.name}` |" in README, kind.name
+
+
+def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = {"HOST": "0.0.0.0", "PORT": "9000", "API_KEYS": "a,b c", "CORS_ORIGINS": "https://a https://b", "MODEL": ""}
+    for name, value in given.items():
+        monkeypatch.setenv(PREFIX + name, value)
+    settings = Settings()
+    assert (settings.host, settings.port, settings.model) == ("0.0.0.0", 9000, None)
+    assert settings.all_keys() == ("a", "b", "c")
+    assert settings.cors_origins == ("https://a", "https://b")
+
+
+def test_places_are_the_cpus_unless_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.settings.available_cpus", lambda: 7)
+    assert Settings().places == 7
+    assert Settings(concurrency=3).places == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("PORT", "70000"),
+        ("PORT", "http"),
+        ("QUEUE", "-1"),
+        ("RATE_LIMIT", "often"),
+        ("LOG_LEVEL", "loud"),
+        ("UPLOAD_SECONDS", "0"),
+        ("MAX_BYTES", "0"),
+    ],
+)
+def test_a_setting_that_makes_no_sense_is_refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
+    monkeypatch.setenv(PREFIX + name, value)
+    with pytest.raises(ValidationError) as caught:
+        Settings()
+    assert caught.value.errors()[0]["loc"] == (name.lower(),)
