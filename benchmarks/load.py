@@ -23,7 +23,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from benchmarks.clients import Job, Outcome, ask_for
@@ -39,7 +39,7 @@ HEAD = f"{'clients':>26}{'req/s':>8}{'p50':>9}{'p95':>9}{'p99':>9}{'replies':>9}
 def main() -> None:
     """Measure and print."""
     options = _options()
-    share = options.seconds / (12 if options.beside else 8)  # of the time, for one level of one service
+    share = options.seconds / (13 if options.beside else 8)  # of the time, for one level of one service
     print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}, queue {options.queue}")
     with ExitStack() as stack:
         photo = stack.enter_context(_photo())
@@ -51,7 +51,7 @@ def main() -> None:
             other_port, _ = stack.enter_context(started(other, "/health"))
             jobs["LitServe"] = Job(other_port, "/predict", photo, EXR)
         for job in jobs.values():  # every buffer and thread exists afterwards
-            run(job, max(LEVELS), share / 2)
+            run(job, max(LEVELS), share)
         before = memory(ours.pid)
         for clients in LEVELS:
             for name, job in jobs.items():
@@ -92,7 +92,8 @@ def started(command: list[str], ready: str, queue: int = 64) -> Iterator[tuple[i
             _wait(f"http://127.0.0.1:{port}{ready}", process)
             yield port, process
         finally:
-            os.killpg(process.pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
 
 
 def _free_port() -> int:
