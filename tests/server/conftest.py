@@ -59,7 +59,7 @@ def service_of(client: TestClient) -> Service:
     return service
 
 
-SKY = {"sun_azimuth": -41.2, "sun_elevation": 33.0, "turbidity": 3.4, "exposure": 0.021}
+SKY: dict[str, Any] = {"sun_azimuth": -41.2, "sun_elevation": 33.0, "turbidity": 3.4, "exposure": 0.021}
 
 
 def jpeg_headers() -> dict[str, str]:

@@ -120,7 +120,7 @@ UNKNOWN_TYPES = [
 
 @pytest.mark.parametrize("media", UNKNOWN_TYPES)
 def test_another_content_type_is_415_and_names_those_taken(client: TestClient, media: str | None) -> None:
-    headers = {} if media is None else {"Content-Type": media.encode("latin-1")}
+    headers = {} if media is None else {b"Content-Type": media.encode("latin-1")}
     answer = client.request("POST", "/v1/lighting", content=GOOD, headers=headers)
     problem(answer, 415, "unsupported-type")
     assert "image/jpeg" in answer.headers["accept"]
@@ -197,7 +197,7 @@ FORM_KINDS = {400: "unreadable-body", 422: "invalid"}
 
 @pytest.mark.parametrize("parameters", ["", "; boundary=", f"; boundary={'x' * 500}", "; boundary=é"])
 def test_a_form_without_a_boundary_of_use_is_400(client: TestClient, parameters: str) -> None:
-    headers = {"Content-Type": f"multipart/form-data{parameters}".encode("latin-1")}
+    headers = {b"Content-Type": f"multipart/form-data{parameters}".encode("latin-1")}
     answer = client.post("/v1/lighting", content=form(FILE), headers=headers)
     assert answer.status_code in (400, 422)
     assert answer.headers["content-type"] == "application/problem+json"

@@ -31,11 +31,13 @@ class Held:
 
         def held_read(data: bytes) -> Photo:
             assert self.release.wait(30)
-            return read(data)
+            photo: Photo = read(data)
+            return photo
 
         def counted_estimate(photo: Photo) -> tuple[Prediction, Lighting]:
             self.estimates += 1
-            return estimate(photo)
+            answer: tuple[Prediction, Lighting] = estimate(photo)
+            return answer
 
         monkeypatch.setattr(self.service, "read", held_read)
         monkeypatch.setattr(self.service, "estimate", counted_estimate)

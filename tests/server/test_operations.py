@@ -2,6 +2,7 @@
 
 import logging
 import re
+from pathlib import Path
 
 import pytest
 from fastapi import FastAPI
@@ -45,8 +46,19 @@ def test_a_network_that_cannot_answer_is_never_ready(
     assert "cannot answer" in caplog.text
 
 
-def test_a_service_without_a_network_does_not_start(tmp_path: object) -> None:
-    app = create_app(Settings(model=f"{tmp_path}/none.onnx"))
+def test_the_network_is_loaded_once_at_the_start_with_the_threads_set(network: Path) -> None:
+    app = create_app(Settings(model=network, threads=3))
+    service = app.state.service
+    assert service.loaded is None
+    with TestClient(app):
+        estimator = service.estimator
+        assert estimator.model.session.get_session_options().intra_op_num_threads == 3
+        service.load()
+        assert service.estimator is estimator
+
+
+def test_a_service_without_a_network_does_not_start(tmp_path: Path) -> None:
+    app = create_app(Settings(model=tmp_path / "none.onnx"))
     with pytest.raises(ModelError, match="no network"), TestClient(app):
         pass
 
@@ -95,8 +107,7 @@ def test_a_request_id_is_echoed_or_made(client: TestClient) -> None:
     assert client.get("/livez", headers={"X-Request-ID": "trace-1.2_3"}).headers["x-request-id"] == "trace-1.2_3"
     made = client.get("/livez").headers["x-request-id"]
     assert re.fullmatch(r"[0-9a-f]{16}", made)
-    for bad in ("x" * 65, "a b", "<b>", "é".encode("latin-1"), ""):
-        assert re.fullmatch(
-            r"[0-9a-f]{16}", client.get("/livez", headers={"X-Request-ID": bad}).headers["x-request-id"]
-        )
+    for bad in ("x" * 65, "a b", "<b>", "é", ""):
+        answer = client.get("/livez", headers={b"X-Request-ID": bad.encode("latin-1")})
+        assert re.fullmatch(r"[0-9a-f]{16}", answer.headers["x-request-id"])
     assert client.get("/livez").headers["x-request-id"] != made
