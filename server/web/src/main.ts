@@ -60,8 +60,13 @@ function take(photo: File): void {
   status.textContent = `Looking at ${photo.name}…`;
   byId("error").hidden = true;
   byId("key-form").hidden = true;
-  result.setAttribute("aria-busy", "true");
+  setBusy(true);
   submit(photo);
+}
+
+function setBusy(busy: boolean): void {
+  result.setAttribute("aria-busy", String(busy));
+  document.body.toggleAttribute("data-busy", busy);
 }
 
 async function run(photo: File, signal: AbortSignal): Promise<void> {
@@ -79,7 +84,7 @@ function show(answer: Estimate, photo: Photo): void {
   shown = { answer, photo, parameters: parametersOf(answer) };
   byId("intro").hidden = true;
   result.hidden = false;
-  result.removeAttribute("aria-busy");
+  setBusy(false);
   const { title, text } = headline(answer);
   byId("title").textContent = title;
   byId("title").classList.toggle("sunny", isSunny(answer));
@@ -122,11 +127,11 @@ function fail(error: unknown): void {
   const { title, message } =
     error instanceof Refusal ? error : { title: "Something went wrong", message: String(error) };
   const box = byId("error");
-  box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: title }), ` ${message}`);
+  box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: `${title}.` }), ` ${message}`);
   box.hidden = false;
   byId("key-form").hidden = !(error instanceof Refusal && error.status === 401);
   status.textContent = "";
-  result.removeAttribute("aria-busy");
+  setBusy(false);
 }
 
 function aspectOf({ picture }: Photo): number {

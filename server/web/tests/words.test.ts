@@ -31,13 +31,19 @@ describe("words", () => {
 
   it("round numbers as far as they mean something", () => {
     expect([9.94, 9.96, 25.4].map(short)).toEqual(["9.9", "10", "25"]);
-    expect([0, 0.0002, 0.004, 0.32, 1].map(percent)).toEqual(["0 %", "< 0.1 %", "0.4 %", "32 %", "100 %"]);
+    expect([0, 0.0002, 0.004, 0.32, 1].map(percent)).toEqual([
+      "0\u00a0%",
+      "<\u00a00.1\u00a0%",
+      "0.4\u00a0%",
+      "32\u00a0%",
+      "100\u00a0%",
+    ]);
     expect([10.4567, 0.0213, 1234].map(factor)).toEqual(["10.5", "0.0213", "1230"]);
   });
 
   it("head a sunny photo with the sun, another without", () => {
     expect(headline(RECORD).title).toBe("Sun 54° right, 24° high");
-    expect(headline(RECORD).text).toContain("within 9.5°, 90 % within 25°");
+    expect(headline(RECORD).text).toContain("within 9.5°, 90\u00a0% within 25°");
     const grey = headline({ ...RECORD, sun: { ...RECORD.sun, visibility: 0.2 } });
     expect(grey.title).toBe("No direct sun");
     expect(grey.text).toContain("54° right, 24° high");

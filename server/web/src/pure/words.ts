@@ -21,7 +21,11 @@ export const short = (value: number): string => (value < 9.95 ? value.toFixed(1)
 
 export const percent = (share: number): string => {
   const value = 100 * share;
-  return value > 0 && value < 0.95 ? (value < 0.1 ? "< 0.1 %" : `${value.toFixed(1)} %`) : `${value.toFixed(0)} %`;
+  return value > 0 && value < 0.95
+    ? value < 0.1
+      ? "<\u00a00.1\u00a0%"
+      : `${value.toFixed(1)}\u00a0%`
+    : `${value.toFixed(0)}\u00a0%`;
 };
 
 /** Three significant digits, never as a power of ten. */
@@ -35,7 +39,7 @@ export function headline(lighting: Lighting): { title: string; text: string } {
   if (!isSunny(lighting)) {
     return { title: "No direct sun", text: `An overcast or shaded scene; if the sun shone, it would stand ${where}.` };
   }
-  const spread = `Half of the probability lies within ${short(radius_50)}°, 90 % within ${short(radius_90)}°.`;
+  const spread = `Half of the probability lies within ${short(radius_50)}°, 90\u00a0% within ${short(radius_90)}°.`;
   return { title: `Sun ${where}`, text: spread };
 }
 
@@ -48,7 +52,7 @@ export function numbers({ sun, sky, camera }: Lighting, errors: Record<string, n
   return [
     { name: "Sun azimuth", value: azimuthWords(sun.azimuth).replace(" (behind)", ""), ...note("sun_azimuth", "°") },
     { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°`, ...note("sun_elevation", "°") },
-    { name: "50 % / 90 % within", value: `${short(sun.radius_50)}° / ${short(sun.radius_90)}°` },
+    { name: "50\u00a0% / 90\u00a0% within", value: `${short(sun.radius_50)}° / ${short(sun.radius_90)}°` },
     { name: "Direct sun", value: percent(sun.visibility) },
     { name: "Turbidity", value: sky.turbidity.toFixed(1), ...note("turbidity", "") },
     { name: "Exposure", value: factor(sky.exposure), ...note("exposure", " stops") },

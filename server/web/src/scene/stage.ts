@@ -95,12 +95,6 @@ export class Stage {
     this.draw();
   }
 
-  setShown(shown: boolean): void {
-    this.object.visible = shown;
-    this.ground.material.visible = shown;
-    this.draw();
-  }
-
   /** Turns the object about its vertical axis, to the right as its front is seen. */
   turn(degrees: number): void {
     this.object.rotation.y += radians(degrees);

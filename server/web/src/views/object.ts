@@ -46,8 +46,8 @@ export class ObjectView {
   }
 
   private async load(): Promise<Stage | null> {
-    const { Stage } = await import("../scene/stage");
     try {
+      const { Stage } = await import("../scene/stage");
       const stage = new Stage(this.canvas);
       new ResizeObserver(() => this.fit(stage)).observe(byId("frame"));
       return stage;

@@ -32,7 +32,7 @@ export class Sliders {
     this.sun.checked = parameters.sun;
     for (const name of NAMES) {
       const input = this.input(name);
-      if (document.activeElement !== input) input.value = String(this.position(name, parameters));
+      input.value = String(this.position(name, parameters));
       const words = WORDS[name](parameters);
       input.setAttribute("aria-valuetext", words);
       this.output(name).value = words;
