@@ -3,9 +3,6 @@
 import sys
 from typing import Any
 
-import uvicorn
-from pydantic import ValidationError
-
 from lighting.errors import LightingError
 from server.process import prepare
 
@@ -13,6 +10,17 @@ from server.process import prepare
 def main() -> None:
     """Serve until SIGTERM or SIGINT; running requests then have `shutdown_seconds` to finish."""
     prepare()
+    try:
+        serve()
+    except ModuleNotFoundError as error:
+        sys.exit(f"The service needs {error.name}: pip install 'outdoor-lighting[server]'.")
+
+
+def serve() -> None:
+    """The same in a prepared process."""
+    import uvicorn
+    from pydantic import ValidationError
+
     from server.app import create_app
     from server.settings import PREFIX, Settings
 

@@ -54,8 +54,8 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
 
 def _include(app: FastAPI, service: Service) -> None:
     guards: list[tuple[object, Callable[..., Any], int]] = [
+        (service.rate, unhurried, 429),  # first, so that keys cannot be guessed quickly
         (service.keys, authorised, 401),
-        (service.rate, unhurried, 429),
     ]
     active = [(guard, status) for wanted, guard, status in guards if wanted]
     app.include_router(

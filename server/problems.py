@@ -82,17 +82,19 @@ def invalid(field: str, detail: str, **more: Any) -> ProblemError:
 
 
 def response(request: Request, error: ProblemError) -> JSONResponse:
-    kind = error.kind
-    body = {
+    body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
+    return JSONResponse({**body, **error.more}, error.kind.status, error.headers, MEDIA_TYPE)
+
+
+def _body(kind: Kind, detail: str, instance: str, request_id: str) -> dict[str, Any]:
+    return {
         "type": kind.type,
         "title": kind.title,
         "status": kind.status,
-        "detail": error.detail,
-        "instance": quote(request.scope["path"]),
-        "request_id": request.scope.get("request_id", ""),
-        **error.more,
+        "detail": detail,
+        "instance": instance,
+        "request_id": request_id,
     }
-    return JSONResponse(body, kind.status, error.headers, MEDIA_TYPE)
 
 
 def problem_of(error: Exception) -> ProblemError:
@@ -157,9 +159,13 @@ def _allowed(request: Request) -> dict[str, str]:
 
 def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """These errors for the OpenAPI document of a route."""
-    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
-    titles = {status: "; ".join(k.title for k in KINDS if k.status == status) for status in statuses}
-    return {status: {"description": title, "content": content} for status, title in titles.items()}
+    return {status: _documented([kind for kind in KINDS if kind.status == status]) for status in statuses}
+
+
+def _documented(kinds: list[Kind]) -> dict[str, Any]:
+    examples = {kind.name: {"value": _body(kind, f"{kind.title}.", "/v1", "4d1c0a6f5e2b7398")} for kind in kinds}
+    content = {"schema": {"$ref": "#/components/schemas/Problem"}, "examples": examples}
+    return {"description": "; ".join(kind.title for kind in kinds), "content": {MEDIA_TYPE: content}}
 
 
 def install(app: FastAPI) -> None:

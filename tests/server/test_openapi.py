@@ -17,6 +17,7 @@ from lighting import render
 from lighting.pipeline import Estimator
 from server import work
 from server.app import create_app
+from server.schemas import Problem
 from server.settings import Settings
 from tests.conftest import encode, scene
 
@@ -59,7 +60,8 @@ def test_every_operation_has_a_tag_a_summary_and_only_problems_as_errors(documen
         for status, answer in operation["responses"].items():
             if status >= "400":
                 assert list(answer["content"]) == ["application/problem+json"], status
-                assert answer["description"]
+                examples = answer["content"]["application/problem+json"]["examples"].values()
+                assert {str(Problem.model_validate(example["value"]).status) for example in examples} == {status}
 
 
 def test_every_parameter_and_field_has_its_range_and_an_example(document: dict[str, Any]) -> None:

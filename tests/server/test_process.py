@@ -186,6 +186,13 @@ def whole_answer(connection: socket.socket) -> bytes:
     return body
 
 
+def test_without_the_extra_it_says_what_to_install() -> None:
+    code = "import sys; sys.modules['uvicorn'] = None; from server.__main__ import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "The service needs uvicorn: pip install 'outdoor-lighting[server]'.\n"
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

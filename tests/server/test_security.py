@@ -97,6 +97,12 @@ def test_the_rate_of_each_client_is_limited(estimator: Estimator) -> None:
     assert other.get("/v1/model").status_code == 200
 
 
+def test_keys_cannot_be_guessed_faster_than_the_rate(estimator: Estimator) -> None:
+    client = client_of(estimator, rate_limit="2/minute", api_keys="right")
+    guesses = [client.get("/v1/model", headers={"Authorization": f"Bearer {key}"}).status_code for key in "abc"]
+    assert guesses == [401, 401, 429]
+
+
 def test_several_limits_apply_together() -> None:
     rate = Rate(Settings(rate_limit="5/second; 2/hour").rate_limits)
     waits = [rate.seconds_to_wait("me") for _ in range(3)]
