@@ -37,7 +37,8 @@ class Step:
     @property
     def pairs(self) -> dict[str, str]:
         """The NAME=VALUE pairs of an ENV, LABEL or ARG; a name alone has the value ""."""
-        return dict((*word.split("=", 1), "")[:2] for word in shlex.split(self.value))
+        parts = (word.partition("=") for word in shlex.split(self.value))
+        return {name: value for name, _, value in parts}
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,9 @@ def read_stages(text: str) -> list[Stage]:
 
 def read_steps(text: str) -> list[Step]:
     """Every instruction in its order, lines joined and comments left out."""
-    steps, parts, start = [], [], 0
+    steps: list[Step] = []
+    parts: list[str] = []
+    start = 0
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
