@@ -65,6 +65,8 @@ class Connection:
     async def ask(self, request: bytes) -> tuple[str, int, bytes]:
         """Status, Retry-After and body; or "refused", "unanswered" or "broken" in place of the status."""
         heard = False
+        if self.streams and (self.streams[0].at_eof() or self.streams[0].exception()):
+            self.close()  # by the service, while nothing was asked
         try:
             if self.streams is None:
                 self.streams = await asyncio.open_connection("127.0.0.1", self.port, limit=1 << 22)

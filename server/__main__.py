@@ -4,7 +4,7 @@ import sys
 from typing import Any
 
 from lighting.errors import LightingError
-from server.process import prepare
+from server.process import prepare, share_compression
 
 
 def main() -> None:
@@ -28,6 +28,7 @@ def serve() -> None:
         settings = Settings()
         app = create_app(settings)
         app.state.service.load()
+        share_compression(settings.places)
     except ValidationError as error:
         sys.exit("\n".join(f"{PREFIX}{'.'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors()))
     except (LightingError, OSError) as error:

@@ -42,6 +42,12 @@ def test_nothing_imports_numpy_before() -> None:
     assert run("import sys, server.__main__; print('numpy' in sys.modules)") == "False"
 
 
+@pytest.mark.parametrize(("cpus", "threads"), [(1, "0"), (2, "2")])
+def test_several_cpus_share_the_compression_of_a_map(cpus: int, threads: str) -> None:
+    code = "import OpenEXR, sys; from server.process import share_compression; share_compression(int(sys.argv[1]))"
+    assert run(f"{code}; print(OpenEXR.global_thread_count())", str(cpus)) == threads
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs glibc's mallopt")
 def test_buffers_are_used_again() -> None:
     """16 MB arrays made one after another in a thread fault their pages in once, not every time."""
