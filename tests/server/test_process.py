@@ -3,6 +3,7 @@
 import http.client
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -16,12 +17,14 @@ from typing import IO
 
 import pytest
 
+from lighting import read_exr
 from server.settings import PREFIX
 from tests.conftest import encode, scene
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 QUERY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
 
 
@@ -116,6 +119,21 @@ PHOTO = encode(scene(320, 240))
 def test_it_answers(server: Server) -> None:
     status, body = server.request("POST", "/v1/lighting", PHOTO)
     assert (status, json.loads(body)["model"]) == (200, {"name": "tiny", "version": "0.0.1"})
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="needs curl")
+def test_the_commands_of_readme_work(server: Server, tmp_path: Path) -> None:
+    commands = [line for line in README.splitlines() if line.startswith("curl ") and ":8000/" in line]
+    assert len(commands) == 6
+    (tmp_path / "lighting.json").write_bytes(server.request("POST", "/v1/lighting", PHOTO)[1])
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    for line in commands:
+        here = line.replace("curl ", "curl --fail -sS ").replace(":8000/", f":{server.port}/")
+        done = subprocess.run(here, shell=True, cwd=tmp_path, capture_output=True, timeout=120)
+        assert done.returncode == 0, (line, done.stderr)
+        assert done.stdout.startswith(b'{"model":') or "-o" in line
+    assert read_exr(tmp_path / "sky.exr")[1] is not None
+    assert (tmp_path / "preview.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_100_megabytes_are_413_and_the_connection_survives(server: Server) -> None:

@@ -7,6 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from server import problems
+from server.app import create_app
 from server.settings import PREFIX, Settings
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
@@ -27,6 +28,8 @@ def shown(default: object) -> str:
 def test_readme_lists_every_problem_and_route() -> None:
     for kind in problems.KINDS:
         assert f"| {kind.status} | `{kind.name}` |" in README, kind.name
+    for path in create_app(Settings()).openapi()["paths"]:
+        assert f"{path}`" in README or f"8000{path}" in README, path
 
 
 def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
