@@ -38,7 +38,7 @@ class Settings(BaseSettings):
     upload_seconds: float = Field(60.0, gt=0, description="longest time a body may take to arrive")
     shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM")
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps")
-    api_keys: Keys = Field((), description="keys (`Authorization: Bearer KEY`) between commas; without any, all is open")
+    api_keys: Keys = Field((), description="keys (`Authorization: Bearer KEY`) between commas; none leaves all open")
     api_keys_file: Path | None = Field(None, description="file with more keys, one a line, `#` begins a comment")
     rate_limit: str = Field("", description="requests per client, such as `60/minute` or `5/second;1000/day`")
     cors_origins: Words = Field((), description="origins of pages elsewhere that may call, separated by commas")
