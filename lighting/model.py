@@ -85,7 +85,7 @@ def _available_cpus() -> int:
 
 
 def _session(file: Path, threads: int) -> Any:
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import: its wheels report use to their maker otherwise
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels else report their use
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
