@@ -8,20 +8,19 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-FAULTS = """
-import resource, sys, threading
+KEPT = """
+import sys
+from pathlib import Path
 from server.process import prepare
 if sys.argv[1] == "prepared":
     prepare()
 import numpy as np
-def work():
-    for _ in range(20):
-        np.ones(2_000_000)
-before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-thread = threading.Thread(target=work)
-thread.start()
-thread.join()
-print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+before = resident()
+buffers = [np.ones(1_000_000) for _ in range(20)]
+del buffers
+print((resident() - before) // 1_000_000)
 """
 
 
@@ -49,6 +48,7 @@ def test_several_cpus_share_the_compression_of_a_map(cpus: int, threads: str) ->
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs glibc's mallopt")
-def test_buffers_are_used_again() -> None:
-    """16 MB arrays made one after another in a thread fault their pages in once, not every time."""
-    assert int(run(FAULTS, "prepared")) < int(run(FAULTS, "as it comes")) / 2
+def test_the_buffers_of_photos_stay_with_the_process() -> None:
+    """Of 20 buffers of 8 MB."""
+    assert int(run(KEPT, "prepared")) > 120
+    assert int(run(KEPT, "as it comes")) < 40
