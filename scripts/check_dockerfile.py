@@ -29,7 +29,7 @@ from scripts.tree import NEW_NETWORK, Tree, build, mount, unshare
 ROOT = Path(__file__).parent.parent
 PHOTO = ROOT / "examples" / "wide_street.jpg"
 LIMIT = 350  # MB over the base
-START, STOP = 60, 30  # seconds
+START, STOP = 120, 30  # seconds
 COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
 LIBRARIES = {  # of the slim base that a program may lean on
     *("ld-linux-x86-64", "libc", "libm", "libdl", "libpthread", "librt", "libutil", "libgcc_s", "libstdc++", "libz"),
