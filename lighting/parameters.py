@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ModelError, ParameterError
-from lighting.geometry import angles, direction, wrap_azimuth
+from lighting.geometry import angles, direction
 from lighting.sky import sky_coefficients
 from lighting.sun_grid import grid_directions, most_likely, radius
 
@@ -87,6 +87,16 @@ class Prediction:
     camera_elevation: float
     camera_roll: float
     vertical_fov: float
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Where a distribution puts the sun; units as in RANGES."""
+
+    azimuth: float
+    elevation: float
+    radius_50: float
+    radius_90: float
 
 
 @dataclass(frozen=True)
@@ -205,17 +215,27 @@ def _section(record: Mapping[str, Any], name: str, *, required: bool = False) ->
     return section
 
 
-def lighting_from(prediction: Prediction) -> Lighting:
-    """What the user gets of what the network said: the sun's best direction and every value inside its range."""
+def sun_of(prediction: Prediction) -> Sun:
+    """Where the pixels alone put the sun."""
     grid = prediction.spec.sun_grid
     sun = most_likely(prediction.sun_probability, grid)
     azimuth, elevation = angles(sun)
+    radius_50, radius_90 = (radius(prediction.sun_probability, share, grid, sun) for share in (0.5, 0.9))
+    return Sun(float(azimuth), float(elevation), radius_50, radius_90)
+
+
+def lighting_from(prediction: Prediction, sun: Sun | None = None) -> Lighting:
+    """What the user gets of what the network said: every value inside its range.
+
+    The sun is where the pixels put it unless something else is known, see fusion.py.
+    """
+    where = sun or sun_of(prediction)
     values = {
-        "sun_azimuth": float(wrap_azimuth(azimuth)),
-        "sun_elevation": float(elevation),
+        "sun_azimuth": where.azimuth,
+        "sun_elevation": where.elevation,
         "sun_visibility": prediction.sun_visibility,
-        "radius_50": radius(prediction.sun_probability, 0.5, grid, sun),
-        "radius_90": radius(prediction.sun_probability, 0.9, grid, sun),
+        "radius_50": where.radius_50,
+        "radius_90": where.radius_90,
         "turbidity": prediction.turbidity,
         "exposure": prediction.exposure,
         "camera_elevation": prediction.camera_elevation,
