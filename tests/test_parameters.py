@@ -75,7 +75,7 @@ def test_the_record_survives_json() -> None:
 
 def test_the_record_has_the_documented_shape() -> None:
     record = LIGHTING.to_dict()
-    assert set(record) == {"model", "sun", "sky", "camera"}
+    assert set(record) == {"model", "sun", "sky", "camera", "evidence", "warnings"}
     assert record["model"] == {"name": "outdoor", "version": "1.0.0"}
     assert record["sun"]["direction"] == pytest.approx(direction(-41.2, 33.0), abs=1e-6)
     assert record["sky"]["model"] == "hosek-wilkie"
