@@ -1,6 +1,7 @@
 """What a photo's metadata and its user know, turned into evidence about the sun, the heading and the lens."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -21,6 +22,8 @@ GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from
 # Hours from UTC that clocks follow somewhere, summer times included.
 ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
 ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
+
+_IN_TWILIGHT = "the answer is the sky of a sun on the horizon, brighter than this one, without direct sunlight."
 
 
 @dataclass(frozen=True)
@@ -77,11 +80,11 @@ def known(facts: PhotoFacts, given: Given) -> Known:
     merged = merge(facts, given)
     candidates, warnings = _suns(merged), _missing(merged, given)
     highest = max((elevation for elevation, _ in candidates), default=0.0)
+    if highest < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
+        raise ParameterError(_below_horizon(merged, highest) + "too dark for these skies.")
     if highest < 0.0:
-        sentence = _below_horizon(merged, highest)
-        if highest < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
-            raise ParameterError(sentence)
-        warnings = (*warnings, sentence)
+        consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
+        warnings = (*warnings, _below_horizon(merged, highest) + consequence)
     evidence = Evidence(
         candidates=_in_twilight_on_the_horizon(candidates) if highest >= CIVIL_TWILIGHT else (),
         vertical_fov=merged.vertical_fov,
@@ -111,6 +114,20 @@ def _time_of(time: datetime) -> dict[str, Any]:
     if time.tzinfo is None:
         return {"local_time": time, "utc_offset": None, "utc_time": None}
     return {"local_time": time.replace(tzinfo=None), "utc_offset": None, "utc_time": time.astimezone(UTC)}
+
+
+def of_one_place(facts: Sequence[PhotoFacts]) -> list[PhotoFacts]:
+    """The facts of photos taken together: the place is that of the first that has one, and so is the zone."""
+    place = next((f for f in facts if f.latitude is not None), PhotoFacts())
+    there = [replace(f, latitude=place.latitude, longitude=place.longitude) for f in facts]
+    offset = next((f.utc_offset for f in facts if f.utc_offset is not None), None)
+    return there if offset is None else [_in_zone(f, offset) for f in there]
+
+
+def _in_zone(facts: PhotoFacts, utc_offset: float) -> PhotoFacts:
+    if facts.local_time is None or facts.utc_time is not None:
+        return facts
+    return replace(facts, utc_offset=utc_offset, utc_time=in_utc(facts.local_time, utc_offset))
 
 
 def _missing(merged: PhotoFacts, given: Given) -> tuple[str, ...]:
@@ -152,20 +169,19 @@ def _in_twilight_on_the_horizon(suns: tuple[tuple[float, float], ...]) -> tuple[
 
 
 def _below_horizon(facts: PhotoFacts, highest: float) -> str:
-    polar = "in the polar night, " if _is_polar_night(facts) else ""
-    there = f"At that time and place the sun is {-highest:.1f}° below the horizon, {polar}{_phase(highest)}"
-    limits = "civil twilight ends at 6°, nautical at 12°, astronomical at 18°"
-    if highest < CIVIL_TWILIGHT:
-        return f"{there}: too dark for these skies, so time and place tell nothing about them ({limits})."
-    return f"{there} ({limits}): the sky is that of a sun on the horizon, without direct sunlight, and so too bright."
+    """What the highest of the possible elevations [deg], a negative one, means: the beginning of a sentence."""
+    return (
+        f"At that time and place the sun is {-highest:.1f}° below the horizon ({_phase(highest, facts)}; civil twilight "
+        "ends at 6°, nautical at 12°, astronomical at 18°): "
+    )
 
 
-def _phase(elevation: float) -> str:
-    if elevation >= CIVIL_TWILIGHT:
-        return "civil twilight"
-    if elevation >= NAUTICAL_TWILIGHT:
-        return "nautical twilight"
-    return "astronomical twilight" if elevation >= ASTRONOMICAL_TWILIGHT else "night"
+def _phase(elevation: float, facts: PhotoFacts) -> str:
+    polar = _is_polar_night(facts)
+    if elevation < ASTRONOMICAL_TWILIGHT:
+        return "polar night" if polar else "night"
+    kind = "civil" if elevation >= CIVIL_TWILIGHT else "nautical" if elevation >= NAUTICAL_TWILIGHT else "astronomical"
+    return f"{kind} twilight of the polar night" if polar else f"{kind} twilight"
 
 
 def _is_polar_night(facts: PhotoFacts) -> bool:

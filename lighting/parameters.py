@@ -317,7 +317,9 @@ def lighting_from(prediction: Prediction, sun: Sun | None = None) -> Lighting:
         "camera_roll": prediction.camera_roll,
         "vertical_fov": prediction.vertical_fov,
     }
-    inside: dict[str, Any] = {name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()}
+    inside: dict[str, Any] = {
+        name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()
+    }
     spec = prediction.spec
     return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=("pixels",))
 

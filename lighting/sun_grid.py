@@ -113,6 +113,13 @@ def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats
     return np.asarray(at / grid_solid_angle(layout)[cell])
 
 
+def over_cells(probability: ArrayLike, directions: ArrayLike, layout: str) -> Floats:
+    """Probabilities (N,) over the cells of those (M,) of directions (M, 3), each spread by 4 deg between its cells."""
+    if np.array_equal(directions, grid_directions(layout)):
+        return np.asarray(probability)
+    return np.asarray(np.asarray(probability) @ soft_label(directions, _SMOOTHING, layout))
+
+
 def smooth_density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats:
     """Probability density [1/sr] (...) at directions (..., 3) of probabilities (N,), smooth between the cells.
 
