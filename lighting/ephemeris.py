@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.floating[Any]]
 
-SUNSET = -0.26667 - 0.5667  # deg: the upper edge of the disc touches the horizon, refraction included
+SUN_RADIUS = 0.26667  # deg
+SUNSET = -SUN_RADIUS - 0.5667  # deg: where the centre truly is when the upper edge is seen on the horizon
 CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, ASTRONOMICAL_TWILIGHT = -6.0, -12.0, -18.0  # deg, where each ends
 
 _J2000 = np.datetime64("2000-01-01T12:00:00")

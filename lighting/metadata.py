@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lighting.clock import OFFSETS, YEARS, in_utc
 from lighting.declination import TYPICAL_DECLINATION, declination
-from lighting.ephemeris import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, SUNSET, sun_position
+from lighting.ephemeris import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, SUN_RADIUS, sun_position
 from lighting.errors import ParameterError
 from lighting.exif import PhotoFacts
 from lighting.fusion import COMPASS_SPREAD, Evidence, Fused
@@ -82,7 +82,7 @@ def known(facts: PhotoFacts, given: Given) -> Known:
     highest = max((elevation for elevation, _ in candidates), default=0.0)
     if highest < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
         raise ParameterError(_below_horizon(merged, highest) + "too dark for these skies.")
-    if highest < 0.0:
+    if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, _below_horizon(merged, highest) + consequence)
     evidence = Evidence(
@@ -92,7 +92,7 @@ def known(facts: PhotoFacts, given: Given) -> Known:
     )
     place = (merged.latitude, merged.longitude) if given.keep_location else (None, None)
     location = None if place[0] is None or place[1] is None else (place[0], place[1])
-    return Known(evidence, warnings, not CIVIL_TWILIGHT <= highest < 0.0, location)
+    return Known(evidence, warnings, not CIVIL_TWILIGHT <= highest < -SUN_RADIUS, location)
 
 
 def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
@@ -171,8 +171,8 @@ def _in_twilight_on_the_horizon(suns: tuple[tuple[float, float], ...]) -> tuple[
 def _below_horizon(facts: PhotoFacts, highest: float) -> str:
     """What the highest of the possible elevations [deg], a negative one, means: the beginning of a sentence."""
     return (
-        f"At that time and place the sun is {-highest:.1f}° below the horizon ({_phase(highest, facts)}; civil twilight "
-        "ends at 6°, nautical at 12°, astronomical at 18°): "
+        f"At that time and place the sun is {-highest:.1f}° below the horizon ({_phase(highest, facts)}; civil "
+        "twilight ends at 6°, nautical at 12°, astronomical at 18°): "
     )
 
 
@@ -188,7 +188,7 @@ def _is_polar_night(facts: PhotoFacts) -> bool:
     if facts.latitude is None or facts.longitude is None:
         return False
     around = _times(facts, facts.longitude)[:1] + np.arange(-12, 13).astype("timedelta64[h]")
-    return bool(np.max(sun_position(around, facts.latitude, facts.longitude)[1]) < SUNSET)
+    return bool(np.max(sun_position(around, facts.latitude, facts.longitude)[1]) < -SUN_RADIUS)
 
 
 def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
