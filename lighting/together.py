@@ -99,7 +99,7 @@ def _in_one_frame(predictions: Sequence[Prediction], turns: Floats, noise: float
     blurred = [_blurred(p, noise) for p in predictions]
     answers = []
     for own in turns:
-        seen = [_seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns, strict=True)]
+        seen = [seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns, strict=True)]
         log = exponent * np.sum(np.log(np.maximum(seen, _LOWEST)), axis=0)
         weight = np.exp(log - log.max()) * grid_solid_angle(layout)
         answers.append(weight / weight.sum())
@@ -111,12 +111,12 @@ def _blurred(prediction: Prediction, noise: float) -> Floats:
     if not noise:
         return prediction.sun_probability
     layout = prediction.spec.sun_grid
-    seen = [_seen_from(prediction.sun_probability, noise * step, layout) for step in _BLUR_STEPS]
+    seen = [seen_from(prediction.sun_probability, noise * step, layout) for step in _BLUR_STEPS]
     weight = np.exp(-0.5 * np.square(_BLUR_STEPS)) @ np.array(seen) * grid_solid_angle(layout)
     return np.asarray(weight / weight.sum())
 
 
-def _seen_from(probability: Floats, turn: float, layout: str) -> Floats:
+def seen_from(probability: Floats, turn: float, layout: str) -> Floats:
     """The density (N,) at the cells of a camera that is turned by `turn` [deg] clockwise from the probability's."""
     azimuth, elevation = angles(grid_directions(layout))
     return smooth_density(probability, direction(azimuth + turn, elevation), layout)
