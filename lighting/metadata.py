@@ -90,9 +90,12 @@ def known(facts: PhotoFacts, given: Given) -> Known:
         vertical_fov=merged.vertical_fov,
         **_compass(merged, given),
     )
-    place = (merged.latitude, merged.longitude) if given.keep_location else (None, None)
-    location = None if place[0] is None or place[1] is None else (place[0], place[1])
-    return Known(evidence, warnings, not CIVIL_TWILIGHT <= highest < -SUN_RADIUS, location)
+    sun_is_up = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS
+    return Known(evidence, warnings, sun_is_up, _place(merged) if given.keep_location else None)
+
+
+def _place(facts: PhotoFacts) -> tuple[float, float] | None:
+    return None if facts.latitude is None or facts.longitude is None else (facts.latitude, facts.longitude)
 
 
 def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
@@ -143,9 +146,9 @@ def _missing(merged: PhotoFacts, given: Given) -> tuple[str, ...]:
 
 def _suns(facts: PhotoFacts) -> tuple[tuple[float, float], ...]:
     """The sun's elevation and compass azimuth [deg]: one for a time in UTC, one a zone for a local time, or none."""
-    if facts.latitude is None or facts.longitude is None:
+    if (place := _place(facts)) is None:
         return ()
-    azimuth, elevation = sun_position(_times(facts, facts.longitude), facts.latitude, facts.longitude)
+    azimuth, elevation = sun_position(_times(facts, place[1]), *place)
     return tuple(zip(elevation.tolist(), azimuth.tolist(), strict=True))
 
 
@@ -185,10 +188,10 @@ def _phase(elevation: float, facts: PhotoFacts) -> str:
 
 
 def _is_polar_night(facts: PhotoFacts) -> bool:
-    if facts.latitude is None or facts.longitude is None:
+    if (place := _place(facts)) is None:
         return False
-    around = _times(facts, facts.longitude)[:1] + np.arange(-12, 13).astype("timedelta64[h]")
-    return bool(np.max(sun_position(around, facts.latitude, facts.longitude)[1]) < -SUN_RADIUS)
+    around = _times(facts, place[1])[:1] + np.arange(-12, 13).astype("timedelta64[h]")
+    return bool(np.max(sun_position(around, *place)[1]) < -SUN_RADIUS)
 
 
 def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
@@ -208,9 +211,8 @@ def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
 
 def _declination(facts: PhotoFacts) -> float | None:
     time = facts.utc_time or facts.local_time
-    if time is None or facts.latitude is None or facts.longitude is None:
-        return None
-    return declination(facts.latitude, facts.longitude, time)
+    place = _place(facts)
+    return None if time is None or place is None else declination(*place, time)
 
 
 def lighting_of(fused: Fused, known: Known) -> Lighting:

@@ -71,7 +71,7 @@ def estimate(
                 click.echo(in_words(name, answer))
                 report_warnings(name, answer, quiet)
     if failed and len(photos) > 1:
-        click.echo(f"{failed} of {len(photos)} photos could not be read.", err=True)
+        click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     ctx.exit(1 if failed else 0)
 
 
