@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.correlation import correlation_report
+from export.correlation import SIZES, correlation_report
 from export.crops import generator
 from export.metrics import Truth, median, share
 from export.report import figures_table
@@ -19,7 +19,11 @@ from lighting.metadata import Given, known
 from lighting.parameters import Prediction
 from lighting.together import together
 
-SIZES = (1, 2, 4, 8)  # views; one panorama has 8 crops
+SIMULATION = (
+    "Views of one panorama, in groups. Known headings are exact; those of a compass have one error for all with a median "
+    "of 17°, and one of 10° standard deviation for each. Elevation, turbidity and exposure are shared; where headings "
+    "are unknown, those relative to the first view are inferred."
+)
 HAND_NOISE = 10.0  # deg, standard deviation of one heading of a compass against the next
 
 Floats = NDArray[np.floating[Any]]
@@ -56,6 +60,7 @@ def groups_report(
     return "\n\n".join(
         [
             f"## Several photos together, protocol `{protocol}`: crops of {len(dealt[crops_each])} panoramas [deg]",
+            SIMULATION,
             figures_table(rows),
             correlation_report(truth, said, azimuth, crops_each),
         ]

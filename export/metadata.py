@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from export.metrics import Truth, azimuth_error, difference_interval, elevation_error, median, select, share, sun_error
 from export.metrics import answers as answers_of
 from export.report import figures_table, interval
-from export.simulated import Taken, only
+from export.simulated import GROSS, Taken, only
+from lighting.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
 from lighting.exif import PhotoFacts
 from lighting.fusion import Fused, fuse
 from lighting.geometry import angles, direction, wrap_azimuth
@@ -25,6 +26,16 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
     ("local time+place", "heading"),
 )
 
+SIMULATION = (
+    "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with a "
+    f"median error of 17° and {100 * GROSS:.0f} % that point anywhere; the lens as it is. A heading without time and "
+    "place says nothing of the sun. Without its zone, a time means any zone that the longitude allows."
+)
+WARNED = (
+    "Share of photos [%] that warn of a contradiction, when the record is true (compass noise, no gross error) and when "
+    f"it is false. They warn of a sun whose elevation the pixels give a tail probability under {ELEVATION_TAIL:.1%}, of "
+    f"a heading under {HEADING_TAIL:.1%}, and of a focal length that differs by a factor over {LENS_RATIO:g}."
+)
 WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
 
 Floats = NDArray[np.floating[Any]]
@@ -40,9 +51,10 @@ def metadata_report(protocol: str, truth: Truth, said: Sequence[Prediction], tak
     return "\n\n".join(
         [
             f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
+            SIMULATION,
             figures_table(rows),
             _azimuth_sentence(scored, fused[()], fused[("time+place",)]),
-            "Share of photos [%] whose pixels are said to contradict the record, when it is true and when it is false",
+            WARNED,
             figures_table(warning_shares(scored, predictions, records)),
         ]
     )

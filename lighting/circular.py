@@ -74,7 +74,15 @@ def sun_on_rings(directions: Floats, probability: Floats) -> Sun:
     azimuth, elevation = angles(directions)
     best = best_angle(azimuth, probability)
     near = probability * (np.abs(wrap_azimuth(azimuth - best)) <= _MODE_WIDTH)
+    near = near * (np.abs(elevation - _likeliest_ring(elevation, near)) <= _MODE_WIDTH)
     centre_elevation = float(near @ elevation / near.sum())
     centre = direction(best, centre_elevation)
     radius_50, radius_90 = (radius_around(probability, share, directions, centre) for share in (0.5, 0.9))
     return Sun(best, centre_elevation, radius_50, radius_90)
+
+
+def _likeliest_ring(elevation: Floats, probability: Floats) -> float:
+    """The elevation [deg], one of those given (N,), around which most of the probability (N,) lies."""
+    rings, member = np.unique(np.round(elevation, 6), return_inverse=True)
+    kernel = np.exp(-0.5 * ((rings[:, None] - rings) / _MODE_SMOOTHING) ** 2)
+    return float(rings[np.argmax(kernel @ np.bincount(member, probability))])

@@ -126,7 +126,7 @@ def smooth_density(probability: ArrayLike, direction: ArrayLike, layout: str) ->
     The densities of the cells are averaged with von Mises-Fisher weights of 4 deg, so that a uniform sky stays
     exactly uniform down to the horizon.
     """
-    solid_angle = grid_solid_angle(layout)
     cosine = np.asarray(direction, dtype=np.float32) @ grid_directions(layout).T.astype(np.float32)
-    weight = np.exp(np.float32(_SMOOTHING) * (cosine - np.float32(1.0))) * solid_angle.astype(np.float32)
-    return np.asarray((weight @ (np.asarray(probability) / solid_angle)) / weight.sum(axis=-1), dtype=np.float64)
+    kernel = np.exp(np.float32(_SMOOTHING) * (cosine - np.float32(1.0)))
+    held, area = np.moveaxis(kernel @ np.stack([probability, grid_solid_angle(layout)], -1).astype(np.float32), -1, 0)
+    return np.asarray(held / area, dtype=np.float64)

@@ -18,9 +18,10 @@ from lighting.geometry import angles, direction
 from lighting.parameters import Prediction
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 
-# learnt by `python -m export evaluate --with-metadata` on one half of the unseen places, checked on the other
+# learnt by `python -m export evaluate --with-metadata` on places that training never saw
 CORRELATION = 0.5  # of the sun's distribution in one frame
-ELEVATION_CORRELATION = 0.8  # of its elevation alone
+AZIMUTH_CORRELATION = 0.2  # of its azimuth at a known elevation
+ELEVATION_CORRELATION = 1.0  # of its elevation alone
 
 COMPASS_NOISE = 10.0  # deg, spread of one heading of a phone against the next; the larger part of its error is shared
 
@@ -122,6 +123,12 @@ def seen_from(probability: Floats, turn: float, layout: str) -> Floats:
     return smooth_density(probability, direction(azimuth + turn, elevation), layout)
 
 
+def ring_of(prediction: Prediction, elevation: float, turn: float) -> Floats:
+    """The density (360,) along an elevation [deg], by azimuth from 0 to 359, as `seen_from` gives that of the cells."""
+    suns = direction(HEADINGS + turn, elevation)
+    return smooth_density(prediction.sun_probability, suns, prediction.spec.sun_grid)
+
+
 def _on_rings(
     predictions: Sequence[Prediction], evidence: Sequence[Evidence], turns: Floats | None, noise: float
 ) -> list[Fused]:
@@ -145,7 +152,7 @@ def _share_zone(density: Sequence[Floats], prior: Sequence[Floats]) -> list[Floa
 
 def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Floats) -> list[Floats]:
     """Weights (K, 360) of each photo when one heading gives all; compass errors are shared, so priors are averaged."""
-    exponent = power(len(turns), CORRELATION)
+    exponent = power(len(turns), AZIMUTH_CORRELATION)
     compasses = max(1, sum(p.min() < p.max() for p in prior))
     log = np.sum(
         [
