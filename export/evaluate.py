@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.crops import PROTOCOLS, Camera, Crop, Source, generator, take
+from export.evidence import evidence_report
 from export.groups import groups_report
 from export.labels import Label
-from export.metadata import metadata_report
 from export.metrics import Answers, Floats, Truth, answers, median, sun_error
 from export.panoramas import Panorama, read_index
 from export.report import figures_table, report
@@ -175,7 +175,7 @@ def metadata_sections(protocol: str, scene: Scene, truth: Truth, said: Sequence[
     taken = take_metadata(truth, CROPS_EACH)
     azimuth = np.array([camera.azimuth for _, camera in scene.crops])
     return [
-        metadata_report(protocol, truth, said, taken),
+        evidence_report(protocol, truth, said, taken),
         groups_report(protocol, truth, said, taken, azimuth, CROPS_EACH),
     ]
 

@@ -20,9 +20,9 @@ from lighting.parameters import Prediction
 from lighting.together import together
 
 SIMULATION = (
-    "Views of one panorama, in groups. Known headings are exact; those of a compass have one error for all with a median "
-    "of 17°, and one of 10° standard deviation for each. Elevation, turbidity and exposure are shared; where headings "
-    "are unknown, those relative to the first view are inferred."
+    "Views of one panorama, in groups. Known headings are exact; those of a compass have one error for all with a "
+    "median of 17°, and one of 10° standard deviation for each. Elevation, turbidity and exposure are shared; where "
+    "headings are unknown, those relative to the first view are inferred."
 )
 HAND_NOISE = 10.0  # deg, standard deviation of one heading of a compass against the next
 

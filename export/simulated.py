@@ -19,6 +19,7 @@ from lighting.metadata import zones
 
 LATITUDES = (-55.0, 65.0)  # deg, where people live
 FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
+STEP = 300  # s, between the moments of a day that are tried first
 COMPASS_NOISE = 25.2  # deg, standard deviation: a median error of 17
 GROSS = 0.05  # share of headings that point anywhere
 
@@ -49,10 +50,9 @@ def sighting(elevation: float, rng: np.random.Generator) -> Sighting:
     while True:
         latitude, longitude = rng.uniform(*LATITUDES), rng.uniform(-180, 180)
         day = FIRST_DAY + np.timedelta64(int(rng.integers(DAYS)), "D")
-        passing = _passings(elevation, day + np.arange(0, 86400, 60), latitude, longitude)
+        passing = _passings(elevation, day + np.arange(0, 86400, STEP), latitude, longitude)
         if len(passing):
-            minute = rng.choice(passing)
-            seconds = minute + np.arange(60)
+            seconds = rng.choice(passing) + np.arange(STEP)
             azimuth, height = sun_position(seconds, latitude, longitude)
             best = int(np.argmin(np.abs(height - elevation)))
             return Sighting(seconds[best].item().replace(tzinfo=UTC), latitude, longitude, float(azimuth[best]))

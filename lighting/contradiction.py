@@ -44,11 +44,11 @@ def contradictions(
             "check the clock, the zone and the place."
         )
     if len(candidates) and compass is not None and heading_tail(density, *compass) < HEADING_TAIL:
-        yield f"The pixels all but exclude the compass heading of {compass[0]:.0f} deg."
+        yield f"The pixels all but exclude the compass heading of {compass[0]:.0f}°."
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
         yield (
-            f"The focal length gives a vertical field of view of {vertical_fov:.0f} deg, the pixels "
-            f"{prediction.vertical_fov:.0f}: the photo may be cropped."
+            f"The focal length gives a vertical field of view of {vertical_fov:.0f}°, the pixels "
+            f"{prediction.vertical_fov:.0f}°: the photo may be cropped."
         )
 
 
@@ -80,4 +80,4 @@ def lens_ratio(a: float, b: float) -> float:
 
 def _range(elevation: Floats) -> str:
     low, high = elevation.min(), elevation.max()
-    return f"{low:.0f} deg" if high - low < 1.0 else f"{low:.0f} to {high:.0f} deg"
+    return f"{low:.0f}°" if high - low < 1.0 else f"{low:.0f} to {high:.0f}°"

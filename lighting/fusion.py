@@ -66,7 +66,7 @@ def daylight(evidence: Evidence) -> Floats:
     candidates = np.array(evidence.candidates, dtype=np.float64).reshape(-1, 2)
     up = candidates[candidates[:, 0] >= 0.0]
     if len(candidates) and not len(up):
-        raise ParameterError(f"At this time and place the sun is {-candidates[:, 0].max():.1f} deg below the horizon.")
+        raise ParameterError(f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon.")
     return up
 
 

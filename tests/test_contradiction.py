@@ -50,15 +50,15 @@ def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
     suns = np.array([[5.0, 100.0]])
     warnings = list(contradictions(said, suns, ring_density(lobe(0.0, 5.0, 150.0), suns), (280.0, 10.0), 12.0))
     assert [w.split(" ")[0] for w in warnings] == ["The", "The", "The"]
-    assert "elevation at this time and place, 5 deg" in warnings[0]
-    assert "heading of 280 deg" in warnings[1]
-    assert "12 deg" in warnings[2]
+    assert "elevation at this time and place, 5°" in warnings[0]
+    assert "heading of 280°" in warnings[1]
+    assert "12°" in warnings[2]
     assert "cropped" in warnings[2]
 
 
 def test_several_zones_are_named_as_a_range() -> None:
     said = lobe(0.0, 80.0, 150.0)
-    assert "3 to 12 deg" in fuse(said, Evidence(((3.0, 80.0), (12.0, 95.0)))).warnings[0]
+    assert "3 to 12°" in fuse(said, Evidence(((3.0, 80.0), (12.0, 95.0)))).warnings[0]
 
 
 def test_lens_ratio_is_that_of_focal_lengths_either_way_round() -> None:

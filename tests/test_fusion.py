@@ -97,7 +97,7 @@ def test_a_candidate_at_night_is_left_out() -> None:
 
 
 def test_night_alone_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"the sun is 3\.5 deg below the horizon"):
+    with pytest.raises(ParameterError, match=r"the sun is 3\.5° below the horizon"):
         fuse(lobe(0.0, 30.0), Evidence(((-3.5, 20.0), (-20.0, 300.0))))
 
 

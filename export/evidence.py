@@ -27,21 +27,22 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
 )
 
 SIMULATION = (
-    "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with a "
-    f"median error of 17° and {100 * GROSS:.0f} % that point anywhere; the lens as it is. A heading without time and "
+    "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
+    f"a median error of 17° and {100 * GROSS:.0f} % that point anywhere; the lens as it is. A heading without time and "
     "place says nothing of the sun. Without its zone, a time means any zone that the longitude allows."
 )
 WARNED = (
-    "Share of photos [%] that warn of a contradiction, when the record is true (compass noise, no gross error) and when "
-    f"it is false. They warn of a sun whose elevation the pixels give a tail probability under {ELEVATION_TAIL:.1%}, of "
-    f"a heading under {HEADING_TAIL:.1%}, and of a focal length that differs by a factor over {LENS_RATIO:g}."
+    "Share of photos [%] that warn of a contradiction, when the record is true (compass noise, no gross error) and "
+    "when it is false. They warn of a sun whose elevation the pixels give a tail probability under "
+    f"{ELEVATION_TAIL:.1%}, of a heading under {HEADING_TAIL:.1%}, and of a focal length that differs by a factor over "
+    f"{LENS_RATIO:g}."
 )
 WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
 
 Floats = NDArray[np.floating[Any]]
 
 
-def metadata_report(protocol: str, truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> str:
+def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> str:
     """The tables of one protocol; scored crops alone."""
     chosen = np.flatnonzero(truth.scored).tolist()
     scored = select(truth, truth.scored)
