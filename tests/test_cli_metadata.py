@@ -80,13 +80,13 @@ def test_words_name_heading_and_evidence(phone: Path, photo_path: Path, network:
 # The place
 
 
+@pytest.mark.slow
 def test_no_output_tells_the_place_unasked(phone: Path, network: Path, tmp_path: Path) -> None:
     exr, png = tmp_path / "sky.exr", tmp_path / "preview.png"
     outputs = [
         run("estimate", "--model", network, phone).output,
         run("estimate", "--json", "--model", network, phone).output,
         run("--debug", "envmap", "--model", network, phone, "-o", exr, "--height", "16", "--preview", png).output,
-        run("preview", "--model", network, phone, "-o", png).output,
         run("info", exr).output,
         run("info", phone).output,
         run("estimate", "--model", network, "--time", "2024-12-24T23:00Z", phone).output,

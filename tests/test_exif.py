@@ -182,6 +182,7 @@ TAGS = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(TAGS, VALUES | st.tuples(VALUES) | st.tuples(VALUES, VALUES, VALUES)))
 def test_any_value_of_any_tag_gives_facts(tags: dict[int, Any]) -> None:
     image = Image.new("RGB", (40, 60))
@@ -196,6 +197,7 @@ def test_any_value_of_any_tag_gives_facts(tags: dict[int, Any]) -> None:
 GOOD = munich().tobytes()
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(6, len(GOOD) - 1), st.integers(0, 255)), min_size=1, max_size=12))
 def test_a_damaged_block_never_rejects_a_photo(changes: list[tuple[int, int]]) -> None:
     block = bytearray(GOOD)
