@@ -47,7 +47,8 @@ def correlation_report(truth: Truth, said: Sequence[Prediction], azimuth: Floats
     ]
     rows = {}
     for name, fit in (("half A", (0,)), ("half B", (1,)), ("all", (0, 1))):
-        learning = [v for v in views if v.half in fit]
+        if not (learning := [v for v in views if v.half in fit]):  # one place alone
+            continue
         learnt = {kind: learn(learning, kind) for kind in KINDS}
         measured = [v for v in views if v.half not in fit] or views
         rows[name] = {"panoramas": float(len(learning)), **learnt, **_coverage(measured, learnt)}

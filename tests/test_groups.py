@@ -18,11 +18,11 @@ SPREAD = 10.46  # deg an axis, of a lobe of concentration 30
 
 def erring(truth: Truth, shared: bool) -> list[Prediction]:
     """Calibrated networks, whose errors are independent or common to a panorama."""
-    rng = np.random.default_rng(1)
-    count = len(truth.sun) // EACH
-    noise = (
-        rng.normal(0, SPREAD, (count, 1 if shared else EACH, 2)).repeat(EACH if shared else 1, axis=1).reshape(-1, 2)
-    )
+    if shared:
+        panorama = np.arange(len(truth.sun)) // EACH
+        noise = SPREAD * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])[panorama % 4]
+    else:
+        noise = np.random.default_rng(1).normal(0, SPREAD, (len(truth.sun), 2))
     azimuth, elevation = angles(truth.sun)
     stretch = np.cos(np.radians(elevation))
     return [
