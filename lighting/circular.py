@@ -36,9 +36,7 @@ def von_mises(angle: ArrayLike, spread: float) -> Floats:
 
 
 def blur(density: Floats, spread: float) -> Floats:
-    """Densities (..., 360) over HEADINGS after an error of von Mises `spread` [deg]; 0 changes nothing."""
-    if spread <= 0.0:
-        return density
+    """Densities (..., 360) over HEADINGS after an error of von Mises `spread` [deg]."""
     kernel = von_mises(HEADINGS, spread)
     return correlate(density, kernel / kernel.sum())
 

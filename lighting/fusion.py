@@ -20,6 +20,7 @@ from lighting.sun_grid import grid_directions, smooth_density
 
 COMPASS_SPREAD = 25.0  # deg, standard deviation that goes with the median error of 17 deg measured on phones
 GROSS_ERRORS = 0.1  # share of headings that say nothing: the prior's uniform floor
+USED = ("pixels", "time+place", "heading", "focal length", "other photos")
 
 Floats = NDArray[np.floating[Any]]
 
@@ -42,7 +43,7 @@ class Fused:
     sun: Sun
     directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
     probability: Floats  # (M,) of each, sums to 1
-    used: tuple[str, ...]  # of "pixels", "time+place", "heading", "focal length", "other photos"
+    used: tuple[str, ...]  # of USED
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north, where time and place are known
     relative_heading: Heading | None = None  # from the first of several photos, where no heading was known

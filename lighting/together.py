@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading
 from lighting.errors import ParameterError
-from lighting.fusion import Evidence, Fused, compass_prior, daylight, fuse, on_grid, on_rings, ring_density
+from lighting.fusion import (
+    GROSS_ERRORS,
+    USED,
+    Evidence,
+    Fused,
+    compass_prior,
+    daylight,
+    fuse,
+    on_grid,
+    on_rings,
+    ring_density,
+)
 from lighting.geometry import angles, direction
 from lighting.parameters import Prediction
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
@@ -53,10 +64,17 @@ def together(
         answers = [on_grid(p, e, q) for p, e, q in zip(shared, known, _in_one_frame(shared, turns, noise), strict=True)]
     else:
         answers = _with_unknown_headings(shared, known)
+    by_compass = turns is not None and headings is None
     return tuple(
-        replace(a, warnings=single.warnings, used=(*a.used, "other photos"))
+        replace(a, warnings=single.warnings, used=_used(a, by_compass))
         for a, single in zip(answers, alone, strict=True)
     )
+
+
+def _used(fused: Fused, by_compass: bool) -> tuple[str, ...]:
+    """What counts for the answer; compass headings also where they only say how the photos lie to each other."""
+    used = {*fused.used, "other photos", *(["heading"] if by_compass else [])}
+    return tuple(name for name in USED if name in used)
 
 
 def power(count: int, correlation: float) -> float:
@@ -97,7 +115,7 @@ def _in_one_frame(predictions: Sequence[Prediction], turns: Floats, noise: float
     """Probabilities (N,) of each photo over its own cells, all photos counted."""
     layout = predictions[0].spec.sun_grid
     exponent = power(len(predictions), CORRELATION)
-    blurred = [_blurred(p, noise) for p in predictions]
+    blurred = [_with_noise_on_grid(p, noise) for p in predictions]
     answers = []
     for own in turns:
         seen = [seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns, strict=True)]
@@ -107,14 +125,17 @@ def _in_one_frame(predictions: Sequence[Prediction], turns: Floats, noise: float
     return answers
 
 
-def _blurred(prediction: Prediction, noise: float) -> Floats:
-    """Probabilities (N,) over the prediction's cells after an error of its heading [deg]."""
+def _with_noise_on_grid(prediction: Prediction, noise: float) -> Floats:
+    """Probabilities (N,) over the prediction's cells after an error of its heading [deg], which may be gross."""
     if not noise:
         return prediction.sun_probability
     layout = prediction.spec.sun_grid
+    weight = np.exp(-0.5 * np.square(_BLUR_STEPS))
     seen = [seen_from(prediction.sun_probability, noise * step, layout) for step in _BLUR_STEPS]
-    weight = np.exp(-0.5 * np.square(_BLUR_STEPS)) @ np.array(seen) * grid_solid_angle(layout)
-    return np.asarray(weight / weight.sum())
+    near = weight @ np.array(seen) / weight.sum()
+    anywhere = elevation_density(prediction, angles(grid_directions(layout))[1])
+    density = (1 - GROSS_ERRORS) * near + GROSS_ERRORS * anywhere
+    return np.asarray(density * grid_solid_angle(layout))
 
 
 def seen_from(probability: Floats, turn: float, layout: str) -> Floats:
@@ -138,7 +159,7 @@ def _on_rings(
     if turns is None:
         weights = _share_zone(density, prior)
     else:
-        weights = _share_heading([blur(d, noise) for d in density], prior, turns)
+        weights = _share_heading([_with_noise(d, noise) for d in density], prior, turns)
     return [on_rings(p, e, w) for p, e, w in zip(predictions, evidence, weights, strict=True)]
 
 
@@ -148,6 +169,14 @@ def _share_zone(density: Sequence[Floats], prior: Sequence[Floats]) -> list[Floa
     mass = [np.maximum(j.sum(axis=1, keepdims=True), _LOWEST) for j in joint]
     zone = np.exp(power(len(joint), ELEVATION_CORRELATION) * np.sum(np.log(mass), axis=0))
     return [j / m * zone for j, m in zip(joint, mass, strict=True)]
+
+
+def _with_noise(density: Floats, noise: float) -> Floats:
+    """Densities (K, 360) after an error of the heading [deg], which may be gross."""
+    if not noise:
+        return density
+    anywhere = density.mean(axis=1, keepdims=True)
+    return np.asarray((1 - GROSS_ERRORS) * blur(density, noise) + GROSS_ERRORS * anywhere)
 
 
 def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Floats) -> list[Floats]:

@@ -44,11 +44,6 @@ def test_two_blurs_are_one_of_their_hypotenuse() -> None:
     assert blur(bell(50.0, 6.0), 8.0) == pytest.approx(bell(50.0, 10.0), abs=2e-4)
 
 
-def test_no_blur_changes_nothing() -> None:
-    curve = bell(50.0, 6.0)
-    assert blur(curve, 0.0) is curve
-
-
 def test_correlation_finds_the_turn_between_two() -> None:
     product = correlate(bell(70.0, 5.0), bell(40.0, 5.0))
     assert product.argmax() == 30

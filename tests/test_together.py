@@ -72,8 +72,17 @@ def test_compass_headings_of_all_serve_as_relative_headings() -> None:
     """All are wrong by the same 70 deg, which does not matter between them."""
     answers = together(views(60.0, TURNS), [Evidence(heading=(t + 70.0) % 360) for t in TURNS])
     assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
+    assert answers[0].used == ("pixels", "heading", "other photos")
     exact = together(views(60.0, TURNS), [NOTHING] * 3, TURNS)
     assert answers[0].sun.radius_90 > exact[0].sun.radius_90
+
+
+@pytest.mark.parametrize("suns", [(), ((40.0, 60.0),)])
+def test_one_gross_compass_error_is_outvoted(suns: tuple[tuple[float, float], ...]) -> None:
+    turns = (0.0, 50.0, 100.0, 150.0)
+    evidence = [Evidence(suns, heading) for heading in (0.0, 50.0, 100.0, 330.0)]
+    answers = together(views(60.0, turns, 40.0), evidence)
+    assert max(azimuth_errors(answers[:3], 60.0, turns[:3])) < 4.0
 
 
 def test_unknown_headings_share_the_elevation_and_are_inferred() -> None:
