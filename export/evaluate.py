@@ -159,7 +159,7 @@ def evaluate(data: Path, labels: Path, models: Sequence[Path], out: Path, *, wit
         said |= without_network(truth, training)
         sections.append(report(protocol, truth, said, ours=ours))
         write_crops(out / f"crops-{protocol}.csv", scene, truth, said)
-        if with_metadata:
+        if with_metadata and truth.scored.any():
             further += metadata_sections(protocol, scene, truth, predictions)
     photos = data / "photos.csv"
     if photos.exists():

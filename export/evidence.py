@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -26,16 +27,18 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
     ("local time+place", "heading"),
 )
 
-SIMULATION = (
+SIMULATION = fill(
     "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
     f"a median error of 17° and {100 * GROSS:.0f} % that point anywhere; the lens as it is. A heading without time and "
-    "place says nothing of the sun. Without its zone, a time means any zone that the longitude allows."
+    "place says nothing of the sun. Without its zone, a time means any zone that the longitude allows.",
+    120,
 )
-WARNED = (
+WARNED = fill(
     "Share of photos [%] that warn of a contradiction, when the record is true (compass noise, no gross error) and "
     "when it is false. They warn of a sun whose elevation the pixels give a tail probability under "
     f"{ELEVATION_TAIL:.1%}, of a heading under {HEADING_TAIL:.1%}, and of a focal length that differs by a factor over "
-    f"{LENS_RATIO:g}."
+    f"{LENS_RATIO:g}.",
+    120,
 )
 WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,11 @@ from lighting.metadata import Given, known
 from lighting.parameters import Prediction
 from lighting.together import together
 
-SIMULATION = (
+SIMULATION = fill(
     "Views of one panorama, in groups. Known headings are exact; those of a compass have one error for all with a "
     "median of 17°, and one of 10° standard deviation for each. Elevation, turbidity and exposure are shared; where "
-    "headings are unknown, those relative to the first view are inferred."
+    "headings are unknown, those relative to the first view are inferred.",
+    120,
 )
 HAND_NOISE = 10.0  # deg, standard deviation of one heading of a compass against the next
 
