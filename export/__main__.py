@@ -76,15 +76,20 @@ def onnx(run: Path, out: Path | None, temperature: float | None) -> None:
 @click.option("--model", type=FOLDER, default=None, help="Network to score. [the one in the package]")
 @click.option("--compare", type=FOLDER, multiple=True, help="Further networks, such as the CVPR 2017 one.")
 @click.option("--out", type=FOLDER, default="runs/evaluation", show_default=True, help="Folder for report and crops.")
+@click.option(
+    "--with-metadata", is_flag=True, help="Also with simulated time, place, compass, lens, and several views."
+)
 @click.option("--card", is_flag=True, help="Also write lighting/data/MODEL_CARD.md.")
-def evaluate(data: Path, labels: Path, model: Path | None, compare: tuple[Path, ...], out: Path, card: bool) -> None:
+def evaluate(
+    data: Path, labels: Path, model: Path | None, compare: tuple[Path, ...], out: Path, with_metadata: bool, card: bool
+) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.card import write_card
     from export.evaluate import evaluate as run
     from lighting.model import packaged_model
 
     ours = model or packaged_model()
-    report = run(data, labels, [ours, *compare], out)
+    report = run(data, labels, [ours, *compare], out, with_metadata=with_metadata)
     click.echo(report)
     if card:
         write_card(ours, report, data, labels)

@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.crops import PROTOCOLS, Camera, Crop, Source, generator, take
+from export.evidence import evidence_report
+from export.groups import groups_report
 from export.labels import Label
 from export.metrics import Answers, Floats, Truth, answers, median, sun_error
 from export.panoramas import Panorama, read_index
 from export.report import figures_table, report
+from export.simulated import take_metadata
 from export.train import labels_of, load_sources
 from lighting.atomic import replacing
 from lighting.colour import tone_map
@@ -49,7 +52,7 @@ def cameras(sources: Sequence[Source], protocol: str) -> Scene:
     return Scene(list(sources), taken)
 
 
-def answer(model: Model, scene: Scene, batch: int = 16) -> tuple[Truth, Answers]:
+def see(model: Model, scene: Scene, batch: int = 16) -> tuple[Truth, list[Prediction]]:
     """The truth about the scene's crops and what the network says of them, by the path that users take."""
     crops: list[Crop] = []
     said: list[Prediction] = []
@@ -57,8 +60,7 @@ def answer(model: Model, scene: Scene, batch: int = 16) -> tuple[Truth, Answers]
         part = [take(source, camera, model.spec) for source, camera in scene.crops[first : first + batch]]
         said += model.predict(np.stack([place(tone_map(crop.linear), model.spec) for crop in part]))
         crops += part
-    truth = collect([source.panorama for source, _ in scene.crops], crops)
-    return truth, interpret(said, truth.sun)
+    return collect([source.panorama for source, _ in scene.crops], crops), said
 
 
 def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
@@ -138,27 +140,44 @@ def best_constant(elevation: Floats) -> float:
     return float(candidates[int(np.argmin(errors))])
 
 
-def evaluate(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
-    """Score the networks (ours first) on the `val` split; returns the report in Markdown and writes it into `out`."""
+def evaluate(data: Path, labels: Path, models: Sequence[Path], out: Path, *, with_metadata: bool = False) -> str:
+    """Score the networks (ours first) on the `val` split; returns the report in Markdown and writes it into `out`.
+
+    `with_metadata` adds what simulated metadata and several views of a panorama make of our network's answers.
+    """
     training = labels_of(read_index(data, "train"), labels)
     sources = load_sources(read_index(data, "val"), labels)
     loaded = {model.spec.name: model for model in map(Model.load, models)}
+    ours = next(iter(loaded))
     out.mkdir(parents=True, exist_ok=True)
-    sections = []
+    sections, further = [], []
     for protocol in ("paper", "phone"):
         scene = cameras(sources, protocol)
-        results = {name: answer(model, scene) for name, model in loaded.items()}
-        truth = next(iter(results.values()))[0]
-        said = {name: answers for name, (_, answers) in results.items()} | without_network(truth, training)
-        sections.append(report(protocol, truth, said, ours=next(iter(loaded))))
+        results = {name: see(model, scene) for name, model in loaded.items()}
+        truth, predictions = results[ours]
+        said = {name: interpret(p, truth.sun) for name, (_, p) in results.items()}
+        said |= without_network(truth, training)
+        sections.append(report(protocol, truth, said, ours=ours))
         write_crops(out / f"crops-{protocol}.csv", scene, truth, said)
+        if with_metadata and truth.scored.any():
+            further += metadata_sections(protocol, scene, truth, predictions)
     photos = data / "photos.csv"
     if photos.exists():
         sections.append(photo_report(photos, loaded))
-    text = "\n\n".join(sections) + "\n"
+    text = "\n\n".join(sections + further) + "\n"
     with replacing(out / "report.md") as path:
         path.write_text(text)
     return text
+
+
+def metadata_sections(protocol: str, scene: Scene, truth: Truth, said: Sequence[Prediction]) -> list[str]:
+    """What simulated metadata and several views make of one network's answers."""
+    taken = take_metadata(truth, CROPS_EACH)
+    azimuth = np.array([camera.azimuth for _, camera in scene.crops])
+    return [
+        evidence_report(protocol, truth, said, taken),
+        groups_report(protocol, truth, said, taken, azimuth, CROPS_EACH),
+    ]
 
 
 def write_crops(path: Path, scene: Scene, truth: Truth, said: dict[str, Answers]) -> None:

@@ -7,14 +7,16 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from lighting.envmap import render
     from lighting.exr import read_exr, write_exr
+    from lighting.metadata import Given
     from lighting.parameters import Lighting
     from lighting.pipeline import Estimator, estimate
 
-__all__ = ["Estimator", "Lighting", "__version__", "estimate", "read_exr", "render", "write_exr"]
+__all__ = ["Estimator", "Given", "Lighting", "__version__", "estimate", "read_exr", "render", "write_exr"]
 
 _HOME = {
     "Estimator": "pipeline",
     "estimate": "pipeline",
+    "Given": "metadata",
     "render": "envmap",
     "Lighting": "parameters",
     "read_exr": "exr",

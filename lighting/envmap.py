@@ -5,13 +5,14 @@ values are `exposure` x the sky model's radiance, which are the photo's own line
 """
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
-from lighting.geometry import angles, direction, latlong_angles, latlong_solid_angle
+from lighting.geometry import angles, direction, latlong_angles, latlong_solid_angle, wrap_azimuth
 from lighting.parameters import Lighting
 from lighting.sky import (
     SUN_HALF_APERTURE,
@@ -67,6 +68,21 @@ def rotate(image: Image, yaw: float) -> Image:
     if share <= _WHOLE_PIXEL:
         return turned
     return np.asarray(turned * (1 - share) + np.roll(turned, 1, axis=1) * share)
+
+
+def turn(lighting: Lighting, yaw: float) -> Lighting:
+    """The record of a map turned by `yaw` [deg]: azimuth 0 is no longer where the camera points but that much left."""
+    azimuth = float(wrap_azimuth(lighting.sun_azimuth + yaw))
+    if lighting.camera_heading is None:
+        return replace(lighting, sun_azimuth=azimuth)
+    degrees, probability = np.arange(360.0), lighting.camera_heading_probability
+    shifted = np.interp(degrees + yaw, degrees, probability, period=360.0) if probability else np.array([])
+    return replace(
+        lighting,
+        sun_azimuth=azimuth,
+        camera_heading=(lighting.camera_heading - yaw) % 360.0,
+        camera_heading_probability=tuple(shifted.tolist()),
+    )
 
 
 def _check_height(height: int) -> None:

@@ -1,7 +1,7 @@
 """Environment maps as OpenEXR: 32-bit float R, G, B with the lighting that made them in the header.
 
-Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting, with the names and
-units of parameters.py; `lighting.sun_direction`; and `lighting.json`, the whole record.
+Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is known, with
+the names and units of parameters.py; `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the whole record.
 """
 
 import io
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lighting import __version__
 from lighting.atomic import replacing
 from lighting.errors import EnvironmentMapError, ParameterError
-from lighting.parameters import RANGES, Lighting
+from lighting.parameters import OPTIONAL_RANGES, RANGES, Lighting
 
 Image = NDArray[np.float32]
 Target = str | os.PathLike[str] | BinaryIO
@@ -103,7 +103,9 @@ def _attributes(lighting: Lighting | None) -> dict[str, Any]:
         return {}
     return {
         **{f"lighting.{name}": float(getattr(lighting, name)) for name in RANGES},
+        **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},
         "lighting.sun_direction": lighting.sun_direction.astype(np.float32),
+        "lighting.evidence": ", ".join(lighting.evidence),
         "lighting.json": json.dumps(lighting.to_dict()),
     }
 

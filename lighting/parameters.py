@@ -7,14 +7,14 @@ import json
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ModelError, ParameterError
-from lighting.geometry import angles, direction, wrap_azimuth
+from lighting.geometry import angles, direction
 from lighting.sky import sky_coefficients
 from lighting.sun_grid import grid_directions, most_likely, radius
 
@@ -33,6 +33,15 @@ RANGES: dict[str, tuple[float, float]] = {
     "camera_elevation": (-90.0, 90.0),  # deg, positive looks up
     "camera_roll": (-180.0, 180.0),  # deg, positive turns the camera clockwise
     "vertical_fov": (1.0, 170.0),  # deg
+}
+
+OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
+    "camera_heading": (0.0, 360.0),  # deg clockwise from true north, where azimuth 0 points
+    "camera_heading_radius_50": (0.0, 180.0),  # deg to either side of it that hold 50 % of its probability
+    "camera_heading_radius_90": (0.0, 180.0),  # the same for 90 %
+    "relative_heading": (0.0, 360.0),  # deg clockwise from the first of several photos
+    "latitude": (-90.0, 90.0),  # deg, positive north; only where the user asked for it
+    "longitude": (-180.0, 180.0),  # deg, positive east
 }
 
 
@@ -90,6 +99,16 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class Sun:
+    """Where a distribution puts the sun; units as in RANGES."""
+
+    azimuth: float
+    elevation: float
+    radius_50: float
+    radius_90: float
+
+
+@dataclass(frozen=True)
 class Lighting:
     """The light of one photo and the camera that took it; units and ranges in RANGES."""
 
@@ -106,10 +125,25 @@ class Lighting:
     vertical_fov: float = 50.0
     model_name: str = "none"
     model_version: str = "0"
+    evidence: tuple[
+        str, ...
+    ] = ()  # what it rests on: "pixels", "time+place", "heading", "focal length", "other photos"
+    warnings: tuple[str, ...] = ()  # sentences, above all about evidence that contradicts the pixels
+    camera_heading: float | None = None
+    camera_heading_radius_50: float | None = None
+    camera_heading_radius_90: float | None = None
+    camera_heading_probability: tuple[float, ...] = ()  # of each of 360 whole degrees, if the heading is known
+    relative_heading: float | None = None
+    latitude: float | None = field(default=None, repr=False)
+    longitude: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name, (low, high) in RANGES.items():
             check_range(name, getattr(self, name), low, high)
+        for name, (low, high) in OPTIONAL_RANGES.items():
+            if getattr(self, name) is not None:
+                check_range(name, getattr(self, name), low, high)
+        _check_headings(self.camera_heading_probability)
 
     @property
     def sun_direction(self) -> NDArray[np.floating[Any]]:
@@ -139,8 +173,24 @@ class Lighting:
                 "elevation": self.camera_elevation,
                 "roll": self.camera_roll,
                 "vertical_fov": self.vertical_fov,
+                **self._headings(),
             },
+            "evidence": list(self.evidence),
+            "warnings": list(self.warnings),
+            **self._place(),
         }
+
+    def _headings(self) -> dict[str, Any]:
+        known = {name: getattr(self, attribute) for name, attribute in _HEADINGS.items()}
+        said = {name: value for name, value in known.items() if value is not None}
+        if self.camera_heading_probability:
+            said["heading_probability"] = list(self.camera_heading_probability)
+        return said
+
+    def _place(self) -> dict[str, Any]:
+        if self.latitude is None and self.longitude is None:
+            return {}
+        return {"place": {"latitude": self.latitude, "longitude": self.longitude}}
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
@@ -149,7 +199,7 @@ class Lighting:
         Raises ParameterError, naming the field, for one that is missing, of the wrong type or out of range.
         """
         sun, sky = _section(record, "sun", required=True), _section(record, "sky", required=True)
-        camera, model = _section(record, "camera"), _section(record, "model")
+        camera, model, place = (_section(record, name) for name in ("camera", "model", "place"))
         if sky.get("model", SKY_MODEL) != SKY_MODEL:
             raise ParameterError(f"sky.model is {reprlib.repr(sky['model'])}; only {SKY_MODEL!r} is known.")
         given: dict[str, Any] = {
@@ -164,6 +214,12 @@ class Lighting:
             "camera_elevation": camera.get("elevation"),
             "camera_roll": camera.get("roll"),
             "vertical_fov": camera.get("vertical_fov"),
+            **{attribute: camera.get(name) for name, attribute in _HEADINGS.items()},
+            "camera_heading_probability": _numbers(camera, "heading_probability"),
+            "latitude": place.get("latitude"),
+            "longitude": place.get("longitude"),
+            "evidence": _texts(record, "evidence"),
+            "warnings": _texts(record, "warnings"),
         }
         for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
             if given[name] is None:
@@ -173,6 +229,35 @@ class Lighting:
             if not isinstance(model.get(name, ""), str):
                 raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(model[name])}.")
         return cls(**present, model_name=model.get("name", "none"), model_version=model.get("version", "0"))
+
+
+_HEADINGS = {  # names inside the record's `camera`
+    "heading": "camera_heading",
+    "heading_radius_50": "camera_heading_radius_50",
+    "heading_radius_90": "camera_heading_radius_90",
+    "relative_heading": "relative_heading",
+}
+
+
+def _texts(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    texts = () if record.get(name) is None else record[name]
+    if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
+        raise ParameterError(f"{name} must be a list of texts, not {reprlib.repr(texts)}.")
+    return tuple(texts)
+
+
+def _numbers(section: Mapping[str, Any], name: str) -> tuple[float, ...]:
+    numbers = () if section.get(name) is None else section[name]
+    if not isinstance(numbers, list | tuple):
+        raise ParameterError(f"{name} must be a list of numbers, not {reprlib.repr(numbers)}.")
+    return tuple(numbers)
+
+
+def _check_headings(probability: tuple[float, ...]) -> None:
+    if probability and len(probability) != 360:
+        raise ParameterError(f"camera_heading_probability has {len(probability)} values; it must have 360.")
+    for value in probability:
+        check_range("camera_heading_probability", value, 0.0, 1.0)
 
 
 def check_range(name: str, value: object, low: float, high: float) -> None:
@@ -205,25 +290,38 @@ def _section(record: Mapping[str, Any], name: str, *, required: bool = False) ->
     return section
 
 
-def lighting_from(prediction: Prediction) -> Lighting:
-    """What the user gets of what the network said: the sun's best direction and every value inside its range."""
+def sun_of(prediction: Prediction) -> Sun:
+    """Where the pixels alone put the sun."""
     grid = prediction.spec.sun_grid
     sun = most_likely(prediction.sun_probability, grid)
     azimuth, elevation = angles(sun)
+    radius_50, radius_90 = (radius(prediction.sun_probability, share, grid, sun) for share in (0.5, 0.9))
+    return Sun(float(azimuth), float(elevation), radius_50, radius_90)
+
+
+def lighting_from(prediction: Prediction, sun: Sun | None = None) -> Lighting:
+    """What the user gets of what the network said: every value inside its range.
+
+    The sun is where the pixels put it unless something else is known, see fusion.py.
+    """
+    where = sun or sun_of(prediction)
     values = {
-        "sun_azimuth": float(wrap_azimuth(azimuth)),
-        "sun_elevation": float(elevation),
+        "sun_azimuth": where.azimuth,
+        "sun_elevation": where.elevation,
         "sun_visibility": prediction.sun_visibility,
-        "radius_50": radius(prediction.sun_probability, 0.5, grid, sun),
-        "radius_90": radius(prediction.sun_probability, 0.9, grid, sun),
+        "radius_50": where.radius_50,
+        "radius_90": where.radius_90,
         "turbidity": prediction.turbidity,
         "exposure": prediction.exposure,
         "camera_elevation": prediction.camera_elevation,
         "camera_roll": prediction.camera_roll,
         "vertical_fov": prediction.vertical_fov,
     }
-    inside = {name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()}
-    return Lighting(**inside, model_name=prediction.spec.name, model_version=prediction.spec.version)
+    inside: dict[str, Any] = {
+        name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()
+    }
+    spec = prediction.spec
+    return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=("pixels",))
 
 
 def _significant(value: float, digits: int = 6) -> float:

@@ -10,7 +10,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from io import BytesIO
 from math import ceil
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
 
 from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.exif import PhotoFacts, read_facts
 from lighting.parameters import ModelSpec
 
 Source = str | os.PathLike[str] | bytes | BinaryIO
@@ -53,6 +54,7 @@ class Photo:
     width: int  # of the upright photo in the file, pixels
     height: int
     format: str  # "JPEG", "MPO" (a JPEG with further pictures behind it), "PNG", "WEBP" or "HEIF"
+    facts: PhotoFacts = field(default_factory=PhotoFacts)  # what its EXIF block says
 
 
 def read_photo(
@@ -75,7 +77,9 @@ def read_photo(
     except Exception as error:  # decoders raise nearly anything on hostile bytes
         raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if turned else (width, height)
-    return Photo(pixels, width, height, str(image.format))
+    with _no_warnings():
+        facts = read_facts(image, width, height)
+    return Photo(pixels, width, height, str(image.format), facts)
 
 
 def _read_bytes(source: Source, max_bytes: int) -> bytes:

@@ -1,10 +1,16 @@
 """The chain from a photo to its light, and nothing else."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 
+from lighting.fusion import Fused, fuse
+from lighting.metadata import Given, Known, known, lighting_of, of_one_place
 from lighting.model import Model
-from lighting.parameters import Lighting, Prediction, lighting_from
+from lighting.parameters import Lighting, Prediction
 from lighting.photo import Photo, Source, read_photo, to_tensor
+from lighting.together import together
+
+NOTHING_GIVEN = Given()
 
 
 class Estimator:
@@ -18,17 +24,30 @@ class Estimator:
         """What the network says about the photo: the sun's probability on its grid, and raw parameters."""
         return self.model.predict(to_tensor(photo, self.model.spec))[0]
 
-    def __call__(self, photo: Photo) -> Lighting:
-        """The photo's light."""
-        return lighting_from(self.predict(photo))
+    def fuse(self, photo: Photo, given: Given = NOTHING_GIVEN) -> tuple[Fused, Known]:
+        """What pixels, metadata and user say together; ParameterError where the user's time and place are of night."""
+        facts = known(photo.facts, given)
+        return fuse(self.predict(photo), facts.evidence), facts
+
+    def fuse_together(
+        self, photos: Sequence[Photo], given: Given = NOTHING_GIVEN, headings: Sequence[float] | None = None
+    ) -> list[tuple[Fused, Known]]:
+        """The same for photos of one place and light; `headings` [deg] are theirs from any common direction."""
+        facts = [known(fact, given) for fact in of_one_place([photo.facts for photo in photos])]
+        answers = together([self.predict(photo) for photo in photos], [fact.evidence for fact in facts], headings)
+        return list(zip(answers, facts, strict=True))
+
+    def __call__(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Lighting:
+        """The photo's light, by its pixels, its metadata and what is given; raises as `fuse` does."""
+        return lighting_of(*self.fuse(photo, given))
 
 
-def estimate(source: Source) -> Lighting:
+def estimate(source: Source, given: Given = NOTHING_GIVEN) -> Lighting:
     """The light of the photo in a file, in bytes or in a binary stream, by the network in this package.
 
-    Raises PhotoError, ModelError or OSError.
+    Raises PhotoError, ModelError, ParameterError or OSError.
     """
-    return _packaged()(read_photo(source))
+    return _packaged()(read_photo(source), given)
 
 
 @lru_cache(maxsize=1)

@@ -147,6 +147,14 @@ def _headline(canvas: Image.Image, lighting: Lighting) -> None:
     write(canvas, (MARGIN, MARGIN + 40), spread, 20, MUTED)
     model = f"{lighting.model_name} {lighting.model_version}"
     write(canvas, (WIDTH - MARGIN, MARGIN + 40), model, 18, MUTED, anchor="ra")
+    write(canvas, (WIDTH - MARGIN, MARGIN + 8), _sources(lighting), 18, MUTED, anchor="ra")
+
+
+def _sources(lighting: Lighting) -> str:
+    """What the answer rests on if not on the pixels alone, and the heading that follows."""
+    sources = [f"from {', '.join(lighting.evidence)}"] if len(lighting.evidence) > 1 else []
+    heading = [] if lighting.camera_heading is None else [f"camera heading {lighting.camera_heading:.0f}°"]
+    return "; ".join(sources + heading)
 
 
 def _azimuth_words(azimuth: float) -> str:

@@ -94,8 +94,13 @@ def _smoothing_kernel(layout: str) -> NDArray[np.float32]:
 
 def radius(probability: ArrayLike, share: float, layout: str, centre: ArrayLike) -> float:
     """Angle [deg] around direction `centre` (3,) that holds `share` (0 to 1) of the probability (N,)."""
+    return radius_around(probability, share, grid_directions(layout), centre)
+
+
+def radius_around(probability: ArrayLike, share: float, directions: ArrayLike, centre: ArrayLike) -> float:
+    """Angle [deg] around `centre` (3,) that holds `share` (0 to 1) of the probability (N,) of directions (N, 3)."""
     p = np.asarray(probability, dtype=np.float64)
-    distance = angle_between(grid_directions(layout), centre)
+    distance = angle_between(directions, centre)
     order = np.argsort(distance)
     held = np.cumsum(p[order]) / p.sum()
     return float(np.interp(share, np.concatenate([[0.0], held]), np.concatenate([[0.0], distance[order]])))
@@ -106,3 +111,22 @@ def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats
     cell = np.argmax(np.asarray(direction) @ grid_directions(layout).T, axis=-1)
     at = np.take_along_axis(np.asarray(probability), cell[..., None], axis=-1)[..., 0]
     return np.asarray(at / grid_solid_angle(layout)[cell])
+
+
+def over_cells(probability: ArrayLike, directions: ArrayLike, layout: str) -> Floats:
+    """Probabilities (N,) over the cells of those (M,) of directions (M, 3), each spread by 4 deg between its cells."""
+    if np.array_equal(directions, grid_directions(layout)):
+        return np.asarray(probability)
+    return np.asarray(np.asarray(probability) @ soft_label(directions, _SMOOTHING, layout))
+
+
+def smooth_density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats:
+    """Probability density [1/sr] (...) at directions (..., 3) of probabilities (N,), smooth between the cells.
+
+    The densities of the cells are averaged with von Mises-Fisher weights of 4 deg, so that a uniform sky stays
+    exactly uniform down to the horizon.
+    """
+    cosine = np.asarray(direction, dtype=np.float32) @ grid_directions(layout).T.astype(np.float32)
+    kernel = np.exp(np.float32(_SMOOTHING) * (cosine - np.float32(1.0)))
+    held, area = np.moveaxis(kernel @ np.stack([probability, grid_solid_angle(layout)], -1).astype(np.float32), -1, 0)
+    return np.asarray(held / area, dtype=np.float64)

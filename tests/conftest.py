@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
-from PIL import Image
+from PIL import ExifTags, Image
 
 from lighting.parameters import ModelSpec
 from lighting.sun_grid import grid_directions
@@ -42,6 +42,33 @@ def encode(image: Image.Image | NDArray[Any], file_format: str = "JPEG", **optio
     stream = BytesIO()
     picture.save(stream, file_format, **options)
     return stream.getvalue()
+
+
+def exif(camera: dict[int, Any] | None = None, position: dict[int, Any] | None = None) -> Image.Exif:
+    """An EXIF block with those tags about the camera and its position."""
+    block = Image.Exif()
+    block.get_ifd(ExifTags.IFD.Exif).update(camera or {})
+    block.get_ifd(ExifTags.IFD.GPSInfo).update(position or {})
+    return block
+
+
+def munich(**other: Any) -> Image.Exif:
+    """What a phone notes on a June morning in Munich, the sun 36 deg high in the east; None leaves a tag out."""
+    base, gps = ExifTags.Base, ExifTags.GPS
+    camera = {"DateTimeOriginal": "2024:06:01 09:10:00", "OffsetTimeOriginal": "+02:00", "FocalLengthIn35mmFilm": 26}
+    position = {
+        "GPSLatitudeRef": "N",
+        "GPSLatitude": (48.0, 8.0, 15.0),
+        "GPSLongitudeRef": "E",
+        "GPSLongitude": (11.0, 34.0, 30.0),
+        "GPSImgDirectionRef": "M",
+        "GPSImgDirection": 60.0,
+    }
+    tags = {name: value for name, value in {**camera, **position, **other}.items() if value is not None}
+    return exif(
+        {base[name]: value for name, value in tags.items() if not name.startswith("GPS")},
+        {gps[name]: value for name, value in tags.items() if name.startswith("GPS")},
+    )
 
 
 def write_network(

@@ -177,7 +177,7 @@ def test_a_bad_photo_does_not_stop_the_others(network: Path, photo_path: Path, t
         f"Error: {bad}: {lines[0]['error']}",
         f"Error: {absent}: No such file or directory.",
         f"Error: {tmp_path}: Is a directory.",
-        "3 of 4 photos could not be read.",
+        "3 of 4 photos failed.",
     ]
     assert result.exit_code == 1
 
@@ -187,7 +187,7 @@ def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path)
     assert len(result.stdout.splitlines()) == 1
     assert result.stderr.splitlines() == [
         "Error: absent.jpg: No such file or directory.",
-        "1 of 2 photos could not be read.",
+        "1 of 2 photos failed.",
     ]
     assert result.exit_code == 1
 

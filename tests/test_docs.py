@@ -11,7 +11,10 @@ import pytest
 
 import lighting
 from lighting.cli import cli
-from lighting.parameters import RANGES
+from lighting.declination import TYPICAL_DECLINATION
+from lighting.fusion import COMPASS_SPREAD, GROSS_ERRORS
+from lighting.metadata import GIVEN_HEADING_SPREAD
+from lighting.parameters import OPTIONAL_RANGES, RANGES
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -31,7 +34,7 @@ def test_every_command_is_in_readme_and_has_help() -> None:
 
 def test_every_parameter_is_in_the_table_with_its_range() -> None:
     rows = {name: row for row in README.splitlines() if row.startswith("| `") for name in re.findall(r"`(\w+)`", row)}
-    assert set(RANGES) <= set(rows)
+    assert set(RANGES) | set(OPTIONAL_RANGES) <= set(rows)
     for name in ("sun_azimuth", "sun_elevation", "sun_visibility", "turbidity", "ground_albedo"):
         low, high = RANGES[name]
         assert f"{low:g} to {high:g}" in rows[name]
@@ -69,3 +72,11 @@ def test_the_public_face_is_small_and_there() -> None:
     assert all(getattr(lighting, name) is not None for name in lighting.__all__)
     with pytest.raises(AttributeError, match="nothing"):
         lighting.nothing  # noqa: B018
+
+
+def test_readme_states_the_compass_as_the_code_does() -> None:
+    assert f"right to {COMPASS_SPREAD:g}° (one standard deviation)" in README
+    assert f"to {GIVEN_HEADING_SPREAD:g}°. A magnetic" in README
+    assert f"is unknown, {TYPICAL_DECLINATION:g}° (the root" in README
+    assert GROSS_ERRORS == 0.1
+    assert "one in ten worth nothing" in README

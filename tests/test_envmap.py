@@ -1,5 +1,6 @@
 """The rendered map: sky, power of the sun, ground, turning."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -9,9 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lighting.envmap import render, rotate
+from lighting.envmap import render, rotate, turn
 from lighting.errors import ParameterError
-from lighting.geometry import angle_between, direction, latlong_angles, latlong_directions, latlong_solid_angle
+from lighting.geometry import (
+    angle_between,
+    direction,
+    latlong_angles,
+    latlong_directions,
+    latlong_solid_angle,
+    wrap_azimuth,
+)
 from lighting.parameters import Lighting
 from lighting.sky import (
     SUN_HALF_APERTURE,
@@ -225,3 +233,13 @@ def test_half_a_pixel_is_the_mean_of_neighbours() -> None:
 def test_a_yaw_is_finite(yaw: float) -> None:
     with pytest.raises(ParameterError, match=r"^yaw must be a finite number"):
         rotate(SMALL, yaw)
+
+
+def test_a_turned_record_keeps_the_suns_compass_azimuth() -> None:
+    known = replace(lighting(0.0), camera_heading=350.0, camera_heading_probability=(0.0,) * 350 + (1.0,) + (0.0,) * 9)
+    turned = turn(known, -30.0)
+    assert turned.sun_azimuth == pytest.approx(wrap_azimuth(known.sun_azimuth - 30.0))
+    assert turned.camera_heading == pytest.approx(20.0)
+    assert np.argmax(turned.camera_heading_probability) == 20
+    assert turn(turned, 30.0) == known
+    assert turn(lighting(0.0), 30.0).camera_heading is None

@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,18 @@ def test_header(data: bytes) -> None:
         assert header[f"lighting.{name}"] == pytest.approx(getattr(LIGHT, name), rel=1e-6)
     assert header["lighting.sun_direction"] == pytest.approx(LIGHT.sun_direction, abs=1e-6)
     assert json.loads(header["lighting.json"]) == LIGHT.to_dict()
+
+
+def test_header_of_what_more_is_known(image: NDArray[np.float32]) -> None:
+    known = replace(LIGHT, evidence=("pixels", "time+place"), warnings=("Hm.",), camera_heading=123.0, latitude=48.0)
+    stream = io.BytesIO()
+    write_exr(stream, image, known)
+    header = OpenEXR.File(io.BytesIO(stream.getvalue())).header()
+    assert header["lighting.evidence"] == "pixels, time+place"
+    assert header["lighting.camera_heading"] == 123.0
+    assert header["lighting.latitude"] == 48.0
+    assert "lighting.longitude" not in header
+    assert read_exr(io.BytesIO(stream.getvalue()))[1] == known
 
 
 def test_channels_are_32_bit_r_g_b(data: bytes) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import angle_between, direction
-from lighting.parameters import RANGES, Lighting, ModelSpec, Prediction, lighting_from
+from lighting.parameters import OPTIONAL_RANGES, RANGES, Lighting, ModelSpec, Prediction, lighting_from
 from lighting.sun_grid import soft_label
 from tests.conftest import TINY
 
@@ -75,7 +75,7 @@ def test_the_record_survives_json() -> None:
 
 def test_the_record_has_the_documented_shape() -> None:
     record = LIGHTING.to_dict()
-    assert set(record) == {"model", "sun", "sky", "camera"}
+    assert set(record) == {"model", "sun", "sky", "camera", "evidence", "warnings"}
     assert record["model"] == {"name": "outdoor", "version": "1.0.0"}
     assert record["sun"]["direction"] == pytest.approx(direction(-41.2, 33.0), abs=1e-6)
     assert record["sky"]["model"] == "hosek-wilkie"
@@ -251,3 +251,66 @@ def test_what_is_no_spec_is_refused(text: str) -> None:
     with pytest.raises(ModelError) as caught:
         ModelSpec.from_json(text)
     sentence(caught.value)
+
+
+# What is not always known
+
+KNOWING = replace(
+    LIGHTING,
+    evidence=("pixels", "time+place"),
+    warnings=("The pixels say otherwise.",),
+    camera_heading=123.0,
+    camera_heading_radius_50=7.5,
+    camera_heading_radius_90=20.0,
+    camera_heading_probability=tuple(1 / 360 for _ in range(360)),
+    relative_heading=45.0,
+    latitude=48.1,
+    longitude=-11.6,
+)
+
+
+def test_a_record_keeps_what_is_known() -> None:
+    record = json.loads(json.dumps(KNOWING.to_dict(), allow_nan=False))
+    assert Lighting.from_dict(record) == KNOWING
+    assert record["evidence"] == ["pixels", "time+place"]
+    assert record["warnings"] == ["The pixels say otherwise."]
+    assert record["camera"]["heading"] == 123.0
+    assert len(record["camera"]["heading_probability"]) == 360
+    assert record["camera"]["relative_heading"] == 45.0
+    assert record["place"] == {"latitude": 48.1, "longitude": -11.6}
+
+
+def test_a_record_leaves_out_what_is_unknown() -> None:
+    record = LIGHTING.to_dict()
+    assert set(record["camera"]) == {"elevation", "roll", "vertical_fov"}
+    assert (record["evidence"], record["warnings"]) == ([], [])
+
+
+def test_a_record_of_the_first_version_is_still_read() -> None:
+    record = {key: value for key, value in LIGHTING.to_dict().items() if key not in ("evidence", "warnings")}
+    assert Lighting.from_dict(record) == LIGHTING
+    assert Lighting.from_dict({**record, "evidence": None, "warnings": None, "place": None}) == LIGHTING
+
+
+@pytest.mark.parametrize("name", OPTIONAL_RANGES)
+def test_what_is_known_is_checked_too(name: str) -> None:
+    low, high = OPTIONAL_RANGES[name]
+    assert changed(name, None) == LIGHTING
+    for value in (low - 0.01, high + 0.01, math.nan, "3"):
+        with pytest.raises(ParameterError, match=name):
+            changed(name, value)
+
+
+@pytest.mark.parametrize("value", [[0.5], [0.5] * 359 + [2.0], [0.5] * 359 + ["x"], 3.0, "text"])
+def test_headings_are_360_probabilities(value: object) -> None:
+    record = deepcopy(KNOWING.to_dict())
+    record["camera"]["heading_probability"] = value
+    with pytest.raises(ParameterError, match="heading_probability"):
+        Lighting.from_dict(record)
+
+
+@pytest.mark.parametrize("name", ["evidence", "warnings"])
+@pytest.mark.parametrize("value", ["pixels", [3], {"a": 1}, 7])
+def test_evidence_and_warnings_are_texts(name: str, value: object) -> None:
+    with pytest.raises(ParameterError, match=name):
+        Lighting.from_dict({**LIGHTING.to_dict(), name: value})

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction
-from lighting.sun_grid import density, grid_directions, grid_solid_angle, most_likely, radius, soft_label
+from lighting.sun_grid import density, grid_directions, grid_solid_angle, most_likely, over_cells, radius, soft_label
 
 FINE = "fibonacci:1024"
 CVPR = "rings:5x32"
@@ -130,3 +130,16 @@ def test_density_integrates_to_one_and_is_highest_at_the_sun() -> None:
 def test_density_of_a_uniform_sky_is_one_over_two_pi() -> None:
     uniform = grid_solid_angle(CVPR) / (2 * np.pi)
     assert density(uniform, direction(-77.0, 12.0), CVPR) == pytest.approx(1 / (2 * np.pi))
+
+
+def test_a_ring_over_the_cells() -> None:
+    ring = direction(np.arange(0.0, 360.0), 40.0)
+    cells = over_cells(np.full(360, 1 / 360), ring, FINE)
+    assert cells.sum() == pytest.approx(1.0)
+    elevation = angles(grid_directions(FINE))[1]
+    assert cells[np.abs(elevation - 40.0) < 10.0].sum() > 0.95
+
+
+def test_cells_over_their_own_cells_stay() -> None:
+    probability = np.random.default_rng(0).dirichlet(np.ones(24))
+    np.testing.assert_array_equal(over_cells(probability, grid_directions("rings:3x8"), "rings:3x8"), probability)

@@ -174,9 +174,12 @@ def test_a_wrong_export_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tmp_path: Path) -> None:
-    report = evaluate(data, data / "labels.csv", [network], tmp_path)
+    report = evaluate(data, data / "labels.csv", [network], tmp_path, with_metadata=True)
     for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |", "in 90 % region"):
+        assert part in report
+    for part in ("## Metadata, protocol `phone`", "| pixels + time+place |", "| 8, headings unknown |", "| half A |"):
         assert part in report
     assert (tmp_path / "report.md").read_text() == report
     lines = (tmp_path / "crops-paper.csv").read_text().splitlines()

@@ -4,10 +4,11 @@ import json
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from lighting.cli.answers import answers, answers_together
 from lighting.cli.files import (
     estimated,
     load_estimator,
@@ -18,10 +19,13 @@ from lighting.cli.files import (
     write_map,
     write_preview,
 )
+from lighting.cli.given import check_together, given_options, headings_option, together_option
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
-from lighting.cli.words import in_words, json_line, progress_over, report_failure
-from lighting.errors import PhotoError
+from lighting.cli.words import in_words, json_line, progress_over, report_failure, report_warnings
+
+if TYPE_CHECKING:
+    from lighting.metadata import Given
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
@@ -29,27 +33,45 @@ EXR_MAGIC = b"\x76\x2f\x31\x01"
 @cli.command()
 @click.argument("photos", nargs=-1, required=True, metavar="PHOTO...")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line instead of words.")
+@together_option
+@headings_option
+@given_options
 @model_option
 @quiet_option
 @click.pass_context
-def estimate(ctx: click.Context, photos: Sequence[str], as_json: bool, model: str | None, quiet: bool) -> None:
+def estimate(
+    ctx: click.Context,
+    photos: Sequence[str],
+    as_json: bool,
+    together: bool,
+    headings: list[float] | None,
+    given: "Given",
+    model: str | None,
+    quiet: bool,
+) -> None:
     """Print the light of each PHOTO.
 
-    A photo that cannot be read does not stop the others; the exit status is 1 then.
+    Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
+    stop the others; the exit status is 1 then.
     """
+    check_together(len(photos), together, headings, given)
     estimator = load_estimator(model)
     failed = 0
     with progress_over(photos, quiet) as progress:
-        for name in progress:
-            try:
-                lighting = estimator(open_photo(name))
-            except (PhotoError, OSError) as error:
+        found = (
+            answers_together(estimator, progress, given, headings) if together else answers(estimator, progress, given)
+        )
+        for name, answer in found:
+            if isinstance(answer, Exception):
                 failed += 1
-                report_failure(name, error, as_json, progress)
+                report_failure(name, answer, as_json, progress)
+            elif as_json:
+                click.echo(json_line(name, lighting=answer.to_dict()))
             else:
-                click.echo(json_line(name, lighting=lighting.to_dict()) if as_json else in_words(name, lighting))
+                click.echo(in_words(name, answer))
+                report_warnings(name, answer, quiet)
     if failed and len(photos) > 1:
-        click.echo(f"{failed} of {len(photos)} photos could not be read.", err=True)
+        click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     ctx.exit(1 if failed else 0)
 
 
@@ -58,19 +80,23 @@ def estimate(ctx: click.Context, photos: Sequence[str], as_json: bool, model: st
 @map_output
 @map_options
 @click.option("--preview", metavar="FILE.png", callback=preview_file, help="Also draw what `lighting preview` draws.")
+@given_options
 @model_option
 @quiet_option
-def envmap(photo: str, output: str, preview: str | None, model: str | None, quiet: bool, **view: Any) -> None:
+def envmap(
+    photo: str, output: str, preview: str | None, given: "Given", model: str | None, quiet: bool, **view: Any
+) -> None:
     """Estimate the light of PHOTO and render its environment map."""
     refuse_collisions(photo, output, preview)
     estimator = load_estimator(model)
     picture = open_photo(photo)
-    prediction, lighting = estimated(estimator, picture)
+    prediction, lighting = estimated(estimator, picture, given)
     write_map(output, lighting, **view)
     if preview:
         write_preview(preview, picture, prediction, lighting)
     if not quiet and "-" not in (output, preview):
         click.echo(in_words(photo, lighting))
+    report_warnings(photo, lighting, quiet)
 
 
 @cli.command()
@@ -89,13 +115,16 @@ def render(record: str, output: str, **view: Any) -> None:
 @cli.command()
 @click.argument("photo")
 @click.option("-o", "--output", required=True, metavar="FILE.png", callback=preview_file, help='"-" is stdout.')
+@given_options
 @model_option
-def preview(photo: str, output: str, model: str | None) -> None:
+def preview(photo: str, output: str, given: "Given", model: str | None) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
     estimator = load_estimator(model)
     picture = open_photo(photo)
-    write_preview(output, picture, *estimated(estimator, picture))
+    prediction, lighting = estimated(estimator, picture, given)
+    write_preview(output, picture, prediction, lighting)
+    report_warnings(photo, lighting)
 
 
 @cli.command()

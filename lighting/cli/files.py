@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from lighting.metadata import Given
     from lighting.parameters import Lighting, Prediction
     from lighting.photo import Photo
     from lighting.pipeline import Estimator
@@ -60,11 +61,14 @@ def load_estimator(model: str | None) -> "Estimator":
     return Estimator(Model.load(model))
 
 
-def estimated(estimator: "Estimator", picture: "Photo") -> "tuple[Prediction, Lighting]":
-    from lighting.parameters import lighting_from
+def estimated(estimator: "Estimator", picture: "Photo", given: "Given") -> "tuple[Prediction, Lighting]":
+    """What is said of a photo, the sun's probability over the network's cells with all that is known counted."""
+    from lighting.metadata import lighting_of
+    from lighting.sun_grid import over_cells
 
-    prediction = estimator.predict(picture)
-    return prediction, lighting_from(prediction)
+    fused, known = estimator.fuse(picture, given)
+    probability = over_cells(fused.probability, fused.directions, fused.prediction.spec.sun_grid)
+    return replace(fused.prediction, sun_probability=probability), lighting_of(fused, known)
 
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:
@@ -76,14 +80,12 @@ def refuse_collisions(source: str, *outputs: str | None) -> None:
 
 def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, yaw: float) -> None:
     """Render and write; with a yaw, the record in the file is turned with the map."""
-    from lighting.envmap import render, rotate
+    from lighting.envmap import render, rotate, turn
     from lighting.formats import encode_envmap, write_envmap
-    from lighting.geometry import wrap_azimuth
 
     image = render(lighting, height, sun=sun)
     if yaw:
-        image = rotate(image, yaw)
-        lighting = replace(lighting, sun_azimuth=float(wrap_azimuth(lighting.sun_azimuth + yaw)))
+        image, lighting = rotate(image, yaw), turn(lighting, yaw)
     if output == "-":
         write_stdout(encode_envmap(image, lighting, "exr"))
     else:

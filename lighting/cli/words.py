@@ -39,8 +39,28 @@ def in_words(name: str, lighting: "Lighting") -> str:
         f"(50 % within {lighting.radius_50:.1f}°, 90 % within {lighting.radius_90:.1f}°), "
         f"direct sunlight {100 * lighting.sun_visibility:.0f} %, turbidity {lighting.turbidity:.1f}; "
         f"camera looks {abs(lighting.camera_elevation):.1f}° {tilt}, roll {lighting.camera_roll:.1f}°, "
-        f"vertical field of view {lighting.vertical_fov:.1f}°"
+        f"vertical field of view {lighting.vertical_fov:.1f}°{_headings(lighting)}{_evidence(lighting)}"
     )
+
+
+def _headings(lighting: "Lighting") -> str:
+    words = ""
+    if lighting.camera_heading is not None:
+        words += f", heading {lighting.camera_heading:.0f}°"
+    if lighting.camera_heading_radius_50 is not None:
+        words += f" (50 % within {lighting.camera_heading_radius_50:.0f}°)"
+    if lighting.relative_heading is not None:
+        words += f", {lighting.relative_heading:.0f}° clockwise from the first photo"
+    return words
+
+
+def _evidence(lighting: "Lighting") -> str:
+    return f"; from {', '.join(lighting.evidence)}" if len(lighting.evidence) > 1 else ""
+
+
+def report_warnings(name: str, lighting: "Lighting", quiet: bool = False) -> None:
+    for warning in () if quiet else lighting.warnings:
+        click.echo(f"Warning: {shown(name)}: {warning}", err=True)
 
 
 def shown(name: str) -> str:

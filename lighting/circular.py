@@ -1,0 +1,86 @@
+"""Distributions over directions on the horizon, and over suns of few elevations: their modes, spreads and radii."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lighting.geometry import angles, direction, wrap_azimuth
+from lighting.parameters import Sun
+from lighting.sun_grid import radius_around
+
+HEADINGS = np.arange(360.0)  # deg clockwise from true north
+
+_MODE_WIDTH = 25.0  # deg around the strongest mode over which the decoding averages, as in sun_grid.py
+_MODE_SMOOTHING = 15.0  # deg, spread of the kernel that finds the strongest mode
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Heading:
+    """Where a camera points, deg clockwise."""
+
+    probability: Floats  # (360,) of the one-degree bins around HEADINGS, sums to 1
+    best: float  # 0 to 360
+    radius_50: float  # deg to either side of `best` that hold 50 % of the probability
+    radius_90: float
+
+
+def von_mises(angle: ArrayLike, spread: float) -> Floats:
+    """A von Mises curve, 1 at `angle` 0 [deg], whose concentration is 1 / `spread` [deg] squared."""
+    concentration = math.radians(max(spread, 0.1)) ** -2
+    return np.asarray(np.exp(concentration * (np.cos(np.radians(angle)) - 1.0)))
+
+
+def blur(density: Floats, spread: float) -> Floats:
+    """Densities (..., 360) over HEADINGS after an error of von Mises `spread` [deg]."""
+    kernel = von_mises(HEADINGS, spread)
+    return correlate(density, kernel / kernel.sum())
+
+
+def correlate(a: Floats, b: Floats) -> Floats:
+    """Circular correlation along the last axis (..., N): entry d sums a[i + d] b[i]; never below zero."""
+    product = np.fft.rfft(a) * np.conj(np.fft.rfft(b))
+    return np.maximum(np.fft.irfft(product, a.shape[-1]), 0.0)
+
+
+def best_angle(angle: Floats, probability: Floats) -> float:
+    """The strongest mode [deg, -180 to 180] of probabilities (N,) of angles (N,): the mean of what lies around it."""
+    histogram = np.bincount(np.round(angle).astype(int) % 360, probability, 360).astype(np.float64)
+    peak = np.argmax(blur(histogram, _MODE_SMOOTHING))
+    offset = wrap_azimuth(angle - peak)
+    near = probability * (np.abs(offset) <= _MODE_WIDTH)
+    return float(wrap_azimuth(peak + near @ offset / near.sum()))
+
+
+def heading(probability: Floats) -> Heading:
+    """Best value and radii of a distribution (360,) over HEADINGS."""
+    best = best_angle(HEADINGS, probability) % 360.0
+    ground = direction(HEADINGS, 0.0)
+    radius_50, radius_90 = (radius_around(probability, share, ground, direction(best, 0.0)) for share in (0.5, 0.9))
+    return Heading(probability, best, radius_50, radius_90)
+
+
+def sun_on_rings(directions: Floats, probability: Floats) -> Sun:
+    """Where a distribution (N,) over suns (N, 3) of few elevations puts the sun.
+
+    Azimuth and elevation are averaged apart: the mean of the vectors of one ring would lie above the ring.
+    """
+    azimuth, elevation = angles(directions)
+    best = best_angle(azimuth, probability)
+    near = probability * (np.abs(wrap_azimuth(azimuth - best)) <= _MODE_WIDTH)
+    near = near * (np.abs(elevation - _likeliest_ring(elevation, near)) <= _MODE_WIDTH)
+    centre_elevation = float(near @ elevation / near.sum())
+    centre = direction(best, centre_elevation)
+    radius_50, radius_90 = (radius_around(probability, share, directions, centre) for share in (0.5, 0.9))
+    return Sun(best, centre_elevation, radius_50, radius_90)
+
+
+def _likeliest_ring(elevation: Floats, probability: Floats) -> float:
+    """The elevation [deg], one of those given (N,), around which most of the probability (N,) lies."""
+    rings, member = np.unique(np.round(elevation, 6), return_inverse=True)
+    kernel = np.exp(-0.5 * ((rings[:, None] - rings) / _MODE_SMOOTHING) ** 2)
+    return float(rings[np.argmax(kernel @ np.bincount(member, probability))])

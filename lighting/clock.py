@@ -1,0 +1,40 @@
+"""Times and offsets from UTC as people and cameras write them."""
+
+import re
+from datetime import UTC, datetime, timedelta, timezone
+
+from lighting.errors import ParameterError
+
+YEARS = (1900, 2100)  # outside them no ephemeris is asked
+OFFSETS = (-12.0, 14.0)  # h from UTC of all zones
+
+
+def read_time(text: str) -> datetime:
+    """A moment in ISO 8601, "2024-06-01T14:30", with the offset from UTC if it has one; ParameterError otherwise."""
+    try:
+        time = datetime.fromisoformat(text.strip())
+        time.astimezone(UTC)
+    except (ValueError, OverflowError) as error:
+        raise ParameterError(f"{text!r} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00.") from error
+    if len(text.strip()) <= len("2024-06-01"):
+        raise ParameterError(f"{text!r} is a day without a time.")
+    return time
+
+
+def read_offset(text: str) -> float:
+    """Hours from UTC in "+02:00", "-0330", "5.5" or "Z"; ParameterError otherwise."""
+    parts = re.fullmatch(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", text.strip(), re.ASCII)
+    if not parts:
+        raise ParameterError(f"{text!r} is not an offset from UTC such as +02:00 or -3.5.")
+    if parts[4]:
+        hours = float(parts[4])
+    else:
+        hours = 0.0 if parts[5] else (int(parts[2]) + int(parts[3]) / 60) * (-1 if parts[1] == "-" else 1)
+    if not OFFSETS[0] <= hours <= OFFSETS[1]:
+        raise ParameterError(f"The offset from UTC is {hours:g} h; it must lie in -12 to 14.")
+    return hours
+
+
+def in_utc(local_time: datetime, utc_offset: float) -> datetime:
+    """A naive local time as an aware one in UTC; the offset is in h."""
+    return local_time.replace(tzinfo=timezone(timedelta(hours=utc_offset))).astimezone(UTC)

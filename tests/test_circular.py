@@ -1,0 +1,65 @@
+"""Distributions over headings."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lighting.circular import HEADINGS, best_angle, blur, correlate, heading, sun_on_rings, von_mises
+from lighting.geometry import direction, wrap_azimuth
+
+angles_ = st.floats(0.0, 360.0)
+
+
+def bell(centre: float, spread: float) -> np.ndarray:
+    curve = von_mises(HEADINGS - centre, spread)
+    return np.asarray(curve / curve.sum())
+
+
+def test_a_narrow_von_mises_is_a_normal_curve() -> None:
+    offset = np.array([0.0, 2.0, 5.0])
+    assert von_mises(offset, 5.0) == pytest.approx(np.exp(-0.5 * (offset / 5.0) ** 2), rel=2e-3)
+
+
+@given(angles_, st.floats(4.0, 30.0))
+def test_a_heading_is_the_middle_of_its_bell(centre: float, spread: float) -> None:
+    found = heading(bell(centre, spread))
+    assert abs(float(wrap_azimuth(found.best - centre))) < 0.5
+    assert 0.0 <= found.best < 360.0
+
+
+def test_radii_of_a_heading_are_the_quantiles_of_its_bell() -> None:
+    found = heading(bell(123.0, 10.0))
+    assert found.radius_50 == pytest.approx(6.745, abs=0.6)
+    assert found.radius_90 == pytest.approx(16.45, abs=0.6)
+
+
+def test_the_stronger_mode_wins_and_the_other_does_not_pull() -> None:
+    assert best_angle(HEADINGS, 0.6 * bell(350.0, 6.0) + 0.4 * bell(170.0, 6.0)) == pytest.approx(-10.0, abs=0.1)
+
+
+def test_two_blurs_are_one_of_their_hypotenuse() -> None:
+    assert blur(bell(50.0, 6.0), 8.0) == pytest.approx(bell(50.0, 10.0), abs=2e-4)
+
+
+def test_correlation_finds_the_turn_between_two() -> None:
+    product = correlate(bell(70.0, 5.0), bell(40.0, 5.0))
+    assert product.argmax() == 30
+    assert product.sum() == pytest.approx(1.0)
+
+
+@given(st.floats(-180.0, 180.0), st.floats(1.0, 85.0))
+def test_a_sun_on_a_ring_keeps_the_elevation_of_the_ring(azimuth: float, elevation: float) -> None:
+    sun = sun_on_rings(direction(HEADINGS, elevation), bell(azimuth, 15.0))
+    assert sun.elevation == pytest.approx(elevation, abs=1e-9)
+    assert abs(float(wrap_azimuth(sun.azimuth - azimuth))) < 0.2
+    assert sun.radius_50 <= 0.7 * 15.0 * math.cos(math.radians(elevation)) + 1.0
+
+
+def test_rings_far_apart_are_not_averaged() -> None:
+    suns = np.concatenate([direction(HEADINGS, 15.0), direction(HEADINGS, 60.0), direction(HEADINGS, 66.0)])
+    sun = sun_on_rings(suns, np.concatenate([0.4 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0)]))
+    assert sun.elevation == pytest.approx(63.0, abs=0.1)
+    assert sun.azimuth == pytest.approx(80.0, abs=0.1)
