@@ -135,12 +135,12 @@ class Scene:
     @property
     def ball_centre(self) -> Floats:
         """(3,), the ball rests on the spot."""
-        return np.asarray(self.spot + [0.0, self.ball_radius, 0.0])
+        return np.asarray(self.spot + np.array([0.0, self.ball_radius, 0.0]))
 
     @property
     def stick_foot(self) -> Floats:
         """(3,), the middle of the stick's lower end, to the right of the ball."""
-        return np.asarray(self.spot + [2.5 * self.ball_radius, 0.0, 0.0])
+        return np.asarray(self.spot + np.array([2.5 * self.ball_radius, 0.0, 0.0]))
 
     @property
     def stick_height(self) -> float:
