@@ -82,13 +82,13 @@ def _centres(aspect: float, pitch: float) -> NDArray[np.float32]:
 
 def _take_apart(envmap: NDArray[np.float32], sun: Floats) -> _Light:
     sky, sun_irradiance = _without_sun(envmap, sun)
-    small = _shrink(sky, 2 * _LOBE_ROWS)
-    harmonics = _project(small)
+    small = shrink(sky, 2 * _LOBE_ROWS)
+    harmonics = irradiance_harmonics(small)
     ground = sky[-len(sky) // 4 :].mean(axis=(0, 1), dtype=np.float64).reshape(3)
     overhead = np.maximum(_irradiance(np.array([0.0, 1.0, 0.0]), harmonics), 1e-9)
     direct = sun_irradiance * max(float(sun[1]), 0.0)
     return _Light(
-        sky, _blur(_shrink(sky, _LOBE_ROWS)), harmonics, sun, sun_irradiance, ground, direct / (overhead + direct)
+        sky, _blur(shrink(sky, _LOBE_ROWS)), harmonics, sun, sun_irradiance, ground, direct / (overhead + direct)
     )
 
 
@@ -111,7 +111,7 @@ def _without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.f
     return sky, np.asarray(power, dtype=np.float64)
 
 
-def _shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
     """Box average to at most `rows` rows."""
     factor = max(1, len(image) // rows)
     rows = len(image) // factor
@@ -129,7 +129,7 @@ def _basis(d: Floats) -> Floats:
     return np.stack(terms, axis=-1)
 
 
-def _project(image: NDArray[np.float32]) -> Floats:
+def irradiance_harmonics(image: NDArray[np.float32]) -> Floats:
     """Harmonics (9, 3) of the irradiance under a map."""
     height = len(image)
     weighted = image * latlong_solid_angle(height)[:, None, None]

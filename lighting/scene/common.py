@@ -110,6 +110,14 @@ class Scene:
         return self.lighting.sun_direction
 
     @property
+    def sun_matrix(self) -> Floats:
+        """Sun to world (4, 4) for column vectors; the sun shines along its own -Z, from the origin."""
+        side = camera_axes(self.lighting.sun_azimuth, 0.0, 0.0)[0]
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.stack([side, np.cross(self.sun_direction, side), self.sun_direction], axis=1)
+        return matrix
+
+    @property
     def shadow(self) -> Floats:
         """(3,) what remains of open ground's light where the sun is hidden, 0 to 1."""
         direct = self.sun_irradiance * max(float(self.sun_direction[1]), 0.0)

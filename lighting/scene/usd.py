@@ -71,7 +71,7 @@ def _values(scene: Scene, up_axis: str) -> dict[str, Any]:
         "plate_extent": _extent(picture),
         "environment": ENVIRONMENT,
         "sky_matrix": _matrix(placed([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
-        "sun_matrix": _matrix(placed(_looking_from(scene.sun_direction))),
+        "sun_matrix": _matrix(placed(scene.sun_matrix[:3].T)),
         "sun_angle": _number(SUN_ANGLE),
         "sun_colour": _vector(colour),
         "sun_intensity": _number(intensity),
@@ -102,13 +102,6 @@ def _picture_corners(scene: Scene) -> NDArray[np.float64]:
 def _stick_corners(scene: Scene) -> NDArray[np.float64]:
     corner = np.array([scene.stick_radius, scene.stick_height / 2, scene.stick_radius])
     return np.stack([-corner, corner])
-
-
-def _looking_from(direction: NDArray[Any]) -> NDArray[np.float64]:
-    """Axes and origin (4, 3) of a light that shines along its own -Z from a direction (3,)."""
-    side = np.cross([0.0, 1.0, 0.0] if abs(direction[1]) < 0.99 else [0.0, 0.0, -1.0], direction)
-    side /= np.linalg.norm(side)
-    return np.stack([side, np.cross(direction, side), direction, np.zeros(3)])
 
 
 def _matrix(rows: NDArray[np.float64]) -> str:
