@@ -1,7 +1,7 @@
 """A scene for Blender: a script that builds it and, where the module bpy is installed, the .blend that it builds.
 
-Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native sky is the
-same Hosek-Wilkie model on another scale, NATIVE_SCALE.
+Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky
+Texture is the same Hosek-Wilkie model on the same scale; by way of other colour tables it differs by a few percent.
 """
 
 import json
@@ -31,7 +31,6 @@ from lighting.scene.common import (
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 
 YAW = -90.0  # deg about +Z, takes the direction looked along to the axis at the map's centre
-NATIVE_SCALE = 1.0  # our sky radiance / that of Blender's Sky Texture
 
 
 def write(scene: Scene, folder: Path) -> None:
@@ -81,7 +80,7 @@ def _native_sky(scene: Scene) -> dict[str, Any]:
         "sun_direction": to_z_up(scene.sun_direction).tolist(),
         "turbidity": scene.lighting.turbidity,
         "ground_albedo": scene.lighting.ground_albedo,
-        "strength": scene.lighting.exposure * NATIVE_SCALE,
+        "strength": scene.lighting.exposure,
     }
 
 

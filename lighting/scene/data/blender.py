@@ -73,6 +73,7 @@ def set_up_render(scene: Any, numbers: dict[str, Any]) -> None:
     scene.render.resolution_x, scene.render.resolution_y = numbers["size"]
     scene.render.resolution_percentage = 100
     scene.render.image_settings.file_format = "PNG"
+    scene.render.dither_intensity = 0.0
     scene.display_settings.display_device = "sRGB"
     scene.view_settings.view_transform = "Standard"
     scene.view_settings.look = "None"
