@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; its other files stay.")
 @click.option("--lighting", "record", metavar="LIGHTING.json", help="Take the light from a record, not from PHOTO.")
 @click.option("--image-based-light", is_flag=True, help="gltf: put the map in as EXT_lights_image_based.")
+@click.option("--up-axis", type=click.Choice(("Y", "Z"), case_sensitive=False), help="usd: Y unless told.")
 @height_option
 @sun_option
 @model_option
@@ -33,6 +34,7 @@ def scene(
     overwrite: bool,
     record: str | None,
     image_based_light: bool,
+    up_axis: str | None,
     height: int,
     sun: bool | None,
     model: str | None,
@@ -43,8 +45,7 @@ def scene(
     The folder holds the camera with PHOTO behind it, the sun, the map without the sun's disc, a ground that catches
     shadows, and a placeholder where one's own object goes.
     """
-    if image_based_light and tool != "gltf":
-        raise click.UsageError("--image-based-light goes with --for gltf.")
+    options = _tool_options(tool, image_based_light, up_axis)
     if "-" in (photo, record) and photo == record:
         raise click.UsageError("The photo and the record cannot both be stdin.")
     from lighting.photo import read_photo
@@ -55,10 +56,22 @@ def scene(
     data = read_bytes(photo)
     lighting = open_lighting(record) if record else _estimated(data, model)
     made = make_scene(read_photo(data, target=PLATE_SIDE), lighting, map_height=height, sun=sun)
-    options: dict[str, Any] = {"image_based_light": True} if image_based_light else {}
     write_scene(made, tool, output, overwrite=overwrite, **options)
     if not quiet:
         click.echo(in_words(photo, lighting))
+
+
+def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> dict[str, Any]:
+    """What was asked for, as the tool's `write` takes it; UsageError for an option of another tool."""
+    options: dict[str, Any] = {}
+    if image_based_light:
+        options["image_based_light"] = True
+    if up_axis:
+        options["up_axis"] = up_axis
+    for name, owner in (("image_based_light", "gltf"), ("up_axis", "usd")):
+        if name in options and tool != owner:
+            raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {owner}.")
+    return options
 
 
 def _estimated(data: bytes, model: str | None) -> "Lighting":

@@ -30,6 +30,7 @@ from lighting.scene.common import (
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 
+SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, takes the direction looked along to the axis at the map's centre
 
 
@@ -61,6 +62,7 @@ def _description(scene: Scene) -> dict[str, Any]:
     return {
         "plate": PLATE,
         "environment": ENVIRONMENT,
+        "samples": SAMPLES,
         "size": [scene.width, scene.height],
         "camera": {
             "matrix": matrix.tolist(),

@@ -68,7 +68,7 @@ def set_up_render(scene: Any, numbers: dict[str, Any]) -> None:
     """Cycles over a transparent film, and a view transform that leaves the plate's values as they are."""
     bpy.ops.preferences.addon_enable(module="cycles")
     scene.render.engine = "CYCLES"
-    scene.cycles.samples = 128
+    scene.cycles.samples = numbers["samples"]
     scene.render.film_transparent = True
     scene.render.resolution_x, scene.render.resolution_y = numbers["size"]
     scene.render.resolution_percentage = 100
