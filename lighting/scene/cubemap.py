@@ -1,8 +1,9 @@
 """A map as glTF's EXT_lights_image_based wants it: blurred cube maps for gloss, harmonics for diffuse light.
 
-Cube faces are in the order +X, -X, +Y, -Y, +Z, -Z. Level k of n shows what a surface of roughness k / (n - 1) reflects
-when looked at along its normal, the usual split-sum filter with a GGX lobe (Karis 2013). Files are PNG in RGBD, as
-Babylon.js, which the extension comes from, reads it: colour = rgb^2.2 / alpha.
+The layout is what Babylon.js, which the extension comes from, shows rightly in its usual left-handed scenes; the
+specification leaves it open. Faces are in the order +X, -X, +Y, -Y, +Z, -Z of a cube whose +X is glTF's -X, stored bottom
+row first, as PNG in RGBD: colour = rgb^2.2 / alpha. Level k of n shows what a surface of roughness k / (n - 1) reflects
+when looked at along its normal, the usual split-sum filter with a GGX lobe (Karis 2013).
 """
 
 from collections.abc import Iterator
@@ -22,22 +23,25 @@ LEVELS = 4  # each half the size of the one before; the last one shows roughness
 
 _SOURCE_ROWS = 64  # of the map that is blurred
 _GAMMA = 2.2
+_PHASE = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])  # the Condon-Shortley sign of odd orders
 _CHUNK = 64  # directions blurred at once, few enough for the processor's cache
 
 
 def levels(environment: NDArray[np.float32]) -> Iterator[list[bytes]]:
     """Six PNG files a level, sharpest first, of a map (H, 2H, 3)."""
-    small = shrink(environment, _SOURCE_ROWS)
+    mirrored = environment[:, ::-1]
+    small = shrink(mirrored, _SOURCE_ROWS)
     for level in range(LEVELS):
         faces = face_directions(SIZE >> level)
         roughness = level / (LEVELS - 1)
-        radiance = _blurred(small, faces, roughness) if level else sample_latlong(environment, faces)
-        yield [_rgbd(face) for face in radiance]
+        radiance = _blurred(small, faces, roughness) if level else sample_latlong(mirrored, faces)
+        yield [_rgbd(face[::-1]) for face in radiance]
 
 
 def harmonics(environment: NDArray[np.float32]) -> list[list[float]]:
     """Irradiance (9, 3) in real spherical harmonics up to order 2 (Ramamoorthi and Hanrahan 2001)."""
-    return [[round(float(v), 6) for v in row] for row in irradiance_harmonics(shrink(environment, _SOURCE_ROWS))]
+    rows = irradiance_harmonics(shrink(environment[:, ::-1], _SOURCE_ROWS)) * _PHASE[:, None]
+    return [[round(float(v), 6) for v in row] for row in rows]
 
 
 def face_directions(size: int) -> Floats:

@@ -38,7 +38,7 @@ def write(scene: Scene, folder: Path, *, image_based_light: bool = False) -> Non
         "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
         "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},
         "scene": 0,
-        "scenes": [{"nodes": [0, 2, 3, 4]}],
+        "scenes": [{"nodes": [0, 1, 2, 3, 4]}],
         "nodes": _nodes(scene),
         "cameras": [_camera(scene)],
         "materials": _materials(scene),
@@ -53,11 +53,12 @@ def write(scene: Scene, folder: Path, *, image_based_light: bool = False) -> Non
 
 
 def _nodes(scene: Scene) -> list[dict[str, Any]]:
-    """Camera with its plate, sun, ground, and the object's place with what stands there."""
-    spot = scene.spot
+    """Camera, plate, sun, ground, and the object's place with what stands there."""
+    spot, plate = scene.spot, scene.camera_matrix
+    plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
     return [
-        {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix), "children": [1]},
-        {"name": "Plate", "mesh": 3, "translation": [0, 0, -_plate_distance(scene)]},
+        {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
+        {"name": "Plate", "mesh": 3, "matrix": _columns(plate)},  # not the camera's child, which Babylon.js mirrors
         {
             "name": "Sun",
             "matrix": _columns(scene.sun_matrix),
