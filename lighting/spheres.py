@@ -65,12 +65,12 @@ def render_spheres(
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
     columns, rows = width * supersampling, height * supersampling
     rays = camera_directions(columns, rows, VERTICAL_FOV, elevation=pitch).astype(np.float32).reshape(-1, 3)
-    picture = _trace(np.zeros(3, np.float32), rays, _centres(width / height, pitch), light)
+    picture = _trace(np.zeros(3, np.float32), rays, sphere_centres(width / height, pitch), light)
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
 
 
-def _centres(aspect: float, pitch: float) -> NDArray[np.float32]:
-    """The spheres' centres (3, 3) as seen from a camera at the origin."""
+def sphere_centres(aspect: float, pitch: float) -> NDArray[np.float32]:
+    """The spheres' centres (3, 3) as seen from a camera at the origin whose elevation is `pitch` [deg]."""
     right, up, forward = camera_axes(0.0, pitch, 0.0)
     height = PICTURE_WIDTH / aspect
     middle = forward * focal_length(height, VERTICAL_FOV) + up * (0.5 - CENTRE_HEIGHT) * height

@@ -36,7 +36,7 @@ def pixel(point: Floats) -> tuple[int, int]:
 
 
 def centres() -> Floats:
-    return spheres._centres(WIDTH / HEIGHT, PITCH).astype(np.float64)
+    return spheres.sphere_centres(WIDTH / HEIGHT, PITCH).astype(np.float64)
 
 
 def brightness(image: Floats, point: Floats) -> float:
