@@ -1,9 +1,9 @@
 """A map as glTF's EXT_lights_image_based wants it: blurred cube maps for gloss, harmonics for diffuse light.
 
 The layout is what Babylon.js, which the extension comes from, shows rightly in its usual left-handed scenes; the
-specification leaves it open. Faces are in the order +X, -X, +Y, -Y, +Z, -Z of a cube whose +X is glTF's -X, stored bottom
-row first, as PNG in RGBD: colour = rgb^2.2 / alpha. Level k of n shows what a surface of roughness k / (n - 1) reflects
-when looked at along its normal, the usual split-sum filter with a GGX lobe (Karis 2013).
+specification leaves it open. Faces are in the order +X, -X, +Y, -Y, +Z, -Z of a cube whose +X is glTF's -X, stored
+bottom row first, as PNG in RGBD: colour = rgb^2.2 / alpha. Level k of n shows what a surface of roughness k / (n - 1)
+reflects when looked at along its normal, the usual split-sum filter with a GGX lobe (Karis 2013).
 """
 
 from collections.abc import Iterator

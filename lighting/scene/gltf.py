@@ -1,9 +1,9 @@
 """A scene as one binary glTF 2.0 file, `scene.glb`.
 
-The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its angular
-size has no place there. glTF knows neither backgrounds nor shadow catchers: the plate is an unlit picture behind the ground,
-and the ground a diffuse disc of its albedo around the object. The map is left out unless asked for, since few viewers take
-it (EXT_lights_image_based).
+The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its
+angular size has no place there. glTF knows neither backgrounds nor shadow catchers: the plate is an unlit picture
+behind the ground, and the ground a diffuse disc of its albedo around the object. The map is left out unless asked for,
+since few viewers take it (EXT_lights_image_based).
 """
 
 import json

@@ -1,7 +1,7 @@
 """A scene as one HTML page that needs neither server nor network: three.js, the plate and the map are inside.
 
-three.js knows no size of a directional light: the sun's colour and irradiance are right, its shadow's edge is as sharp as
-the shadow map. Its lat-long maps have +X at the centre, so the map is turned by a quarter.
+three.js knows no size of a directional light: the sun's colour and irradiance are right, its shadow's edge is as sharp
+as the shadow map. Its lat-long maps have +X at the centre, so the map is turned by a quarter.
 """
 
 import json

@@ -1,9 +1,9 @@
 """A scene as USD: `scene.usda` with the plate, the map and the record beside it.
 
-Lights follow UsdLux: radiance 1 of the map is 1 nit, and a DistantLight with `normalize` gives an irradiance of intensity
-x colour on a surface that faces it, whatever its angle. USD has neither background plates nor shadow catchers of its own:
-the plate hangs before the camera as a guide, which renderers leave out, and the ground carries the primvars by which
-Omniverse RTX and Karma know one; to others it is a diffuse plane of the ground's albedo.
+Lights follow UsdLux: radiance 1 of the map is 1 nit, and a DistantLight with `normalize` gives an irradiance of
+intensity x colour on a surface that faces it, whatever its angle. USD has neither background plates nor shadow catchers
+of its own: the plate hangs before the camera as a guide, which renderers leave out, and the ground carries the primvars
+by which Omniverse RTX and Karma know one; to others it is a diffuse plane of the ground's albedo.
 """
 
 from collections.abc import Iterable
