@@ -1,6 +1,5 @@
 """The USD stage, as OpenUSD itself reads it."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,8 +29,8 @@ def complaints(stage: Any) -> list[str]:
     return [error.GetErrorAsString() for error in context.Validate(stage)]
 
 
-def ours(vector: Sequence[float], up_axis: str) -> NDArray[np.float64]:
-    """A stage's vector in our frame."""
+def ours(vector: Any, up_axis: str) -> NDArray[np.float64]:
+    """A stage's vector, or three arrays of its coordinates, in our frame."""
     x, y, z = vector
     return np.array([x, z, -y] if up_axis == "Z" else [x, y, z])
 

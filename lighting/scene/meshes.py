@@ -48,7 +48,7 @@ def picture(width: float, height: float) -> Mesh:
     across, down = (corners - 0.5).T
     positions = np.stack([across * width, -down * height, np.zeros(4)], axis=-1)
     triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint16)
-    return Mesh(positions.astype(np.float32), np.tile(np.float32([0, 0, 1]), (4, 1)), triangles, corners)
+    return Mesh(positions.astype(np.float32), np.tile(np.array([0, 0, 1], dtype=np.float32), (4, 1)), triangles, corners)
 
 
 def _turned(profile: Floats, normals: Floats) -> Mesh:

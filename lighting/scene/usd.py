@@ -56,7 +56,8 @@ def _values(scene: Scene, up_axis: str) -> dict[str, Any]:
     picture = _picture_corners(scene)
 
     def placed(vectors: ArrayLike) -> NDArray[np.float64]:
-        return to_z_up(np.asarray(vectors)) if up_axis == "Z" else np.asarray(vectors, dtype=np.float64)
+        turned = to_z_up(np.asarray(vectors)) if up_axis == "Z" else vectors
+        return np.asarray(turned, dtype=np.float64)
 
     return {
         "up_axis": up_axis,
