@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import scene_babylon
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -48,6 +49,17 @@ def render_mitsuba(folder: Path, samples: int) -> NDArray[np.uint8]:
 
 def render_threejs(folder: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
     """By a screenshot of the page."""
+    return _screenshot(folder / "scene.html", size)
+
+
+def render_gltf(folder: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """By Babylon.js, which takes the map in the file too."""
+    if not all(script.is_file() for script in scene_babylon.SCRIPTS):
+        raise MissingToolError("Babylon.js (npm ci --prefix benchmarks/node)")
+    return _screenshot(scene_babylon.write_page(folder, size), size)
+
+
+def _screenshot(page: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
     program = next(filter(None, map(shutil.which, CHROMIUM)), None)
     if program is None:
         raise MissingToolError("Chromium")
@@ -55,8 +67,8 @@ def render_threejs(folder: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
         options = ["--headless", "--no-sandbox", "--hide-scrollbars", "--no-first-run", "--disable-component-update"]
         webgl = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=20000"]
         place = [f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}", "--screenshot=render.png"]
-        _run([program, *options, *webgl, *place, (folder / "scene.html").resolve().as_uri()], folder)
-    return _read(folder / "render.png")
+        _run([program, *options, *webgl, *place, page.resolve().as_uri() + "#plain"], page.parent)
+    return _read(page.parent / "render.png")
 
 
 def _blender(blender: str | None, script: Path) -> list[str]:
