@@ -1,6 +1,6 @@
-"""Runs in Blender: import a USD or glTF file, render it as it stands: FILE OUT WIDTH HEIGHT SAMPLES.
+"""Runs in Blender: import a USD file and render it: FILE OUT WIDTH HEIGHT SAMPLES.
 
-What the file's camera, lights and meshes say is left as Blender's reader made it, but for the strength of USD's sun.
+What the file says of camera, lights and meshes is left as Blender's reader made it, but for the sun and the sphere.
 """
 
 import sys
@@ -8,23 +8,36 @@ from typing import Any
 
 import bpy
 
+USD_SUN_TOO_BRIGHT, USD_SUN_TOO_WIDE = 4.0, 2.0  # what Blender 5.0 makes of a DistantLight
+
 
 def main(file: str, out: str, width: str, height: str, samples: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module="cycles")
     scene = bpy.context.scene
-    if file.endswith(".glb"):
-        bpy.ops.preferences.addon_enable(module="io_scene_gltf2")
-        bpy.ops.import_scene.gltf(filepath=file, export_import_convert_lighting_mode="RAW")
-    else:
-        scene.world = bpy.data.worlds.new("Sky")  # without one the DomeLight is dropped
-        bpy.ops.wm.usd_import(filepath=file, import_guide=False)
-        for light in bpy.data.lights:  # Blender 5.0 takes DistantLights four times too bright and twice too wide
-            light.energy, light.angle = light.energy / 4, light.angle / 2
+    import_usd(scene, file)
     scene.camera = next(thing for thing in scene.objects if thing.type == "CAMERA")
     set_up_render(scene, int(width), int(height), int(samples))
     scene.render.filepath = out
     bpy.ops.render.render(write_still=True)
+
+
+def import_usd(scene: Any, file: str) -> None:
+    scene.world = bpy.data.worlds.new("Sky")  # without one the DomeLight is dropped
+    bpy.ops.wm.usd_import(filepath=file, import_guide=False, import_all_materials=True)
+    for light in bpy.data.lights:
+        light.energy, light.angle = light.energy / USD_SUN_TOO_BRIGHT, light.angle / USD_SUN_TOO_WIDE
+    make_round(scene.objects["Ball"])
+    for name in ("Ball", "Stick"):  # Blender 5.0 leaves USD's Sphere and Cylinder without their materials
+        scene.objects[name].data.materials.append(bpy.data.materials["Placeholder"])
+
+
+def make_round(ball: Any) -> None:
+    """A sphere again of the few flat faces that Blender makes of USD's Sphere."""
+    ball.modifiers.new("Finer", "SUBSURF").render_levels = 4
+    cast = ball.modifiers.new("Round", "CAST")
+    cast.factor, cast.size, cast.use_radius_as_size = 1.0, ball.data.vertices[0].co.length, False
+    ball.data.polygons.foreach_set("use_smooth", [True] * len(ball.data.polygons))
 
 
 def set_up_render(scene: Any, width: int, height: int, samples: int) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.geometry import angle_between, camera_directions, camera_pixel, direction, wrap_azimuth
+from lighting.geometry import camera_directions, camera_pixel, direction, wrap_azimuth
 
 Floats = NDArray[np.floating[Any]]
 
@@ -55,38 +55,46 @@ def shadow_azimuth(picture: Picture, expected: float, around: float = 25.0) -> f
     return float(wrap_azimuth(expected + (dark * turn).sum() / dark.sum()))
 
 
-def brightest_normal(picture: Picture) -> Floats:
-    """The ball's unit normal (3,) where a quadratic through its brighter pixels is highest."""
-    normals, values = _ball(picture)
+def brightest_normal(normals: Floats, values: Floats) -> Floats:
+    """Of unit normals (N, 3) with luminance (N,) the one (3,) where a quadratic through the brighter is highest."""
     bright = values > 0.7 * np.percentile(values, 99)
     x, y, z = normals[bright].T
     terms = np.stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1], axis=1)
     fitted = terms @ np.linalg.lstsq(terms, values[bright], rcond=None)[0]
-    top = fitted >= np.percentile(fitted, 99.5)
-    mean = normals[bright][top].mean(axis=0)
+    mean = normals[bright][fitted >= np.percentile(fitted, 99)].mean(axis=0)
     return np.asarray(mean / np.linalg.norm(mean))
 
 
-def visible_normals(picture: Picture) -> Floats:
-    """The ball's normals (N, 3) that the camera sees, its rim aside."""
-    return _ball(picture)[0]
-
-
-def _ball(picture: Picture) -> tuple[Floats, Floats]:
+def ball(picture: Picture) -> tuple[Floats, Floats]:
     """Normals (N, 3) and luminance (N,) of the ball's pixels, its rim aside."""
     height, width = picture.pixels.shape[:2]
     rays = camera_directions(width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)
     towards = picture.ball - picture.position
     along = rays @ towards
     inside = along**2 - towards @ towards + picture.radius**2
-    seen = inside > (0.3 * picture.radius) ** 2
+    seen = (inside > (0.3 * picture.radius) ** 2) & (along > 0)
     distance = along[seen] - np.sqrt(inside[seen])
     normals = (rays[seen] * distance[:, None] - towards) / picture.radius
     return normals, luminance(picture.pixels[seen])
 
 
-def sunlit_over_shaded(picture: Picture, sun: Floats) -> float:
-    """Luminance of open ground / that of the ground deep in the far part of the ball's shadow."""
+def stick_shade(picture: Picture, shadow: float, radius: float) -> float:
+    """Luminance of open ground / that of ground in the full shadow of a stick, from all that its shadow takes away.
+
+    `shadow` is its azimuth [deg], `radius` the stick's. A strip across the shadow is as dark in total as a full shadow
+    as wide as the stick, whatever penumbra and pixels blur; and a stick hides hardly any sky.
+    """
+    across = np.linspace(-5 * radius, 5 * radius, 401)
+    along = np.linspace(*picture.reach, 80)[:, None, None]
+    points = picture.caster + along * direction(shadow, 0.0) + across[:, None] * direction(shadow + 90.0, 0.0)
+    profile = picture.light(points).mean(axis=0)
+    open_ground = np.abs(across) > 3.5 * radius
+    level = np.polyval(np.polyfit(across[open_ground], profile[open_ground], 1), across)
+    return float(1 / (1 - np.trapezoid(1 - profile / level, across) / (2 * radius)))
+
+
+def ball_shade(picture: Picture, sun: Floats) -> float:
+    """The same from a patch in the far part of the ball's shadow, against open ground beside it."""
     away = np.array([-sun[0], 0.0, -sun[2]]) / np.hypot(sun[0], sun[2])
     centre, half = np.hypot(sun[0], sun[2]) / sun[1], 1 / sun[1]  # of the shadow's ellipse, in ball radii
     foot = picture.ball - [0.0, picture.radius, 0.0]
@@ -102,8 +110,3 @@ def _patch(picture: Picture, point: Floats) -> float:
     reach = picture.radius * np.linspace(0.02, 0.15, 6)[:, None, None]
     offsets = reach * np.concatenate([np.cos(turn), np.zeros_like(turn), np.sin(turn)], axis=1)
     return float(picture.light(point + offsets).mean())
-
-
-def apart(a: Floats, b: Floats) -> float:
-    """Angle [deg] between two directions."""
-    return float(angle_between(a, b))

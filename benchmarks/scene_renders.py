@@ -33,7 +33,7 @@ def render_blender(folder: Path, samples: int, blender: str | None) -> NDArray[n
 def render_import(
     folder: Path, file: str, size: tuple[int, int], samples: int, blender: str | None
 ) -> NDArray[np.uint8]:
-    """By Blender's own reader of USD or glTF."""
+    """By Blender's own reader of USD."""
     script = _blender(blender, HERE / "scene_import.py")
     _run([*script, str(folder / file), str(folder / "render.png"), *map(str, (*size, samples))], folder)
     return _read(folder / "render.png")

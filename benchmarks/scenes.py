@@ -2,9 +2,9 @@
 
     python benchmarks/scenes.py [--blender PROGRAM] [--samples 64] [--picture docs/scenes.png] [--keep FOLDER]
 
-The "photo" is rendered here from a known light, so the scenes can be held against it. USD and glTF are read and
-rendered by Blender. Prints a table and draws all renders into one picture; a tool that this machine lacks is named and
-left out. PROGRAM is Blender or a Python that has its module bpy.
+The "photo" is rendered here from a known light, so the scenes can be held against it. USD is read and rendered by
+Blender, glTF by Babylon.js. Prints a table and draws all renders into one picture; a tool that this machine lacks is
+named and left out. PROGRAM is Blender or a Python that has its module bpy.
 """
 
 import argparse
@@ -17,20 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scene_measures import (
-    Floats,
-    Picture,
-    apart,
-    brightest_normal,
-    shadow_azimuth,
-    sunlit_over_shaded,
-    visible_normals,
+from scene_measures import Floats, Picture, ball, ball_shade, brightest_normal, shadow_azimuth, stick_shade
+from scene_renders import (
+    MissingToolError,
+    render_blender,
+    render_gltf,
+    render_import,
+    render_mitsuba,
+    render_threejs,
 )
-from scene_renders import MissingToolError, render_blender, render_import, render_mitsuba, render_threejs
 
 from lighting.colour import luminance, srgb_decode, tone_map
 from lighting.envmap import render
 from lighting.geometry import (
+    angle_between,
     angles,
     camera_directions,
     latlong_directions,
@@ -49,8 +49,8 @@ LIGHT = Lighting(
     sun_azimuth=-125.0, sun_elevation=33.0, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0,
     vertical_fov=45.0,
 )  # fmt: skip
-GROUND = 0.30  # the photo's linear value of open ground, which the exposure is chosen for
-SIZE = (480, 360)  # pixels
+GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
+SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
 OURS = "our preview"
 
@@ -95,13 +95,15 @@ def renders(
     tools: dict[str, Callable[[Path], NDArray[np.uint8]]] = {
         "blender": lambda made: render_blender(made, samples, blender),
         "usd": lambda made: render_import(made, "scene.usda", SIZE, samples, blender),
-        "gltf": lambda made: render_import(made, "scene.glb", SIZE, samples, blender),
+        "gltf": lambda made: render_gltf(made, SIZE),
         "threejs": lambda made: render_threejs(made, SIZE),
         "mitsuba": lambda made: render_mitsuba(made, samples),
     }
     shown = {}
     for tool, draw in tools.items():
-        write_scene(scene, tool, folder / tool, overwrite=True)
+        write_scene(
+            scene, tool, folder / tool, overwrite=True, **({"image_based_light": True} if tool == "gltf" else {})
+        )
         try:
             shown[tool] = draw(folder / tool)
         except MissingToolError as missing:
@@ -145,36 +147,49 @@ def preview(scene: Scene) -> tuple[NDArray[np.uint8], Picture]:
     return np.asarray(Image.fromarray(tone_map(linear)).reduce(2)), picture
 
 
-def expected_normal(scene: Scene, picture: Picture) -> Floats:
-    """The normal (3,) among those that the camera sees whose irradiance, by map and sun, is highest."""
-    normals = visible_normals(picture)[::7]
-    small = scene.environment.reshape(64, len(scene.environment) // 64, 128, -1, 3).mean(axis=(1, 3))
-    weighted = luminance(small) * latlong_solid_angle(64)[:, None]
-    sky = np.maximum(normals @ latlong_directions(64).reshape(-1, 3).T, 0) @ weighted.ravel()
+def brightness(scene: Scene, normals: Floats) -> Floats:
+    """Luminance of the irradiance (N,) that map and sun give to surfaces of these normals (N, 3)."""
+    small = scene.environment.reshape(32, len(scene.environment) // 32, 64, -1, 3).mean(axis=(1, 3))
+    weighted = luminance(small) * latlong_solid_angle(32)[:, None]
+    sky = np.maximum(normals @ latlong_directions(32).reshape(-1, 3).T, 0) @ weighted.ravel()
     sun = np.maximum(normals @ scene.sun_direction, 0) * float(luminance(scene.sun_irradiance))
-    return np.asarray(normals[np.argmax(sky + sun)])
+    return np.asarray(sky + sun)
 
 
 def _print_table(scene: Scene, measured: dict[str, Picture]) -> None:
-    """Shadow and brightest point against what the light says; the ratio against the map's own."""
     shadow = float(wrap_azimuth(scene.lighting.sun_azimuth + 180.0))
-    print(f"sun {scene.lighting.sun_azimuth:.1f}° / {scene.lighting.sun_elevation:.1f}°, shadow towards {shadow:.1f}°")
-    print(f"{'':12} {'shadow':>8} {'off':>6}   {'brightest az / el':>18} {'off':>6}   {'sunlit / shaded':>15}")
+    print(f"{'':12} {'shadow towards':>15} {'off':>6}  {'brightest az / el':>18} {'off':>5}  {'sunlit / shaded':>15}")
+    print(f"{'true':12} {shadow:14.2f}° {'':>6}  {'':18} {'':>5}  {_true_shade(scene):15.3f}")
     for tool, picture in measured.items():
-        azimuth = shadow_azimuth(picture, shadow)
-        normal = brightest_normal(picture)
-        place = "{:.1f} / {:.1f}".format(*map(float, angles(normal)))
-        off = apart(normal, expected_normal(scene, picture))
-        ratio = sunlit_over_shaded(picture, scene.sun_direction)
-        turned = float(wrap_azimuth(azimuth - shadow))
-        print(f"{tool:12} {azimuth:7.2f}° {turned:5.2f}°   {place:>18} {off:5.1f}°   {ratio:15.3f}")
-    open_sky = float(luminance(scene.shadow * scene.sky_irradiance / scene.shadow))
-    print(f"without any object in the sky's way the ratio would be {_ground(scene) / open_sky:.3f}")
+        print(f"{tool:12} {_shadow_words(tool, picture, shadow)}  {_ball_words(scene, picture)}  ", end="")
+        print(f"{_shade(scene, tool, picture, shadow):15.3f}")
 
 
-def _ground(scene: Scene) -> float:
+def _shadow_words(tool: str, picture: Picture, shadow: float) -> str:
+    if tool == OURS:
+        return f"{'no stick':>15} {'':>6}"
+    azimuth = shadow_azimuth(picture, shadow)
+    return f"{azimuth:14.2f}° {float(wrap_azimuth(azimuth - shadow)):5.2f}°"
+
+
+def _ball_words(scene: Scene, picture: Picture) -> str:
+    normals, values = ball(picture)
+    found, true = brightest_normal(normals, values), brightest_normal(normals, brightness(scene, normals))
+    azimuth, elevation = (float(angle) for angle in angles(found))
+    place = f"{azimuth:.1f} / {elevation:.1f}"
+    return f"{place:>18} {float(angle_between(found, true)):4.1f}°"
+
+
+def _shade(scene: Scene, tool: str, picture: Picture, shadow: float) -> float:
+    return (
+        ball_shade(picture, scene.sun_direction) if tool == OURS else stick_shade(picture, shadow, scene.stick_radius)
+    )
+
+
+def _true_shade(scene: Scene) -> float:
+    """Of open ground, with nothing in the sky's way."""
     direct = scene.sun_irradiance * scene.sun_direction[1]
-    return float(luminance(scene.sky_irradiance + direct))
+    return float(luminance(scene.sky_irradiance + direct) / luminance(scene.sky_irradiance))
 
 
 def contact_sheet(shown: dict[str, Any]) -> Image.Image:
@@ -192,7 +207,7 @@ def contact_sheet(shown: dict[str, Any]) -> Image.Image:
 TITLES = {
     "blender": "Blender, Cycles",
     "usd": "USD, read by Blender",
-    "gltf": "glTF, read by Blender (sun alone)",
+    "gltf": "glTF in Babylon.js",
     "threejs": "three.js in Chromium",
     "mitsuba": "Mitsuba 3",
     OURS: "lighting preview",

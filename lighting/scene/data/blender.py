@@ -72,7 +72,7 @@ def set_up_render(scene: Any, numbers: dict[str, Any]) -> None:
     scene.render.film_transparent = True
     scene.render.resolution_x, scene.render.resolution_y = numbers["size"]
     scene.render.resolution_percentage = 100
-    scene.render.image_settings.file_format = "PNG"
+    scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
     scene.render.dither_intensity = 0.0
     scene.display_settings.display_device = "sRGB"
     scene.view_settings.view_transform = "Standard"
@@ -224,7 +224,8 @@ def turned_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, s
 
 
 def composite_over(scene: Any, plate: Any) -> None:
-    """The render over the plate, which is stretched to the render's size."""
+    """The plate, stretched to the render's size and times the coloured shadow on the ground; over it the object."""
+    scene.view_layers[0].cycles.use_pass_shadow_catcher = True
     tree, output = compositor(scene)
     nodes, links = tree.nodes, tree.links
     picture, fit = nodes.new("CompositorNodeImage"), nodes.new("CompositorNodeScale")
@@ -233,10 +234,23 @@ def composite_over(scene: Any, plate: Any) -> None:
     fit_to_render(fit)
     below, above = [socket for socket in over.inputs if socket.type == "RGBA"]
     links.new(picture.outputs["Image"], fit.inputs["Image"])
-    links.new(fit.outputs["Image"], below)
+    links.new(multiplied(tree, fit.outputs["Image"], layers.outputs["Shadow Catcher"]), below)
     links.new(layers.outputs["Image"], above)
     links.new(over.outputs["Image"], output.inputs["Image"])
     spread(nodes)
+
+
+def multiplied(tree: Any, a: Any, b: Any) -> Any:
+    """The product of two pictures."""
+    mix = tree.nodes.new("ShaderNodeMix" if bpy.app.version >= (5, 0, 0) else "CompositorNodeMixRGB")
+    if hasattr(mix, "data_type"):
+        mix.data_type = "RGBA"
+    mix.blend_type = "MULTIPLY"
+    pictures = [socket for socket in mix.inputs if socket.type == "RGBA"]
+    next(socket for socket in mix.inputs if socket.type == "VALUE").default_value = 1.0
+    tree.links.new(a, pictures[0])
+    tree.links.new(b, pictures[1])
+    return next(socket for socket in mix.outputs if socket.type == "RGBA")
 
 
 def compositor(scene: Any) -> tuple[Any, Any]:
