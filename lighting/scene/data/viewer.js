@@ -132,9 +132,11 @@
     const [file] = event.dataTransfer.files;
     if (!file) return;
     try {
-      show((await new THREE.GLTFLoader().parseAsync(await file.arrayBuffer(), "")).scene);
-    } catch (error) {
-      document.getElementById("note").textContent = `${file.name} cannot be shown: ${error.message}`;
+      const { scene: dropped } = await new THREE.GLTFLoader().parseAsync(await file.arrayBuffer(), "");
+      dropped.getObjectsByProperty("isLight", true).forEach((light) => light.removeFromParent());
+      show(dropped);
+    } catch {
+      document.getElementById("note").textContent = `${file.name} is not a .glb file that can be shown.`;
     }
   }
 
