@@ -135,7 +135,7 @@ def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, vie
     to_camera /= np.linalg.norm(to_camera)
     for normal in (scene.sun_direction + to_camera, 2 * to_camera - scene.sun_direction):
         normal = normal / np.linalg.norm(normal)
-        light = sky_irradiance(scene, normal) + max(normal @ scene.sun_direction, 0) * scene.sun_irradiance
+        light = sky_irradiance(scene, normal) + max(float(normal @ scene.sun_direction), 0.0) * scene.sun_irradiance
         found = seen_at(pictures[view], scene, scene.ball_centre + scene.ball_radius * normal)
         assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
 

@@ -46,9 +46,10 @@ def picture(width: float, height: float) -> Mesh:
     """Upright, around the origin, facing +Z."""
     corners = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=np.float32)
     across, down = (corners - 0.5).T
-    positions = np.stack([across * width, -down * height, np.zeros(4)], axis=-1)
+    positions = np.stack([across * width, -down * height, np.zeros(4)], axis=-1).astype(np.float32)
+    normals = np.tile(np.array([0, 0, 1], dtype=np.float32), (4, 1))
     triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint16)
-    return Mesh(positions.astype(np.float32), np.tile(np.array([0, 0, 1], dtype=np.float32), (4, 1)), triangles, corners)
+    return Mesh(positions, normals, triangles, corners)
 
 
 def _turned(profile: Floats, normals: Floats) -> Mesh:
