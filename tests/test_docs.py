@@ -15,7 +15,7 @@ from lighting.parameters import RANGES
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = sorted(p for p in ROOT.glob("**/*.md") if ".venv" not in p.parts and "runs" not in p.parts)
+PAGES = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "runs", "node_modules"} & set(p.parts))
 
 
 def blocks(language: str) -> list[str]:
