@@ -78,23 +78,8 @@ def ball(picture: Picture) -> tuple[Floats, Floats]:
     return normals, luminance(picture.pixels[seen])
 
 
-def stick_shade(picture: Picture, shadow: float, radius: float) -> float:
-    """Luminance of open ground / that of ground in the full shadow of a stick, from all that its shadow takes away.
-
-    `shadow` is its azimuth [deg], `radius` the stick's. A strip across the shadow is as dark in total as a full shadow
-    as wide as the stick, whatever penumbra and pixels blur; and a stick hides hardly any sky.
-    """
-    across = np.linspace(-5 * radius, 5 * radius, 401)
-    along = np.linspace(*picture.reach, 80)[:, None, None]
-    points = picture.caster + along * direction(shadow, 0.0) + across[:, None] * direction(shadow + 90.0, 0.0)
-    profile = picture.light(points).mean(axis=0)
-    open_ground = np.abs(across) > 3.5 * radius
-    level = np.polyval(np.polyfit(across[open_ground], profile[open_ground], 1), across)
-    return float(1 / (1 - np.trapezoid(1 - profile / level, across) / (2 * radius)))
-
-
-def ball_shade(picture: Picture, sun: Floats) -> float:
-    """The same from a patch in the far part of the ball's shadow, against open ground beside it."""
+def sunlit_over_shaded(picture: Picture, sun: Floats) -> float:
+    """Luminance of open ground / that of a patch in the far part of the ball's shadow."""
     away = np.array([-sun[0], 0.0, -sun[2]]) / np.hypot(sun[0], sun[2])
     centre, half = np.hypot(sun[0], sun[2]) / sun[1], 1 / sun[1]  # of the shadow's ellipse, in ball radii
     foot = picture.ball - [0.0, picture.radius, 0.0]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scene_measures import Floats, Picture, ball, ball_shade, brightest_normal, shadow_azimuth, stick_shade
+from scene_measures import Floats, Picture, ball, brightest_normal, shadow_azimuth, sunlit_over_shaded
 from scene_renders import (
     MissingToolError,
     render_blender,
@@ -159,10 +159,10 @@ def brightness(scene: Scene, normals: Floats) -> Floats:
 def _print_table(scene: Scene, measured: dict[str, Picture]) -> None:
     shadow = float(wrap_azimuth(scene.lighting.sun_azimuth + 180.0))
     print(f"{'':12} {'shadow towards':>15} {'off':>6}  {'brightest az / el':>18} {'off':>5}  {'sunlit / shaded':>15}")
-    print(f"{'true':12} {shadow:14.2f}° {'':>6}  {'':18} {'':>5}  {_true_shade(scene):15.3f}")
+    print(f"{'true':12} {shadow:14.2f}°")
     for tool, picture in measured.items():
         print(f"{tool:12} {_shadow_words(tool, picture, shadow)}  {_ball_words(scene, picture)}  ", end="")
-        print(f"{_shade(scene, tool, picture, shadow):15.3f}")
+        print(f"{sunlit_over_shaded(picture, scene.sun_direction):15.2f}")
 
 
 def _shadow_words(tool: str, picture: Picture, shadow: float) -> str:
@@ -178,18 +178,6 @@ def _ball_words(scene: Scene, picture: Picture) -> str:
     azimuth, elevation = (float(angle) for angle in angles(found))
     place = f"{azimuth:.1f} / {elevation:.1f}"
     return f"{place:>18} {float(angle_between(found, true)):4.1f}°"
-
-
-def _shade(scene: Scene, tool: str, picture: Picture, shadow: float) -> float:
-    return (
-        ball_shade(picture, scene.sun_direction) if tool == OURS else stick_shade(picture, shadow, scene.stick_radius)
-    )
-
-
-def _true_shade(scene: Scene) -> float:
-    """Of open ground, with nothing in the sky's way."""
-    direct = scene.sun_irradiance * scene.sun_direction[1]
-    return float(luminance(scene.sky_irradiance + direct) / luminance(scene.sky_irradiance))
 
 
 def contact_sheet(shown: dict[str, Any]) -> Image.Image:

@@ -38,10 +38,13 @@ def write(scene: Scene, folder: Path) -> None:
     """Write SCRIPT, the NUMBERS it reads, plate and map; FILE too where bpy can be imported."""
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
-    script = files("lighting") / "scene" / "data" / "blender.py"
-    (folder / SCRIPT).write_text(script.read_text(encoding="utf-8"), encoding="utf-8")
+    (folder / SCRIPT).write_text(_script(), encoding="utf-8")
     if find_spec("bpy") is not None:
         _save(folder)
+
+
+def _script() -> str:
+    return (files("lighting") / "scene" / "data" / "blender.py").read_text(encoding="utf-8")
 
 
 def _save(folder: Path) -> None:
