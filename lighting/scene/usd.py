@@ -7,6 +7,7 @@ by which Omniverse RTX and Karma know one; to others it is a diffuse plane of th
 """
 
 from collections.abc import Iterable
+from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -33,7 +34,6 @@ STAGE = "scene.usda"
 UP_AXES = ("Y", "Z")
 
 _APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the metre
-_LAYOUT = Path(__file__).parent / "data" / "scene.usda"
 
 
 def write(scene: Scene, folder: Path, *, up_axis: str = "Y") -> None:
@@ -44,7 +44,7 @@ def write(scene: Scene, folder: Path, *, up_axis: str = "Y") -> None:
     if up_axis not in UP_AXES:
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.")
     write_shared_files(scene, folder)
-    layout = Template(_LAYOUT.read_text(encoding="utf-8"))
+    layout = Template((files("lighting") / "scene" / "data" / "scene.usda").read_text(encoding="utf-8"))
     (folder / STAGE).write_text(layout.substitute(_values(scene, up_axis)), encoding="utf-8")
 
 
