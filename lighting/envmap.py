@@ -36,12 +36,12 @@ _FINE_PER_PIXEL = 4  # the least number of grid rows in a row of pixels
 _WHOLE_PIXEL = 1e-6  # pixels, the rounding allowed for when a yaw counts as a whole number of them
 
 
-def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None) -> Image:
+def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
     """Environment map (H, 2H, 3) of a lighting; `height` is even, 16 to 4096.
 
     `sun` says whether the disc is painted; None paints it when `sun_visibility` is at least 0.5. The sum of the disc's
-    radiance x solid angle is the same at every height, and the ground is lit by what is painted. Raises ParameterError
-    for another height.
+    radiance x solid angle is the same at every height, and the ground is lit by what is painted. Without `disc` the sun
+    lights the ground and is left for a light of its own. Raises ParameterError for another height.
     """
     _check_height(height)
     painted = lighting.sun_visibility >= 0.5 if sun is None else sun
@@ -49,7 +49,7 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None) ->
     lobe = _lobe_table(lighting)
     _paint_sky(image[: height // 2], lighting, lobe)
     image[height // 2 :] = _ground_radiance(lighting, lobe, painted)
-    if painted:
+    if painted and disc:
         _paint_sun(image, lighting)
     return image
 
@@ -83,6 +83,17 @@ def turn(lighting: Lighting, yaw: float) -> Lighting:
         camera_heading=(lighting.camera_heading - yaw) % 360.0,
         camera_heading_probability=tuple(shifted.tolist()),
     )
+
+
+def sun_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) on a surface that faces the sun: radiance x solid angle of the disc above the horizon."""
+    points, weight = sun_disc_points(lighting.sun_direction)
+    return np.asarray(weight @ _exposed_disc(points, lighting))
+
+
+def sky_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) of open level ground by the sky without the disc."""
+    return _sky_irradiance(lighting, _lobe_table(lighting))
 
 
 def _check_height(height: int) -> None:
@@ -162,14 +173,8 @@ def _paint_sun(image: Image, lighting: Lighting) -> None:
     lit = radiance.any(axis=-1)
     pixels, inverse = np.unique((row[:, None] * width + column % width)[lit], return_inverse=True)
     sums = np.stack([np.bincount(inverse, power[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
-    scale = _sun_power(lighting) / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
+    scale = sun_irradiance(lighting) / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
     image.reshape(-1, 3)[pixels] += _f32(sums * scale / latlong_solid_angle(height)[pixels // width, None])
-
-
-def _sun_power(lighting: Lighting) -> Floats:
-    """Radiance x solid angle (3,) of the part of the disc that is above the horizon."""
-    points, weight = sun_disc_points(lighting.sun_direction)
-    return np.asarray(weight @ _exposed_disc(points, lighting))
 
 
 def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:

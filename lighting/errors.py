@@ -26,3 +26,7 @@ class ModelError(LightingError):
 
 class EnvironmentMapError(LightingError):
     """A file is not an environment map that can be read, or cannot be written."""
+
+
+class SceneError(LightingError):
+    """A scene's tool is not known, or its folder cannot be written."""

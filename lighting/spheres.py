@@ -40,7 +40,8 @@ MIRROR_REFLECTANCE = 0.92
 GLOSSY_REFLECTANCE = 0.85
 DIFFUSE_REFLECTANCE = 0.6
 GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(GLOSSINESS (cos - 1))
-_LOBE_ROWS = 32  # of the blurred map
+_LOBE_ROWS = 32  # of the blurred maps
+_VEIL = 15.0  # concentration of the lobe through which the ground sees a sphere in the sky's place
 _BAND = np.repeat([np.pi, 2 * np.pi / 3, np.pi / 4], [1, 3, 5])  # clamped cosine in spherical harmonics
 
 
@@ -54,7 +55,9 @@ class _Light:
     sun_direction: Floats  # (3,)
     sun_irradiance: Floats  # (3,) on a surface that faces the sun; 0 where the map has no disc
     ground: Floats  # radiance (3,) of open ground
-    sun_share: Floats  # (3,) part of the open ground's light that comes straight from the sun
+    ground_sky: Floats  # (3,) the part of it that the sky lights
+    veil: NDArray[np.float32]  # the map, blurred by the size that a sphere has in the sky
+    albedo: Floats  # (3,) of the ground
 
 
 def render_spheres(
@@ -65,12 +68,12 @@ def render_spheres(
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
     columns, rows = width * supersampling, height * supersampling
     rays = camera_directions(columns, rows, VERTICAL_FOV, elevation=pitch).astype(np.float32).reshape(-1, 3)
-    picture = _trace(np.zeros(3, np.float32), rays, _centres(width / height, pitch), light)
+    picture = _trace(np.zeros(3, np.float32), rays, sphere_centres(width / height, pitch), light)
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
 
 
-def _centres(aspect: float, pitch: float) -> NDArray[np.float32]:
-    """The spheres' centres (3, 3) as seen from a camera at the origin."""
+def sphere_centres(aspect: float, pitch: float) -> NDArray[np.float32]:
+    """The spheres' centres (3, 3) as seen from a camera at the origin whose elevation is `pitch` [deg]."""
     right, up, forward = camera_axes(0.0, pitch, 0.0)
     height = PICTURE_WIDTH / aspect
     middle = forward * focal_length(height, VERTICAL_FOV) + up * (0.5 - CENTRE_HEIGHT) * height
@@ -82,13 +85,23 @@ def _centres(aspect: float, pitch: float) -> NDArray[np.float32]:
 
 def _take_apart(envmap: NDArray[np.float32], sun: Floats) -> _Light:
     sky, sun_irradiance = _without_sun(envmap, sun)
-    small = _shrink(sky, 2 * _LOBE_ROWS)
-    harmonics = _project(small)
+    small = shrink(sky, 2 * _LOBE_ROWS)
+    harmonics = irradiance_harmonics(small)
     ground = sky[-len(sky) // 4 :].mean(axis=(0, 1), dtype=np.float64).reshape(3)
     overhead = np.maximum(_irradiance(np.array([0.0, 1.0, 0.0]), harmonics), 1e-9)
     direct = sun_irradiance * max(float(sun[1]), 0.0)
+    coarse = shrink(sky, _LOBE_ROWS)
+    albedo = np.pi * ground / (overhead + direct)
     return _Light(
-        sky, _blur(_shrink(sky, _LOBE_ROWS)), harmonics, sun, sun_irradiance, ground, direct / (overhead + direct)
+        sky,
+        _blur(coarse, GLOSSINESS),
+        harmonics,
+        sun,
+        sun_irradiance,
+        ground,
+        albedo * overhead / np.pi,
+        _blur(coarse, _VEIL),
+        albedo,
     )
 
 
@@ -111,7 +124,7 @@ def _without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.f
     return sky, np.asarray(power, dtype=np.float64)
 
 
-def _shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
     """Box average to at most `rows` rows."""
     factor = max(1, len(image) // rows)
     rows = len(image) // factor
@@ -129,7 +142,7 @@ def _basis(d: Floats) -> Floats:
     return np.stack(terms, axis=-1)
 
 
-def _project(image: NDArray[np.float32]) -> Floats:
+def irradiance_harmonics(image: NDArray[np.float32]) -> Floats:
     """Harmonics (9, 3) of the irradiance under a map."""
     height = len(image)
     weighted = image * latlong_solid_angle(height)[:, None, None]
@@ -141,11 +154,11 @@ def _irradiance(normal: Floats, harmonics: Floats) -> Floats:
     return np.maximum(_basis(normal) @ harmonics.astype(normal.dtype), 0.0)
 
 
-def _blur(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The map seen by a glossy surface along each direction of reflection."""
+def _blur(image: NDArray[np.float32], concentration: float) -> NDArray[np.float32]:
+    """The map seen through a lobe exp(concentration (cos - 1)) around each direction."""
     height = len(image)
     d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
-    weight = np.exp(np.float32(GLOSSINESS) * (d @ d.T - 1)) * np.repeat(latlong_solid_angle(height), 2 * height)
+    weight = np.exp(np.float32(concentration) * (d @ d.T - 1)) * np.repeat(latlong_solid_angle(height), 2 * height)
     blurred = weight.astype(np.float32) @ image.reshape(-1, 3) / weight.sum(axis=1, keepdims=True)
     return np.asarray(blurred.reshape(image.shape), dtype=np.float32)
 
@@ -201,9 +214,9 @@ def _sky(rays: Floats, light: _Light, sun_radius: float) -> Floats:
 
 def _ground(points: Floats, centres: Floats, light: _Light) -> Floats:
     """Radiance (N, 3) of the ground at points (N, 3): the spheres hide the sun and part of the sky."""
-    share = light.sun_share.astype(points.dtype)
-    lit = _sunlit(points, centres, light)[:, None]
-    return light.ground.astype(points.dtype) * (share * lit + (1 - share) * _open(points, centres)[:, None])
+    sky = light.ground_sky.astype(points.dtype)
+    direct = light.ground.astype(points.dtype) - sky
+    return np.maximum(direct * _sunlit(points, centres, light)[:, None] + sky - _hidden(points, centres, light), 0)
 
 
 def _sunlit(points: Floats, centres: Floats, light: _Light, leaving: int | None = None) -> Floats:
@@ -221,12 +234,14 @@ def _sunlit(points: Floats, centres: Floats, light: _Light, leaving: int | None 
     return share
 
 
-def _open(points: Floats, centres: Floats) -> Floats:
-    """Cosine-weighted share (N,) of an even sky that the spheres leave open to ground points (N, 3)."""
-    hidden = np.zeros(len(points), dtype=points.dtype)
+def _hidden(points: Floats, centres: Floats, light: _Light) -> Floats:
+    """Radiance (N, 3) that ground points (N, 3) lack because the spheres stand before the sky, most before the sun."""
+    radiance = np.zeros_like(points)
     for centre in centres:
-        hidden += _dot(centre - points, centre - points) ** np.float32(-1.5)  # the centre is 1 up
-    return np.maximum(1 - hidden, 0)
+        towards = centre - points
+        share = _dot(towards, towards) ** np.float32(-1.5)  # of a cosine-weighted hemisphere; the centre is 1 up
+        radiance += share[:, None] * sample_latlong(light.veil, towards).astype(points.dtype)
+    return np.asarray(radiance * light.albedo.astype(points.dtype))
 
 
 def _shade(kind: int, points: Floats, rays: Floats, centres: Floats, light: _Light, *, mirrored: bool) -> Floats:

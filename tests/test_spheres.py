@@ -36,7 +36,7 @@ def pixel(point: Floats) -> tuple[int, int]:
 
 
 def centres() -> Floats:
-    return spheres._centres(WIDTH / HEIGHT, PITCH).astype(np.float64)
+    return spheres.sphere_centres(WIDTH / HEIGHT, PITCH).astype(np.float64)
 
 
 def brightness(image: Floats, point: Floats) -> float:
@@ -126,7 +126,7 @@ def test_map_without_disc_gives_almost_no_sun() -> None:
 
 
 def test_irradiance_of_an_even_map_is_pi_everywhere() -> None:
-    harmonics = spheres._project(np.ones((32, 64, 3), dtype=np.float32))
+    harmonics = spheres.irradiance_harmonics(np.ones((32, 64, 3), dtype=np.float32))
     normals = direction(np.array([0.0, 70.0, -130.0]), np.array([90.0, 10.0, -60.0]))
     np.testing.assert_allclose(spheres._irradiance(normals, harmonics), np.pi, rtol=2e-3)
 
@@ -137,7 +137,7 @@ def test_irradiance_of_a_product_map(a: int, b: int) -> None:
     envmap = np.repeat((1 + 0.5 * d[..., a] + d[..., a] * d[..., b])[..., None], 3, axis=-1).astype(np.float32)
     normals = direction(np.array([30.0, 70.0, -130.0]), np.array([20.0, 10.0, -60.0]))
     clamped_cosine = np.pi + np.pi / 3 * normals[:, a] + np.pi / 4 * normals[:, a] * normals[:, b]
-    irradiance = spheres._irradiance(normals, spheres._project(envmap))
+    irradiance = spheres._irradiance(normals, spheres.irradiance_harmonics(envmap))
     np.testing.assert_allclose(irradiance, np.repeat(clamped_cosine[:, None], 3, axis=1), rtol=3e-3)
 
 

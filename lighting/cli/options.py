@@ -55,13 +55,19 @@ def _finite(_ctx: click.Context, _param: click.Parameter, value: float) -> float
     return value
 
 
+height_option = click.option(
+    "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
+)
+sun_option = click.option(
+    "--sun/--no-sun", default=None, help="Whether direct sunlight is in it; by default if it likely shines."
+)
+
+
 def map_options(command: Command) -> Command:
     """The options that say how a map is rendered; a command receives them together as `view`."""
     options = [
-        click.option(
-            "--height", default=512, show_default=True, callback=_height, help="Rows; columns are twice that."
-        ),
-        click.option("--sun/--no-sun", default=None, help="Paint the sun's disc; by default if it likely shines."),
+        height_option,
+        sun_option,
         click.option(
             "--yaw", default=0.0, metavar="DEG", callback=_finite, help="Turn the map to the right, sun and all."
         ),

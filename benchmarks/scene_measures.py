@@ -1,0 +1,97 @@
+"""Where the shadow points, where the ball is brightest and how dark the shade is, measured in a picture."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.colour import luminance
+from lighting.geometry import camera_directions, camera_pixel, direction, wrap_azimuth
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A linear picture of a ball and perhaps a stick on level ground, and where the camera stood."""
+
+    pixels: Floats  # (h, w, 3)
+    vertical_fov: float
+    elevation: float
+    roll: float
+    position: Floats  # (3,)
+    ball: Floats  # (3,) its centre
+    radius: float  # of the ball
+    caster: Floats  # (3,) the foot of what casts the shadow whose direction is measured
+    reach: tuple[float, float]  # distances from it where the shadow is looked at
+
+    def light(self, points: Floats) -> Floats:
+        """Luminance (...) that the picture shows at points (..., 3), bilinear."""
+        height, width = self.pixels.shape[:2]
+        pixel = camera_pixel(
+            points - self.position, width, height, self.vertical_fov, elevation=self.elevation, roll=self.roll
+        )
+        x, y = np.clip(pixel[..., 0] - 0.5, 0, width - 1.001), np.clip(pixel[..., 1] - 0.5, 0, height - 1.001)
+        column, row = x.astype(int), y.astype(int)
+        u, v, shown = x - column, y - row, luminance(self.pixels)
+        top = shown[row, column] * (1 - u) + shown[row, column + 1] * u
+        return np.asarray(top * (1 - v) + (shown[row + 1, column] * (1 - u) + shown[row + 1, column + 1] * u) * v)
+
+
+def shadow_azimuth(picture: Picture, expected: float, around: float = 25.0) -> float:
+    """Azimuth [deg] in which the caster's shadow points: the darkness' centroid on arcs around its foot.
+
+    The arcs reach `around` deg to both sides of the `expected` azimuth; NaN where nothing on them is dark.
+    """
+    turn = np.linspace(-around, around, 1001)
+    reach = np.linspace(*picture.reach, 60)[:, None]
+    ring = picture.caster + reach[..., None] * direction(expected + turn, 0.0)
+    light = picture.light(ring)
+    open_ground = np.percentile(light, 90, axis=1, keepdims=True)
+    dark = np.clip(1 - light / open_ground - 0.15, 0, None)
+    if dark.max() < 0.1:
+        return float("nan")
+    return float(wrap_azimuth(expected + (dark * turn).sum() / dark.sum()))
+
+
+def brightest_normal(normals: Floats, values: Floats) -> Floats:
+    """Of unit normals (N, 3) with luminance (N,) the one (3,) where a quadratic through the brighter is highest."""
+    bright = values > 0.7 * np.percentile(values, 99)
+    x, y, z = normals[bright].T
+    terms = np.stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1], axis=1)
+    fitted = terms @ np.linalg.lstsq(terms, values[bright], rcond=None)[0]
+    mean = normals[bright][fitted >= np.percentile(fitted, 99)].mean(axis=0)
+    return np.asarray(mean / np.linalg.norm(mean))
+
+
+def ball(picture: Picture) -> tuple[Floats, Floats]:
+    """Normals (N, 3) and luminance (N,) of the ball's pixels, its rim aside."""
+    height, width = picture.pixels.shape[:2]
+    rays = camera_directions(width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)
+    towards = picture.ball - picture.position
+    along = rays @ towards
+    inside = along**2 - towards @ towards + picture.radius**2
+    seen = (inside > (0.3 * picture.radius) ** 2) & (along > 0)
+    distance = along[seen] - np.sqrt(inside[seen])
+    normals = (rays[seen] * distance[:, None] - towards) / picture.radius
+    return normals, luminance(picture.pixels[seen])
+
+
+def sunlit_over_shaded(picture: Picture, sun: Floats) -> float:
+    """Luminance of open ground / that of a patch in the far part of the ball's shadow."""
+    away = np.array([-sun[0], 0.0, -sun[2]]) / np.hypot(sun[0], sun[2])
+    centre, half = np.hypot(sun[0], sun[2]) / sun[1], 1 / sun[1]  # of the shadow's ellipse, in ball radii
+    foot = picture.ball - [0.0, picture.radius, 0.0]
+    shaded = foot + picture.radius * (centre + 0.6 * half) * away
+    across = picture.radius * 3.5 * np.array([away[2], 0.0, -away[0]])
+    sides = [foot + across * side for side in (-1, 1)]
+    return float(max(_patch(picture, side) for side in sides) / _patch(picture, shaded))
+
+
+def _patch(picture: Picture, point: Floats) -> float:
+    """Mean luminance of a small patch of ground."""
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)[:, None]
+    reach = picture.radius * np.linspace(0.02, 0.15, 6)[:, None, None]
+    offsets = reach * np.concatenate([np.cos(turn), np.zeros_like(turn), np.sin(turn)], axis=1)
+    return float(picture.light(point + offsets).mean())

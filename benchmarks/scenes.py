@@ -1,0 +1,205 @@
+"""One scene, five tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
+
+    python benchmarks/scenes.py [--blender PROGRAM] [--samples 64] [--picture docs/scenes.png] [--keep FOLDER]
+
+The "photo" is rendered here from a known light, so the scenes can be held against it. USD is read and rendered by
+Blender, glTF by Babylon.js. Prints a table and draws all renders into one picture; a tool that this machine lacks is
+named and left out. PROGRAM is Blender or a Python that has its module bpy.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scene_measures import Floats, Picture, ball, brightest_normal, shadow_azimuth, sunlit_over_shaded
+from scene_renders import (
+    MissingToolError,
+    render_blender,
+    render_gltf,
+    render_import,
+    render_mitsuba,
+    render_threejs,
+)
+
+from lighting.colour import luminance, srgb_decode, tone_map
+from lighting.envmap import render
+from lighting.geometry import (
+    angle_between,
+    angles,
+    camera_directions,
+    latlong_directions,
+    latlong_solid_angle,
+    sample_latlong,
+    wrap_azimuth,
+)
+from lighting.ink import write
+from lighting.parameters import Lighting
+from lighting.photo import Photo
+from lighting.scene.common import Scene, make_scene
+from lighting.scene.files import write_scene
+from lighting.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
+
+LIGHT = Lighting(
+    sun_azimuth=-125.0, sun_elevation=33.0, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0,
+    vertical_fov=45.0,
+)  # fmt: skip
+GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
+SIZE = (640, 480)  # pixels
+CAPTION = 26  # pixels
+OURS = "our preview"
+
+
+def main() -> None:
+    arguments = _arguments()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(arguments.keep or temporary)
+        folder.mkdir(exist_ok=True)
+        scene = synthetic_scene()
+        shown, measured = renders(scene, folder, arguments.samples, arguments.blender)
+    shown[OURS], measured[OURS] = preview(scene)
+    _print_table(scene, measured)
+    if arguments.picture:
+        contact_sheet(shown).save(arguments.picture)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="One scene, five tools, one answer.")
+    parser.add_argument("--blender", help="Blender, or a Python that has its module bpy")
+    parser.add_argument("--samples", type=int, default=64, help="per pixel, where a tool traces paths")
+    parser.add_argument("--picture", help="draw all renders into this file")
+    parser.add_argument("--keep", help="leave the scenes and renders in this folder")
+    return parser.parse_args()
+
+
+def synthetic_scene() -> Scene:
+    """A level plain under LIGHT, photographed by our own renderer."""
+    exposure = GROUND / float(luminance(render(LIGHT, 64)[-1, 0]))
+    lighting = replace(LIGHT, exposure=exposure)
+    rays = camera_directions(
+        *SIZE, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll
+    )
+    pixels = tone_map(sample_latlong(render(lighting, 1024), rays))
+    return make_scene(Photo(pixels, *SIZE, "PNG"), lighting)
+
+
+def renders(
+    scene: Scene, folder: Path, samples: int, blender: str | None
+) -> tuple[dict[str, NDArray[np.uint8]], dict[str, Picture]]:
+    """What each tool made of the scene, as it is and ready to be measured."""
+    tools: dict[str, Callable[[Path], NDArray[np.uint8]]] = {
+        "blender": lambda made: render_blender(made, samples, blender),
+        "usd": lambda made: render_import(made, "scene.usda", SIZE, samples, blender),
+        "gltf": lambda made: render_gltf(made, SIZE),
+        "threejs": lambda made: render_threejs(made, SIZE),
+        "mitsuba": lambda made: render_mitsuba(made, samples),
+    }
+    shown = {}
+    for tool, draw in tools.items():
+        write_scene(
+            scene, tool, folder / tool, overwrite=True, **({"image_based_light": True} if tool == "gltf" else {})
+        )
+        try:
+            shown[tool] = draw(folder / tool)
+        except MissingToolError as missing:
+            print(f"{tool} is left out: this machine lacks {missing}.")
+    return shown, {tool: _picture(scene, pixels) for tool, pixels in shown.items()}
+
+
+def _picture(scene: Scene, pixels: NDArray[np.uint8]) -> Picture:
+    shadow = scene.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
+    return Picture(
+        srgb_decode(pixels / 255.0),
+        scene.vertical_fov,
+        scene.lighting.camera_elevation,
+        scene.lighting.camera_roll,
+        scene.camera_position,
+        scene.ball_centre,
+        scene.ball_radius,
+        scene.stick_foot,
+        (0.3 * shadow, 0.9 * shadow),
+    )
+
+
+def preview(scene: Scene) -> tuple[NDArray[np.uint8], Picture]:
+    """Our own three spheres in the same light. The right one is diffuse, and under LIGHT its shadow lies free."""
+    width, height = SIZE
+    lighting = scene.lighting
+    linear = render_spheres(render(lighting, 1024), lighting, width, height, supersampling=2)
+    pitch = float(np.clip(lighting.camera_elevation, *PITCH))
+    centres = sphere_centres(width / height, pitch)
+    picture = Picture(
+        linear,
+        VERTICAL_FOV,
+        pitch,
+        0.0,
+        np.zeros(3),
+        centres[DIFFUSE],
+        1.0,
+        centres[DIFFUSE] - [0.0, 1.0, 0.0],
+        (1.5, 2.5),
+    )
+    return np.asarray(Image.fromarray(tone_map(linear)).reduce(2)), picture
+
+
+def brightness(scene: Scene, normals: Floats) -> Floats:
+    """Luminance of the irradiance (N,) that map and sun give to surfaces of these normals (N, 3)."""
+    small = scene.environment.reshape(32, len(scene.environment) // 32, 64, -1, 3).mean(axis=(1, 3))
+    weighted = luminance(small) * latlong_solid_angle(32)[:, None]
+    sky = np.maximum(normals @ latlong_directions(32).reshape(-1, 3).T, 0) @ weighted.ravel()
+    sun = np.maximum(normals @ scene.sun_direction, 0) * float(luminance(scene.sun_irradiance))
+    return np.asarray(sky + sun)
+
+
+def _print_table(scene: Scene, measured: dict[str, Picture]) -> None:
+    shadow = float(wrap_azimuth(scene.lighting.sun_azimuth + 180.0))
+    print(f"{'':12} {'shadow towards':>15} {'off':>6}  {'brightest az / el':>18} {'off':>5}  {'sunlit / shaded':>15}")
+    print(f"{'true':12} {shadow:14.2f}°")
+    for tool, picture in measured.items():
+        print(f"{tool:12} {_shadow_words(tool, picture, shadow)}  {_ball_words(scene, picture)}  ", end="")
+        print(f"{sunlit_over_shaded(picture, scene.sun_direction):15.2f}")
+
+
+def _shadow_words(tool: str, picture: Picture, shadow: float) -> str:
+    if tool == OURS:
+        return f"{'no stick':>15} {'':>6}"
+    azimuth = shadow_azimuth(picture, shadow)
+    return f"{azimuth:14.2f}° {float(wrap_azimuth(azimuth - shadow)):5.2f}°"
+
+
+def _ball_words(scene: Scene, picture: Picture) -> str:
+    normals, values = ball(picture)
+    found, true = brightest_normal(normals, values), brightest_normal(normals, brightness(scene, normals))
+    azimuth, elevation = (float(angle) for angle in angles(found))
+    place = f"{azimuth:.1f} / {elevation:.1f}"
+    return f"{place:>18} {float(angle_between(found, true)):4.1f}°"
+
+
+def contact_sheet(shown: dict[str, Any]) -> Image.Image:
+    """All renders with their names, three in a row."""
+    width, height = SIZE
+    rows = -(-len(shown) // 3)
+    sheet = Image.new("RGB", (3 * width + 16, rows * (height + CAPTION + 8) - 8), (255, 255, 255))
+    for index, (name, pixels) in enumerate(shown.items()):
+        x, y = index % 3 * (width + 8), index // 3 * (height + CAPTION + 8)
+        write(sheet, (x, y), TITLES[name], 17, (40, 40, 40))
+        sheet.paste(Image.fromarray(pixels), (x, y + CAPTION))
+    return sheet
+
+
+TITLES = {
+    "blender": "Blender, Cycles",
+    "usd": "USD, read by Blender",
+    "gltf": "glTF in Babylon.js",
+    "threejs": "three.js in Chromium",
+    "mitsuba": "Mitsuba 3",
+    OURS: "lighting preview",
+}
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""The command that writes scenes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli.files import load_estimator, open_lighting, read_bytes
+from lighting.cli.group import cli
+from lighting.cli.options import height_option, model_option, quiet_option, sun_option
+from lighting.cli.words import in_words
+from lighting.scene import TOOLS
+
+if TYPE_CHECKING:
+    from lighting.parameters import Lighting
+
+
+@cli.command()
+@click.argument("photo")
+@click.option("--for", "tool", required=True, type=click.Choice(TOOLS), help="The tool that opens it.")
+@click.option("-o", "--output", required=True, metavar="FOLDER", help="New or empty unless --overwrite.")
+@click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; its other files stay.")
+@click.option("--lighting", "record", metavar="LIGHTING.json", help="Take the light from a record, not from PHOTO.")
+@click.option("--image-based-light", is_flag=True, help="gltf: put the map in as EXT_lights_image_based.")
+@click.option("--up-axis", type=click.Choice(("Y", "Z"), case_sensitive=False), help="usd: Y unless told.")
+@height_option
+@sun_option
+@model_option
+@quiet_option
+def scene(
+    photo: str,
+    tool: str,
+    output: str,
+    overwrite: bool,
+    record: str | None,
+    image_based_light: bool,
+    up_axis: str | None,
+    height: int,
+    sun: bool | None,
+    model: str | None,
+    quiet: bool,
+) -> None:
+    """Write PHOTO and its light as a scene for another tool.
+
+    The folder holds the camera with PHOTO behind it, the sun, the map without the sun's disc, a ground that catches
+    shadows, and a placeholder where one's own object goes.
+    """
+    options = _tool_options(tool, image_based_light, up_axis)
+    if "-" in (photo, record) and photo == record:
+        raise click.UsageError("The photo and the record cannot both be stdin.")
+    from lighting.photo import read_photo
+    from lighting.scene.common import PLATE_SIDE, make_scene
+    from lighting.scene.files import check_target, write_scene
+
+    check_target(Path(output), overwrite=overwrite)
+    data = read_bytes(photo)
+    lighting = open_lighting(record) if record else _estimated(data, model)
+    made = make_scene(read_photo(data, target=PLATE_SIDE), lighting, map_height=height, sun=sun)
+    write_scene(made, tool, output, overwrite=overwrite, **options)
+    if not quiet:
+        click.echo(in_words(photo, lighting))
+
+
+def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> dict[str, Any]:
+    """What was asked for, as the tool's `write` takes it; UsageError for an option of another tool."""
+    options: dict[str, Any] = {}
+    if image_based_light:
+        options["image_based_light"] = True
+    if up_axis:
+        options["up_axis"] = up_axis
+    for name, owner in (("image_based_light", "gltf"), ("up_axis", "usd")):
+        if name in options and tool != owner:
+            raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {owner}.")
+    return options
+
+
+def _estimated(data: bytes, model: str | None) -> "Lighting":
+    from lighting.photo import read_photo
+
+    return load_estimator(model)(read_photo(data))

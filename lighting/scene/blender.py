@@ -1,0 +1,101 @@
+"""A scene for Blender: a script that builds it and, where the module bpy is installed, the .blend that it builds.
+
+Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky
+Texture is the same Hosek-Wilkie model on the same scale; by way of other colour tables it differs by a few percent.
+"""
+
+import json
+import subprocess
+import sys
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from lighting.errors import SceneError
+from lighting.scene.common import (
+    ENVIRONMENT,
+    FAR,
+    GROUND_RADIUS,
+    NEAR,
+    PLACEHOLDER_ALBEDO,
+    PLATE,
+    SENSOR_HEIGHT,
+    SUN_ANGLE,
+    Scene,
+    colour_and_strength,
+    to_z_up,
+    write_shared_files,
+)
+
+SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
+
+SAMPLES = 128  # of Cycles, per pixel
+YAW = -90.0  # deg about +Z, takes the direction looked along to the axis at the map's centre
+
+
+def write(scene: Scene, folder: Path) -> None:
+    """Write SCRIPT, the NUMBERS it reads, plate and map; FILE too where bpy can be imported."""
+    write_shared_files(scene, folder)
+    (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
+    (folder / SCRIPT).write_text(_script(), encoding="utf-8")
+    if find_spec("bpy") is not None:
+        _save(folder)
+
+
+def _script() -> str:
+    return (files("lighting") / "scene" / "data" / "blender.py").read_text(encoding="utf-8")
+
+
+def _save(folder: Path) -> None:
+    """Run the script in a process of its own, since bpy holds one file for the whole process."""
+    command = [sys.executable, SCRIPT, "--save"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode or not (folder / FILE).is_file():
+        lines = done.stderr.strip().splitlines() or ["no reason given"]
+        raise SceneError(f"Blender could not build {FILE}: {lines[-1]}")
+
+
+def _description(scene: Scene) -> dict[str, Any]:
+    """What data/blender.py reads: metres, degrees, millimetres; +Z is up and the camera looks along +Y."""
+    matrix = scene.camera_matrix
+    matrix[:3] = to_z_up(matrix[:3].T).T
+    colour, strength = colour_and_strength(scene.sun_irradiance)
+    sun = to_z_up(scene.sun_direction).tolist()
+    return {
+        "plate": PLATE,
+        "environment": ENVIRONMENT,
+        "samples": SAMPLES,
+        "size": [scene.width, scene.height],
+        "camera": {
+            "matrix": matrix.tolist(),
+            "sensor": [scene.sensor_width, SENSOR_HEIGHT],
+            "focal_length": scene.focal_length,
+            "clip": [NEAR, FAR],
+        },
+        "sun": {"direction": sun, "angle": SUN_ANGLE, "colour": colour.tolist(), "irradiance": strength},
+        "sky": {"yaw": YAW, "native": _native_sky(scene)},
+        "ground": {"radius": GROUND_RADIUS, "albedo": scene.lighting.ground_albedo},
+        "placeholder": _placeholder(scene),
+    }
+
+
+def _native_sky(scene: Scene) -> dict[str, Any]:
+    return {
+        "sun_direction": to_z_up(scene.sun_direction).tolist(),
+        "turbidity": scene.lighting.turbidity,
+        "ground_albedo": scene.lighting.ground_albedo,
+        "strength": scene.lighting.exposure,
+    }
+
+
+def _placeholder(scene: Scene) -> dict[str, Any]:
+    """The stick's foot is given from the spot."""
+    return {
+        "spot": to_z_up(scene.spot).tolist(),
+        "ball_radius": scene.ball_radius,
+        "stick_foot": to_z_up(scene.stick_foot - scene.spot).tolist(),
+        "stick_radius": scene.stick_radius,
+        "stick_height": scene.stick_height,
+        "albedo": PLACEHOLDER_ALBEDO,
+    }

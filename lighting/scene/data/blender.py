@@ -1,0 +1,276 @@
+"""Build in Blender 4.5 or newer the scene that scene.json, beside this file, describes.
+
+    blender --python scene.py                                    opens it as a scene of its own
+    blender --background --python scene.py -- --save --render    writes scene.blend and render.png
+
+`python scene.py --save` does the same where the module bpy is installed. The light's units are those of the photo's
+linear values; +Z is up and the camera looks along +Y. The value "Native sky" in the world's nodes blends from the
+environment map (0) to Blender's own sky with the same sun and turbidity (1).
+"""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+from mathutils import Matrix, Vector
+
+
+def main() -> None:
+    arguments = {"--save", "--render"} & set(sys.argv)
+    if arguments:  # nothing of an open file is at stake
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+    folder = own_folder()
+    scene = build(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
+    if arguments:
+        for other in [other for other in bpy.data.scenes if other != scene]:
+            bpy.data.scenes.remove(other)
+    if "--save" in arguments:
+        bpy.context.preferences.filepaths.save_version = 0
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), relative_remap=True)
+    if "--render" in arguments:
+        scene.render.filepath = str(folder / "render.png")
+        bpy.ops.render.render(write_still=True)
+
+
+def own_folder() -> Path:
+    """Where this file lies, also when Blender's text editor runs it."""
+    text = bpy.data.texts.get(Path(__file__).name)
+    return Path(bpy.path.abspath(text.filepath) if text and text.filepath else __file__).resolve().parent
+
+
+def build(numbers: dict[str, Any], folder: Path) -> Any:
+    """A new scene, made the current one."""
+    scene = bpy.data.scenes.new("Photo")
+    if bpy.context.window:
+        bpy.context.window.scene = scene
+    plate = load_image(folder / numbers["plate"], "sRGB")
+    environment = load_image(folder / numbers["environment"], "Linear Rec.709")
+    set_up_render(scene, numbers)
+    add_camera(scene, numbers["camera"], plate)
+    add_sun(scene, numbers["sun"])
+    scene.world = make_world(numbers["sky"], environment)
+    add_ground(scene, numbers["ground"])
+    add_placeholder(scene, numbers["placeholder"])
+    composite_over(scene, plate)
+    return scene
+
+
+def load_image(path: Path, colour_space: str) -> Any:
+    image = bpy.data.images.load(str(path), check_existing=True)
+    image.colorspace_settings.name = colour_space
+    return image
+
+
+def set_up_render(scene: Any, numbers: dict[str, Any]) -> None:
+    """Cycles over a transparent film, and a view transform that leaves the plate's values as they are."""
+    bpy.ops.preferences.addon_enable(module="cycles")
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = numbers["samples"]
+    scene.render.film_transparent = True
+    scene.render.resolution_x, scene.render.resolution_y = numbers["size"]
+    scene.render.resolution_percentage = 100
+    scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
+    scene.render.dither_intensity = 0.0
+    scene.display_settings.display_device = "sRGB"
+    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.look = "None"
+    scene.view_settings.exposure, scene.view_settings.gamma = 0.0, 1.0
+
+
+def add_object(scene: Any, name: str, data: Any, parent: Any = None) -> Any:
+    made = bpy.data.objects.new(name, data)
+    scene.collection.objects.link(made)
+    made.parent = parent
+    return made
+
+
+def add_camera(scene: Any, numbers: dict[str, Any], plate: Any) -> None:
+    data = bpy.data.cameras.new("Camera")
+    data.sensor_fit = "VERTICAL"
+    data.sensor_width, data.sensor_height = numbers["sensor"]
+    data.lens = numbers["focal_length"]
+    data.clip_start, data.clip_end = numbers["clip"]
+    data.show_background_images = True
+    data.background_images.new().image = plate
+    camera = add_object(scene, "Camera", data)
+    camera.matrix_world = Matrix(numbers["matrix"])
+    scene.camera = camera
+
+
+def add_sun(scene: Any, numbers: dict[str, Any]) -> None:
+    data = bpy.data.lights.new("Sun", "SUN")
+    data.color, data.energy = numbers["colour"], numbers["irradiance"]
+    data.angle = math.radians(numbers["angle"])
+    sun = add_object(scene, "Sun", data)
+    sun.rotation_euler = Vector(numbers["direction"]).to_track_quat("Z", "Y").to_euler()
+    sun.location = [10.0 * value for value in numbers["direction"]]  # where to find it; a sun shines from everywhere
+
+
+def make_world(numbers: dict[str, Any], environment: Any) -> Any:
+    """The map and, to blend to, Blender's own sky."""
+    world = bpy.data.worlds.new("Sky of the photo")
+    nodes, links = cleared_nodes(world)
+    switch = nodes.new("ShaderNodeValue")
+    switch.label = switch.name = "Native sky"
+    switch.outputs[0].default_value = 0.0
+    mix, output = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeOutputWorld")
+    links.new(switch.outputs[0], mix.inputs[0])
+    links.new(environment_background(nodes, links, environment, numbers["yaw"]), mix.inputs[1])
+    links.new(native_background(nodes, links, numbers["native"]), mix.inputs[2])
+    links.new(mix.outputs[0], output.inputs["Surface"])
+    spread(nodes)
+    return world
+
+
+def environment_background(nodes: Any, links: Any, environment: Any, yaw: float) -> Any:
+    coordinates, turn = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
+    turn.inputs["Rotation"].default_value[2] = math.radians(yaw)
+    texture, background = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeBackground")
+    texture.image = environment
+    links.new(coordinates.outputs["Generated"], turn.inputs["Vector"])
+    links.new(turn.outputs["Vector"], texture.inputs["Vector"])
+    links.new(texture.outputs["Color"], background.inputs["Color"])
+    return background.outputs[0]
+
+
+def native_background(nodes: Any, links: Any, numbers: dict[str, Any]) -> Any:
+    sky, background = nodes.new("ShaderNodeTexSky"), nodes.new("ShaderNodeBackground")
+    sky.sky_type = "HOSEK_WILKIE"
+    sky.sun_direction = numbers["sun_direction"]
+    sky.turbidity, sky.ground_albedo = numbers["turbidity"], numbers["ground_albedo"]
+    background.inputs["Strength"].default_value = numbers["strength"]
+    links.new(sky.outputs[0], background.inputs["Color"])
+    return background.outputs[0]
+
+
+def cleared_nodes(owner: Any) -> tuple[Any, Any]:
+    """Nodes and links of a world or a material."""
+    if owner.node_tree is None:
+        owner.use_nodes = True
+    owner.node_tree.nodes.clear()
+    return owner.node_tree.nodes, owner.node_tree.links
+
+
+def spread(nodes: Any) -> None:
+    """Side by side, in the order in which they were made."""
+    for index, node in enumerate(nodes):
+        node.location = (220.0 * (index % 4), -320.0 * (index // 4))
+
+
+def diffuse(name: str, albedo: float) -> Any:
+    material = bpy.data.materials.new(name)
+    nodes, links = cleared_nodes(material)
+    surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    surface.inputs["Color"].default_value = (albedo, albedo, albedo, 1.0)
+    links.new(surface.outputs[0], output.inputs["Surface"])
+    spread(nodes)
+    return material
+
+
+def add_ground(scene: Any, numbers: dict[str, Any]) -> None:
+    reach = numbers["radius"]
+    mesh = bpy.data.meshes.new("Ground")
+    corners = [(-reach, -reach, 0.0), (reach, -reach, 0.0), (reach, reach, 0.0), (-reach, reach, 0.0)]
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    mesh.materials.append(diffuse("Ground", numbers["albedo"]))
+    add_object(scene, "Ground", mesh).is_shadow_catcher = True
+
+
+def add_placeholder(scene: Any, numbers: dict[str, Any]) -> None:
+    """A ball and a stick under an empty at the spot for one's own object."""
+    material = diffuse("Placeholder", numbers["albedo"])
+    spot = add_object(scene, "Your object here", None)
+    spot.location = numbers["spot"]
+    spot.empty_display_size = numbers["ball_radius"]
+    for name, mesh, place in (
+        ("Ball", ball_mesh(numbers["ball_radius"]), (0.0, 0.0, numbers["ball_radius"])),
+        ("Stick", stick_mesh(numbers["stick_radius"], numbers["stick_height"]), numbers["stick_foot"]),
+    ):
+        mesh.materials.append(material)
+        add_object(scene, name, mesh, spot).location = place
+
+
+def ball_mesh(radius: float, rings: int = 48, spokes: int = 96) -> Any:
+    return turned_mesh(
+        "Ball", [(radius * math.sin(t), -radius * math.cos(t)) for t in steps(math.pi, rings)], spokes, smooth=True
+    )
+
+
+def stick_mesh(radius: float, height: float) -> Any:
+    return turned_mesh("Stick", [(0.0, 0.0), (radius, 0.0), (radius, height), (0.0, height)], 32, smooth=False)
+
+
+def steps(end: float, count: int) -> list[float]:
+    return [end * index / count for index in range(count + 1)]
+
+
+def turned_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, smooth: bool) -> Any:
+    """The surface that a profile of (radius, height) makes when it is turned about the vertical."""
+    turns = [2 * math.pi * spoke / spokes for spoke in range(spokes)]
+    points = [(r * math.cos(turn), r * math.sin(turn), z) for r, z in profile for turn in turns]
+    faces = [
+        (low + a, low + b, low + spokes + b, low + spokes + a)
+        for low in range(0, spokes * (len(profile) - 1), spokes)
+        for a, b in ((spoke, (spoke + 1) % spokes) for spoke in range(spokes))
+    ]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(points, [], faces)
+    mesh.validate()
+    mesh.polygons.foreach_set("use_smooth", [smooth] * len(mesh.polygons))
+    return mesh
+
+
+def composite_over(scene: Any, plate: Any) -> None:
+    """The plate, stretched to the render's size and times the coloured shadow on the ground; over it the object."""
+    scene.view_layers[0].cycles.use_pass_shadow_catcher = True
+    tree, output = compositor(scene)
+    nodes, links = tree.nodes, tree.links
+    picture, fit = nodes.new("CompositorNodeImage"), nodes.new("CompositorNodeScale")
+    layers, over = nodes.new("CompositorNodeRLayers"), nodes.new("CompositorNodeAlphaOver")
+    picture.image, layers.scene = plate, scene
+    fit_to_render(fit)
+    below, above = [socket for socket in over.inputs if socket.type == "RGBA"]
+    links.new(picture.outputs["Image"], fit.inputs["Image"])
+    links.new(multiplied(tree, fit.outputs["Image"], layers.outputs["Shadow Catcher"]), below)
+    links.new(layers.outputs["Image"], above)
+    links.new(over.outputs["Image"], output.inputs["Image"])
+    spread(nodes)
+
+
+def multiplied(tree: Any, a: Any, b: Any) -> Any:
+    """The product of two pictures."""
+    mix = tree.nodes.new("ShaderNodeMix" if bpy.app.version >= (5, 0, 0) else "CompositorNodeMixRGB")
+    if hasattr(mix, "data_type"):
+        mix.data_type = "RGBA"
+    mix.blend_type = "MULTIPLY"
+    pictures = [socket for socket in mix.inputs if socket.type == "RGBA"]
+    next(socket for socket in mix.inputs if socket.type == "VALUE").default_value = 1.0
+    tree.links.new(a, pictures[0])
+    tree.links.new(b, pictures[1])
+    return next(socket for socket in mix.outputs if socket.type == "RGBA")
+
+
+def compositor(scene: Any) -> tuple[Any, Any]:
+    """The scene's node tree and the node that takes the picture; they changed in Blender 5."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = bpy.data.node_groups.new("Over the plate", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        scene.compositing_node_group = tree
+        return tree, tree.nodes.new("NodeGroupOutput")
+    scene.use_nodes = True
+    scene.node_tree.nodes.clear()
+    return scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite")
+
+
+def fit_to_render(node: Any) -> None:
+    if "Type" in node.inputs:
+        node.inputs["Type"].default_value = "Render Size"
+    else:
+        node.space = "RENDER_SIZE"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+// Shows the photo with an object in its light. `THREE` is three.min.js, #scene holds what lighting/scene/threejs.py writes.
+// `lightingScene` is there for programs: its `object` is the group that holds the placeholder, `show(child)` replaces it.
+(async () => {
+  const data = JSON.parse(document.getElementById("scene").textContent);
+  const vector = (values) => new THREE.Vector3(...values);
+  const bytes = (base64) => Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+
+  const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+  renderer.toneMapping = THREE.NoToneMapping; // so that the plate stays as it is
+  renderer.shadowMap.enabled = true;
+  renderer.shadowMap.type = THREE.PCFShadowMap;
+  document.body.prepend(renderer.domElement);
+
+  const scene = new THREE.Scene();
+  const plate = await new THREE.TextureLoader().loadAsync(data.plate);
+  plate.colorSpace = THREE.SRGBColorSpace;
+  scene.background = plate;
+  scene.environment = environment();
+
+  const camera = new THREE.PerspectiveCamera(data.verticalFov, data.width / data.height, data.near, data.far);
+  camera.applyMatrix4(new THREE.Matrix4().set(...data.cameraMatrix));
+
+  const sun = new THREE.DirectionalLight(new THREE.Color().setRGB(...data.sunColour), data.sunIntensity);
+  sun.castShadow = data.sunIntensity > 0;
+  sun.shadow.mapSize.set(4096, 4096);
+  scene.add(sun, sun.target);
+
+  const resolution = new THREE.Vector2();
+  const ground = new THREE.Mesh(new THREE.CircleGeometry(data.groundRadius, 64), shadowCatcher());
+  ground.rotation.x = -Math.PI / 2;
+  ground.receiveShadow = true;
+  scene.add(ground);
+
+  const object = new THREE.Group();
+  object.position.copy(vector(data.spot));
+  scene.add(object);
+
+  // Each texel is the map's radiance; the map is turned so that three.js has the photo's direction at -Z.
+  function environment() {
+    const { data: texels, width, height } = new THREE.HDRLoader().parse(bytes(data.environment).buffer);
+    const texture = new THREE.DataTexture(texels, width, height, undefined, THREE.HalfFloatType);
+    texture.mapping = THREE.EquirectangularReflectionMapping;
+    texture.colorSpace = THREE.LinearSRGBColorSpace;
+    texture.minFilter = texture.magFilter = THREE.LinearFilter;
+    texture.flipY = true;
+    texture.needsUpdate = true;
+    return texture;
+  }
+
+  // The plate itself where the sun shines; where it is hidden, the plate times the sky's share of the ground's light.
+  function shadowCatcher() {
+    const material = new THREE.ShadowMaterial({ transparent: false });
+    material.onBeforeCompile = (shader) => {
+      Object.assign(shader.uniforms, {
+        plate: { value: plate },
+        resolution: { value: resolution },
+        shade: { value: vector(data.shadow) },
+      });
+      shader.fragmentShader =
+        "uniform sampler2D plate; uniform vec2 resolution; uniform vec3 shade;\n" +
+        shader.fragmentShader.replace(
+          /gl_FragColor = .*;/,
+          `vec3 light = mix( shade, vec3( 1.0 ), getShadowMask() );
+           gl_FragColor = vec4( texture2D( plate, gl_FragCoord.xy / resolution ).rgb * light, 1.0 );`,
+        );
+    };
+    return material;
+  }
+
+  function placeholder() {
+    const material = new THREE.MeshStandardMaterial({ roughness: 1, metalness: 0 });
+    material.color.setScalar(data.albedo);
+    const ball = new THREE.Mesh(new THREE.SphereGeometry(data.ballRadius, 96, 64), material);
+    ball.position.y = data.ballRadius;
+    const stick = new THREE.Mesh(
+      new THREE.CylinderGeometry(data.stickRadius, data.stickRadius, data.stickHeight, 32),
+      material,
+    );
+    stick.position.copy(vector(data.stickFoot)).sub(object.position);
+    stick.position.y += data.stickHeight / 2;
+    return new THREE.Group().add(ball, stick);
+  }
+
+  // Puts another object on the spot; it keeps its own size and its lowest point touches the ground.
+  function show(child) {
+    object.clear();
+    object.add(child);
+    child.position.y -= new THREE.Box3().setFromObject(child).min.y - object.position.y;
+    child.traverse((part) => {
+      part.castShadow = part.receiveShadow = true;
+    });
+    draw();
+  }
+
+  // The shadow map covers the object as the sun sees it, and reaches as far as its shadow.
+  function aim() {
+    const sphere = new THREE.Box3().setFromObject(object).getBoundingSphere(new THREE.Sphere());
+    const { shadow } = sun;
+    const height = Math.max(data.sunDirection[1], 0.01);
+    sun.target.position.copy(sphere.center);
+    sun.position.copy(vector(data.sunDirection)).multiplyScalar(2 * sphere.radius).add(sphere.center);
+    Object.assign(shadow.camera, { left: -1, right: 1, top: 1, bottom: -1 });
+    for (const side of ["left", "right", "top", "bottom"]) shadow.camera[side] *= sphere.radius;
+    shadow.camera.near = sphere.radius / 2;
+    shadow.camera.far = 2 * sphere.radius + (2 * sphere.radius) / height;
+    shadow.camera.updateProjectionMatrix();
+    shadow.normalBias = (4 * sphere.radius) / shadow.mapSize.width;
+  }
+
+  function draw() {
+    const scale = Math.min(innerWidth / data.width, innerHeight / data.height);
+    renderer.setPixelRatio(devicePixelRatio);
+    renderer.setSize(Math.round(data.width * scale), Math.round(data.height * scale));
+    renderer.getDrawingBufferSize(resolution);
+    aim();
+    renderer.render(scene, camera);
+  }
+
+  function moveTo(event) {
+    const frame = renderer.domElement.getBoundingClientRect();
+    const x = ((event.clientX - frame.left) / frame.width) * 2 - 1;
+    const y = 1 - ((event.clientY - frame.top) / frame.height) * 2;
+    const ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2(x, y), camera);
+    const [hit] = ray.intersectObject(ground);
+    if (hit) object.position.copy(hit.point);
+    draw();
+  }
+
+  async function openFile(event) {
+    event.preventDefault();
+    const [file] = event.dataTransfer.files;
+    if (!file) return;
+    try {
+      const { scene: dropped } = await new THREE.GLTFLoader().parseAsync(await file.arrayBuffer(), "");
+      dropped.getObjectsByProperty("isLight", true).forEach((light) => light.removeFromParent());
+      show(dropped);
+    } catch {
+      document.getElementById("note").textContent = `${file.name} is not a .glb file that can be shown.`;
+    }
+  }
+
+  addEventListener("resize", draw);
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", openFile);
+  renderer.domElement.addEventListener("click", moveTo);
+  document.getElementById("note").hidden = location.hash === "#plain";
+  show(placeholder());
+  window.lightingScene = { scene, camera, renderer, sun, ground, object, show, draw };
+})();

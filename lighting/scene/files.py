@@ -1,0 +1,86 @@
+"""Scenes as folders and archives that appear only when they are whole."""
+
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from lighting.errors import SceneError
+from lighting.scene import TOOLS
+from lighting.scene.common import Scene
+
+
+def write_scene(
+    scene: Scene, tool: str, folder: str | os.PathLike[str], *, overwrite: bool = False, **options: Any
+) -> None:
+    """Write the scene for one of TOOLS to a folder, which is new or empty unless `overwrite`.
+
+    Overwriting replaces the files that the scene consists of and leaves all others in the folder alone. `options` go
+    to the tool's `write`. Raises SceneError for another tool and for a folder that cannot be written.
+    """
+    target = Path(folder)
+    check_target(target, overwrite=overwrite)
+    try:
+        with _beside(target) as built:
+            _write(scene, tool, built, options)
+            if target.is_dir() and any(target.iterdir()):
+                _replace_files(built, target)
+            else:
+                built.replace(target)
+    except OSError as error:
+        raise SceneError(f"{target} cannot be written: {error.strerror or error}.") from error
+
+
+def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
+    """The same folder as a ZIP archive; SceneError for a tool that is not one of TOOLS."""
+    stream = BytesIO()
+    with tempfile.TemporaryDirectory() as name, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        _write(scene, tool, Path(name), options)
+        for file in sorted(path for path in Path(name).rglob("*") if path.is_file()):
+            archive.write(file, file.relative_to(name).as_posix())
+    return stream.getvalue()
+
+
+def check_target(target: Path, *, overwrite: bool) -> None:
+    """Raise a one-sentence SceneError where a scene's folder cannot or must not be written."""
+    if target.exists() and not target.is_dir():
+        raise SceneError(f"{target} is a file; a scene is a folder.")
+    if not overwrite and target.is_dir() and any(target.iterdir()):
+        raise SceneError(f"{target} is not empty; --overwrite replaces the scene in it.")
+    parent = target.absolute().parent
+    if not parent.is_dir():
+        raise SceneError(f"There is no folder {parent}.")
+    for place in (parent, target):
+        if place.exists() and not os.access(place, os.W_OK | os.X_OK):
+            raise SceneError(f"The folder {place} cannot be written to.")
+
+
+def _write(scene: Scene, tool: str, folder: Path, options: dict[str, Any]) -> None:
+    if tool not in TOOLS:
+        raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(TOOLS)}.")
+    import_module(f"lighting.scene.{tool}").write(scene, folder, **options)
+
+
+@contextmanager
+def _beside(target: Path) -> Iterator[Path]:
+    """A temporary folder in the same place, gone at the end unless it was renamed."""
+    name = tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.absolute().parent)
+    built = Path(name)
+    built.chmod(0o755)
+    try:
+        yield built
+    finally:
+        shutil.rmtree(name, ignore_errors=True)
+
+
+def _replace_files(source: Path, target: Path) -> None:
+    for file in sorted(path for path in source.rglob("*") if path.is_file()):
+        place = target / file.relative_to(source)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        file.replace(place)

@@ -1,0 +1,192 @@
+"""A scene as one binary glTF 2.0 file, `scene.glb`.
+
+The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its
+angular size has no place there. glTF knows neither backgrounds nor shadow catchers: the plate is an unlit picture
+behind the ground, and the ground a diffuse disc of its albedo around the object. The map is left out unless asked for,
+since few viewers take it (EXT_lights_image_based).
+"""
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.exr import SOFTWARE
+from lighting.scene import cubemap, meshes
+from lighting.scene.common import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, colour_and_strength, plate_png
+
+FILE = "scene.glb"
+
+_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
+_FLOAT, _UNSIGNED_SHORT = 5126, 5123  # component types
+_VERTICES, _INDICES = 34962, 34963  # buffer targets
+_LINEAR, _CLAMPED = 9729, 33071  # of samplers
+_GROUND_IN_BALLS = 12.0  # the disc's radius / the ball's; it holds the shadow of a sun 12 deg high
+_BEHIND = 1.2  # the plate's distance / that of the disc's far edge
+
+_PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
+
+
+def write(scene: Scene, folder: Path, *, image_based_light: bool = False) -> None:
+    """Write FILE, with the map in it as EXT_lights_image_based if asked."""
+    binary = _Binary()
+    document = {
+        "asset": {"version": "2.0", "generator": SOFTWARE, "extras": {"lighting": scene.lighting.to_dict()}},
+        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
+        "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1, 2, 3, 4]}],
+        "nodes": _nodes(scene),
+        "cameras": [_camera(scene)],
+        "materials": _materials(scene),
+        "meshes": _meshes(scene, binary),
+        "textures": [{"source": 0, "sampler": 0}],
+        "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
+        "images": [binary.png(plate_png(scene))],
+    }
+    if image_based_light:
+        _add_image_based_light(document, scene, binary)
+    (folder / FILE).write_bytes(binary.packed(document))
+
+
+def _nodes(scene: Scene) -> list[dict[str, Any]]:
+    """Camera, plate, sun, ground, and the object's place with what stands there."""
+    spot, plate = scene.spot, scene.camera_matrix
+    plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
+    return [
+        {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
+        {"name": "Plate", "mesh": 3, "matrix": _columns(plate)},  # not the camera's child, which Babylon.js mirrors
+        {
+            "name": "Sun",
+            "matrix": _columns(scene.sun_matrix),
+            "extensions": {"KHR_lights_punctual": {"light": 0}},
+        },
+        {"name": "Ground", "mesh": 2, "translation": spot.tolist()},
+        {"name": "YourObject", "translation": spot.tolist(), "children": [5, 6]},
+        {"name": "Ball", "mesh": 0, "translation": (scene.ball_centre - spot).tolist()},
+        {"name": "Stick", "mesh": 1, "translation": (scene.stick_foot - spot).tolist()},
+    ]
+
+
+def _columns(matrix: NDArray[Any]) -> list[float]:
+    return [float(value) for value in matrix.T.ravel()]
+
+
+def _plate_distance(scene: Scene) -> float:
+    """Metres along the camera's axis."""
+    to_spot = float(np.linalg.norm(scene.spot - scene.camera_position))
+    return _BEHIND * (to_spot + _GROUND_IN_BALLS * scene.ball_radius)
+
+
+def _sun(scene: Scene) -> dict[str, Any]:
+    colour, intensity = colour_and_strength(scene.sun_irradiance)
+    return {"name": "Sun", "type": "directional", "color": colour.tolist(), "intensity": intensity}
+
+
+def _camera(scene: Scene) -> dict[str, Any]:
+    perspective = {
+        "yfov": float(np.radians(scene.vertical_fov)),
+        "aspectRatio": scene.width / scene.height,
+        "znear": NEAR,
+        "zfar": FAR,
+    }
+    return {"name": "Camera", "type": "perspective", "perspective": perspective}
+
+
+def _materials(scene: Scene) -> list[dict[str, Any]]:
+    return [
+        _diffuse("Placeholder", PLACEHOLDER_ALBEDO),
+        _diffuse("Ground", scene.lighting.ground_albedo),
+        {
+            "name": "Plate",
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
+            "extensions": {"KHR_materials_unlit": {}},
+        },
+    ]
+
+
+def _diffuse(name: str, albedo: float) -> dict[str, Any]:
+    surface = {"baseColorFactor": [albedo] * 3 + [1], "metallicFactor": 0, "roughnessFactor": 1}
+    return {"name": name, "pbrMetallicRoughness": surface}
+
+
+def _meshes(scene: Scene, binary: "_Binary") -> list[dict[str, Any]]:
+    height = 2 * _plate_distance(scene) * float(np.tan(np.radians(scene.vertical_fov) / 2))
+    parts = [
+        ("Ball", meshes.ball(scene.ball_radius), _PLACEHOLDER),
+        ("Stick", meshes.stick(scene.stick_radius, scene.stick_height), _PLACEHOLDER),
+        ("Ground", meshes.disc(_GROUND_IN_BALLS * scene.ball_radius), _GROUND),
+        ("Plate", meshes.picture(height * scene.width / scene.height, height), _PLATE),
+    ]
+    return [{"name": name, "primitives": [binary.primitive(mesh, material)]} for name, mesh, material in parts]
+
+
+def _add_image_based_light(document: dict[str, Any], scene: Scene, binary: "_Binary") -> None:
+    levels = []
+    for files in cubemap.levels(scene.environment):
+        levels.append([len(document["images"]) + index for index in range(len(files))])
+        document["images"] += [binary.png(file) for file in files]
+    light = {
+        "name": "Sky",
+        "intensity": 1.0,
+        "irradianceCoefficients": cubemap.harmonics(scene.environment),
+        "specularImageSize": cubemap.SIZE,
+        "specularImages": levels,
+    }
+    document["extensionsUsed"].append("EXT_lights_image_based")
+    document["extensions"]["EXT_lights_image_based"] = {"lights": [light]}
+    document["scenes"][0]["extensions"] = {"EXT_lights_image_based": {"light": 0}}
+
+
+class _Binary:
+    """The file's binary part and the lists that describe it."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._views: list[dict[str, Any]] = []
+        self._accessors: list[dict[str, Any]] = []
+
+    def png(self, data: bytes) -> dict[str, Any]:
+        return {"mimeType": "image/png", "bufferView": self._view(data)}
+
+    def primitive(self, mesh: meshes.Mesh, material: int) -> dict[str, Any]:
+        attributes = {"POSITION": self._vectors(mesh.positions), "NORMAL": self._vectors(mesh.normals)}
+        if mesh.coordinates is not None:
+            attributes["TEXCOORD_0"] = self._vectors(mesh.coordinates)
+        view = self._view(mesh.triangles.tobytes(), target=_INDICES)
+        indices = self._accessor(view, _UNSIGNED_SHORT, mesh.triangles.size, "SCALAR")
+        return {"attributes": attributes, "indices": indices, "material": material}
+
+    def packed(self, document: dict[str, Any]) -> bytes:
+        """The whole file."""
+        described = {
+            **document,
+            "accessors": self._accessors,
+            "bufferViews": self._views,
+            "buffers": [{"byteLength": len(self._data)}],
+        }
+        text = _padded(json.dumps(described, separators=(",", ":")).encode(), b" ")
+        chunks = struct.pack("<II", len(text), _JSON) + text
+        chunks += struct.pack("<II", len(self._data), _BIN) + self._data
+        return struct.pack("<III", _MAGIC, 2, 12 + len(chunks)) + chunks
+
+    def _vectors(self, values: NDArray[np.float32]) -> int:
+        view = self._view(values.tobytes(), target=_VERTICES)
+        limits = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        return self._accessor(view, _FLOAT, len(values), f"VEC{values.shape[1]}", **limits)
+
+    def _accessor(self, view: int, component: int, count: int, kind: str, **limits: list[float]) -> int:
+        self._accessors.append({"bufferView": view, "componentType": component, "count": count, "type": kind, **limits})
+        return len(self._accessors) - 1
+
+    def _view(self, data: bytes, **target: int) -> int:
+        self._views.append({"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data), **target})
+        self._data += _padded(data, b"\0")
+        return len(self._views) - 1
+
+
+def _padded(data: bytes, filler: bytes) -> bytes:
+    return data + filler * (-len(data) % 4)

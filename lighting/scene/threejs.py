@@ -1,0 +1,67 @@
+"""A scene as one HTML page that needs neither server nor network: three.js, the plate and the map are inside.
+
+three.js knows no size of a directional light: the sun's colour and irradiance are right, its shadow's edge is as sharp
+as the shadow map. Its lat-long maps have +X at the centre, so the map is turned by a quarter.
+"""
+
+import json
+from base64 import b64encode
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from lighting.envmap import rotate
+from lighting.formats import encode_envmap
+from lighting.scene.common import (
+    FAR,
+    GROUND_RADIUS,
+    NEAR,
+    PLACEHOLDER_ALBEDO,
+    Scene,
+    colour_and_strength,
+    plate_png,
+)
+
+PAGE = "scene.html"
+
+_YAW = -90.0  # deg, takes our centre, -Z, to where three.js looks for it
+
+
+def write(scene: Scene, folder: Path) -> None:
+    """Write PAGE."""
+    data = files("lighting") / "scene" / "data"
+    page = Template((data / "viewer.html").read_text(encoding="utf-8"))
+    parts = {
+        "scene": json.dumps(_description(scene)),
+        "three": (data / "three.min.js").read_text(encoding="utf-8"),
+        "viewer": (data / "viewer.js").read_text(encoding="utf-8"),
+    }
+    (folder / PAGE).write_text(page.substitute(parts), encoding="utf-8")
+
+
+def _description(scene: Scene) -> dict[str, Any]:
+    """What viewer.js reads; metres and degrees, the frame of geometry.py, which is also three.js's."""
+    colour, intensity = colour_and_strength(scene.sun_irradiance)
+    return {
+        "width": scene.width,
+        "height": scene.height,
+        "verticalFov": scene.vertical_fov,
+        "near": NEAR,
+        "far": FAR,
+        "cameraMatrix": scene.camera_matrix.ravel().tolist(),
+        "sunDirection": scene.sun_direction.tolist(),
+        "sunColour": colour.tolist(),
+        "sunIntensity": intensity,
+        "shadow": scene.shadow.tolist(),
+        "groundRadius": GROUND_RADIUS,
+        "spot": scene.spot.tolist(),
+        "ballRadius": scene.ball_radius,
+        "stickFoot": scene.stick_foot.tolist(),
+        "stickHeight": scene.stick_height,
+        "stickRadius": scene.stick_radius,
+        "albedo": PLACEHOLDER_ALBEDO,
+        "plate": "data:image/png;base64," + b64encode(plate_png(scene)).decode(),
+        "environment": b64encode(encode_envmap(rotate(scene.environment, _YAW), format="hdr")).decode(),
+        "lighting": scene.lighting.to_dict(),
+    }

@@ -1,0 +1,32 @@
+"""A photo whose light is known, as a scene."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+from lighting.colour import tone_map
+from lighting.envmap import render
+from lighting.geometry import camera_directions, sample_latlong
+from lighting.parameters import Lighting
+from lighting.photo import Photo
+from lighting.scene.common import Scene, make_scene
+
+LIGHT = Lighting(
+    sun_azimuth=-40.0,
+    sun_elevation=35.0,
+    turbidity=3.0,
+    exposure=1.0,
+    camera_elevation=-12.0,
+    camera_roll=4.0,
+    vertical_fov=50.0,
+)
+GROUND = 0.25  # the photo's linear value of open ground, which the exposure is chosen for
+
+
+@lru_cache(maxsize=1)
+def known_scene(width: int = 480, height: int = 360) -> Scene:
+    """Sky, sun and plain ground under LIGHT, photographed."""
+    exposure = GROUND / float(render(LIGHT, 64)[-1, 0].mean())
+    lighting = replace(LIGHT, exposure=exposure)
+    rays = camera_directions(width, height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll)
+    pixels = tone_map(sample_latlong(render(lighting, 512), rays))
+    return make_scene(Photo(pixels, width, height, "PNG"), lighting, map_height=256)

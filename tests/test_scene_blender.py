@@ -1,0 +1,98 @@
+"""The folder for Blender: its numbers, its script, and the failure of a Blender that is there; with bpy, the .blend."""
+
+import ast
+import json
+import subprocess
+import sys
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lighting.errors import SceneError
+from lighting.geometry import direction
+from lighting.scene import blender
+from lighting.scene.common import to_z_up
+from lighting.scene.files import write_scene
+from tests.scenes import known_scene
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A scene as it is written where Blender is not installed."""
+    monkeypatch.setattr(blender, "find_spec", lambda _name: None)
+    blender.write(known_scene(), tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def numbers(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "scene.json").read_text()))
+
+
+def test_the_folder_is_whole_without_blender(folder: Path) -> None:
+    names = {"scene.py", "scene.json", "plate.png", "environment.exr", "lighting.json"}
+    assert {path.name for path in folder.iterdir()} == names
+
+
+def test_the_script_is_python_that_needs_blender_alone(folder: Path) -> None:
+    tree = ast.parse((folder / "scene.py").read_text(encoding="utf-8"))
+    imports = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    froms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert (imports | froms) - set(sys.stdlib_module_names) == {"bpy", "mathutils"}
+
+
+def test_the_script_reads_what_is_written(folder: Path, numbers: dict[str, Any]) -> None:
+    tree = ast.parse((folder / "scene.py").read_text(encoding="utf-8"))
+    read = {
+        node.slice.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Subscript)
+        and isinstance(node.slice, ast.Constant)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "numbers"
+    }
+    groups = [numbers, *(value for value in numbers.values() if isinstance(value, dict)), numbers["sky"]["native"]]
+    assert read == {key for group in groups for key in group}
+
+
+def test_z_is_up_and_the_camera_looks_along_y(numbers: dict[str, Any]) -> None:
+    matrix = np.array(numbers["camera"]["matrix"])
+    assert matrix[:3, 3] == pytest.approx([0, 0, 1.6])
+    assert -matrix[:3, 2] == pytest.approx(to_z_up(direction(0.0, -12.0)))
+    assert np.linalg.det(matrix) == pytest.approx(1.0)
+    assert numbers["sun"]["direction"] == pytest.approx(to_z_up(direction(-40.0, 35.0)))
+    assert numbers["sky"]["native"]["sun_direction"] == numbers["sun"]["direction"]
+
+
+def test_sun_and_lens(numbers: dict[str, Any]) -> None:
+    irradiance = np.array(numbers["sun"]["colour"]) * numbers["sun"]["irradiance"]
+    assert irradiance == pytest.approx(known_scene().sun_irradiance)
+    assert numbers["sun"]["angle"] == 0.533
+    height = numbers["camera"]["sensor"][1]
+    assert 2 * np.degrees(np.arctan(height / 2 / numbers["camera"]["focal_length"])) == pytest.approx(50.0)
+    assert numbers["size"] == [480, 360]
+
+
+def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
+    monkeypatch.setattr(blender, "_script", lambda: "import sys; sys.exit('Error: no memory.')")
+    with pytest.raises(SceneError, match=r"^Blender could not build scene\.blend: Error: no memory\.$"):
+        write_scene(known_scene(), "blender", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec("bpy") is None, reason="Blender's module bpy is not installed")
+def test_blender_builds_its_file(tmp_path: Path) -> None:
+    write_scene(known_scene(), "blender", tmp_path / "out")
+    look = (
+        "import bpy; bpy.ops.wm.open_mainfile(filepath='scene.blend'); print(sorted(o.name for o in bpy.data.objects))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True
+    )
+    assert "['Ball', 'Camera', 'Ground', 'Stick', 'Sun', 'Your object here']" in done.stdout

@@ -1,0 +1,93 @@
+"""The scene for Mitsuba, rendered: light, shadow and composite as they must be."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mitsuba_renderer
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.colour import luminance
+from lighting.geometry import camera_pixel, direction
+from lighting.scene import mitsuba
+from lighting.scene.common import Scene
+from tests.scenes import LIGHT, known_scene
+
+mi: Any = mitsuba_renderer
+
+WIDTH, HEIGHT = 160, 120
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    mi.set_variant("scalar_rgb")
+    path = tmp_path_factory.mktemp("scene")
+    mitsuba.write(known_scene(), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def picture(folder: Path) -> NDArray[np.float32]:
+    """The whole scene, linear (h, w, 3)."""
+    scene = mi.load_file(str(folder / "scene.xml"), samples=48, width=WIDTH, height=HEIGHT)
+    return np.array(mi.render(scene, seed=1))[..., :3]
+
+
+def shown(picture: NDArray[Any], scene: Scene, points: NDArray[Any], reach: int = 1) -> NDArray[Any]:
+    """Mean luminance around the pixels that show points (N, 3)."""
+    pixels = camera_pixel(
+        points - scene.camera_position,
+        WIDTH,
+        HEIGHT,
+        LIGHT.vertical_fov,
+        0.0,
+        LIGHT.camera_elevation,
+        LIGHT.camera_roll,
+    )
+    light = luminance(picture)
+    return np.array(
+        [
+            light[int(y) - reach : int(y) + reach + 1, int(x) - reach : int(x) + reach + 1].mean()
+            for x, y in pixels.reshape(-1, 2)
+        ]
+    )
+
+
+@pytest.mark.slow
+def test_open_ground_has_the_radiance_of_the_map(picture: NDArray[np.float32]) -> None:
+    scene = known_scene()
+    open_ground = scene.spot + np.array([[-6.0, 0, 0], [-5.0, 0, -1.0], [0, 0, -8.0]]) * scene.ball_radius
+    expected = luminance(scene.environment[-1, 0])
+    assert shown(picture, scene, open_ground, 3).mean() == pytest.approx(float(expected), rel=0.03)
+
+
+@pytest.mark.slow
+def test_the_shadow_lies_opposite_the_sun(picture: NDArray[np.float32]) -> None:
+    scene = known_scene()
+    turn = np.arange(-36, 37, 3.0)  # the stick's shadow stays outside
+    ring = scene.spot + 2.2 * scene.ball_radius * direction(LIGHT.sun_azimuth + 180.0 + turn, 0.0)
+    light = shown(picture, scene, ring, 0)
+    dark = np.clip(0.8 - light / light.max(), 0, None)
+    assert (dark * turn).sum() / dark.sum() == pytest.approx(0.0, abs=2.5)
+    assert dark.max() > 0.3
+
+
+@pytest.mark.slow
+def test_the_camera_sees_the_map_as_the_photo_did(picture: NDArray[np.float32]) -> None:
+    small = np.asarray(Image.fromarray(known_scene().plate).resize((WIDTH, HEIGHT), Image.Resampling.BOX))
+    tone = np.asarray(mi.Bitmap(picture).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, srgb_gamma=True))
+    assert np.abs(tone[:20].astype(int) - small[:20]).max() <= 3
+
+
+@pytest.mark.slow
+def test_the_composite_keeps_the_plate(folder: Path) -> None:
+    subprocess.run([sys.executable, "composite.py", "1"], cwd=folder, check=True, capture_output=True)
+    composite = np.asarray(Image.open(folder / "composite.png").convert("RGB")).astype(int)
+    plate = known_scene().plate.astype(int)
+    assert composite.shape == plate.shape
+    assert np.abs(composite[:60] - plate[:60]).max() <= 1
+    assert np.abs(composite - plate).max() > 30

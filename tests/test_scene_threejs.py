@@ -1,0 +1,190 @@
+"""The page, as Chromium draws it, and the glTF file, as three.js reads it."""
+
+import base64
+import json
+import re
+from importlib import resources
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.colour import luminance, srgb_decode, tone_map
+from lighting.geometry import (
+    camera_directions,
+    camera_pixel,
+    direction,
+    latlong_directions,
+    latlong_solid_angle,
+    sample_latlong,
+    wrap_azimuth,
+)
+from lighting.scene import gltf, threejs
+from lighting.scene.common import PLACEHOLDER_ALBEDO, Scene
+from tests.browser import drawings
+from tests.scenes import known_scene
+
+Pictures = dict[str, NDArray[Any]]
+
+THREE_VIEWS = """
+  const { scene, camera, renderer, ground, object } = lightingScene;
+  drawn("page");
+  const bytes = Uint8Array.from(atob("GLB"), (letter) => letter.charCodeAt(0));
+  const file = await new THREE.GLTFLoader().parseAsync(bytes.buffer, "");
+  const stage = new THREE.Scene().add(file.scene);
+  stage.environment = scene.environment;
+  file.scene.traverse((part) => {
+    if (part.isDirectionalLight) {
+      part.castShadow = true;
+      part.shadow.mapSize.set(2048, 2048);
+      Object.assign(part.shadow.camera, { left: -4, right: 4, top: 4, bottom: -4, near: -20, far: 20 });
+    }
+    if (["Ball", "Stick"].includes(part.name)) part.castShadow = true;
+    if (part.name === "Ground") part.receiveShadow = true;
+  });
+  renderer.render(stage, file.cameras[0]);
+  drawn("gltf");
+  ground.visible = object.visible = false;
+  scene.background = scene.environment;
+  renderer.render(scene, camera);
+  drawn("map");
+"""  # three.js leaves it to the page which meshes of a glTF file cast shadows
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
+    """The page as it opens, the glTF file in three.js, and the map as the page's background."""
+    folder = tmp_path_factory.mktemp("page")
+    scene = known_scene()
+    threejs.write(scene, folder)
+    gltf.write(scene, folder)
+    glb = base64.b64encode((folder / gltf.FILE).read_bytes()).decode()
+    found = drawings(folder / threejs.PAGE, THREE_VIEWS.replace("GLB", glb), scene.width, scene.height)
+    assert list(found) == ["page", "gltf", "map"]
+    return found
+
+
+def seen_at(picture: NDArray[Any], scene: Scene, points: NDArray[Any]) -> NDArray[Any]:
+    """Linear colours (..., 3) that a picture shows at points (..., 3)."""
+    light = scene.lighting
+    x, y = np.moveaxis(
+        camera_pixel(
+            points - scene.camera_position,
+            scene.width,
+            scene.height,
+            light.vertical_fov,
+            0.0,
+            light.camera_elevation,
+            light.camera_roll,
+        ),
+        -1,
+        0,
+    )
+    return srgb_decode(picture[y.astype(int), x.astype(int)] / 255.0)
+
+
+def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
+    """Azimuth [deg] of the stick's shadow: the darkness' centroid on arcs around its foot."""
+    expected = scene.lighting.sun_azimuth + 180.0
+    turn = np.linspace(-8, 8, 401)
+    length = scene.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
+    reach = length * np.linspace(0.4, 0.9, 40)[:, None, None]
+    light = luminance(seen_at(picture, scene, scene.stick_foot + reach * direction(expected + turn, 0.0)))
+    dark = np.maximum(0.85 - light / light.max(), 0)
+    assert dark.max() > 0.2
+    return float(expected + (dark * turn).sum() / dark.sum())
+
+
+@pytest.mark.slow
+def test_the_plate_is_unchanged_where_nothing_stands(pictures: Pictures) -> None:
+    page, plate = pictures["page"].astype(int), known_scene().plate.astype(int)
+    assert page.shape == plate.shape
+    upper, left = slice(0, page.shape[0] // 2), slice(0, page.shape[1] // 3)
+    assert np.abs(page - plate)[upper].max() <= 1
+    assert np.abs(page - plate)[:, left].max() <= 1
+    assert np.abs(page - plate).max() > 50  # but there is an object
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("view", ["page", "gltf"])
+def test_the_sticks_shadow_points_away_from_the_sun(pictures: Pictures, view: str) -> None:
+    scene = known_scene()
+    found = shadow_azimuth(pictures[view], scene)
+    assert abs(wrap_azimuth(found - scene.lighting.sun_azimuth - 180.0)) < 0.5
+
+
+@pytest.mark.slow
+def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> None:
+    scene = known_scene()
+    away = -scene.sun_direction * [1, 0, 1] / scene.sun_direction[1]
+    inside = scene.spot + scene.ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
+    ratio = seen_at(pictures["page"], scene, inside) / seen_at(scene.plate, scene, inside)
+    assert ratio == pytest.approx(scene.shadow, rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("view", ["page", "gltf"])
+def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, view: str) -> None:
+    """Where the camera sees it in the sun, and where it faces away from the sun."""
+    scene = known_scene()
+    to_camera = scene.camera_position - scene.ball_centre
+    to_camera /= np.linalg.norm(to_camera)
+    for normal in (scene.sun_direction + to_camera, 2 * to_camera - scene.sun_direction):
+        normal = normal / np.linalg.norm(normal)
+        light = sky_irradiance(scene, normal) + max(float(normal @ scene.sun_direction), 0.0) * scene.sun_irradiance
+        found = seen_at(pictures[view], scene, scene.ball_centre + scene.ball_radius * normal)
+        assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
+
+
+def sky_irradiance(scene: Scene, normal: NDArray[Any]) -> NDArray[Any]:
+    height = len(scene.environment)
+    cosine = np.maximum(latlong_directions(height) @ normal, 0) * latlong_solid_angle(height)[:, None]
+    return np.asarray(np.einsum("ij,ijk->k", cosine, scene.environment))
+
+
+@pytest.mark.slow
+def test_the_map_lies_behind_the_page_as_the_photo_does(pictures: Pictures) -> None:
+    scene = known_scene()
+    light = scene.lighting
+    rays = camera_directions(
+        scene.width, scene.height, light.vertical_fov, 0.0, light.camera_elevation, light.camera_roll
+    )
+    expected = tone_map(sample_latlong(scene.environment, rays)).astype(int)
+    difference = np.abs(pictures["map"].astype(int) - expected)
+    assert np.percentile(difference, 99) <= 4  # the rest is the horizon, which the two resample differently
+
+
+def description(page: str) -> dict[str, Any]:
+    found = re.search(r'<script id="scene" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert found is not None
+    return dict(json.loads(found[1]))
+
+
+def test_the_page_holds_all_it_needs(tmp_path: Path) -> None:
+    threejs.write(known_scene(), tmp_path)
+    page = (tmp_path / threejs.PAGE).read_text(encoding="utf-8")
+    assert [path.name for path in tmp_path.iterdir()] == [threejs.PAGE]
+    assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []
+    assert "SPDX-License-Identifier: MIT" in page
+    assert page.count("</script>") == 3
+
+
+def test_what_the_page_is_told(tmp_path: Path) -> None:
+    scene = known_scene()
+    threejs.write(scene, tmp_path)
+    told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
+    assert told["sunIntensity"] * np.array(told["sunColour"]) == pytest.approx(scene.sun_irradiance)
+    assert np.reshape(told["cameraMatrix"], (4, 4)) == pytest.approx(scene.camera_matrix)
+    assert told["lighting"] == scene.lighting.to_dict()
+    plate = Image.open(BytesIO(base64.b64decode(told["plate"].split(",")[1])))
+    assert np.array_equal(np.asarray(plate), scene.plate)
+
+
+def test_the_notice_of_three_js_is_kept() -> None:
+    library = resources.files("lighting") / "scene" / "data" / "three.min.js"
+    assert "SPDX-License-Identifier: MIT" in library.read_text(encoding="utf-8")
+    assert "three.js authors" in Path("NOTICE").read_text(encoding="utf-8")
