@@ -5,13 +5,14 @@ values are `exposure` x the sky model's radiance, which are the photo's own line
 """
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
-from lighting.geometry import angles, direction, latlong_angles, latlong_solid_angle
+from lighting.geometry import angles, direction, latlong_angles, latlong_solid_angle, wrap_azimuth
 from lighting.parameters import Lighting
 from lighting.sky import (
     SUN_HALF_APERTURE,
@@ -67,6 +68,14 @@ def rotate(image: Image, yaw: float) -> Image:
     if share <= _WHOLE_PIXEL:
         return turned
     return np.asarray(turned * (1 - share) + np.roll(turned, 1, axis=1) * share)
+
+
+def view(lighting: Lighting, height: int = 512, *, sun: bool | None = None, yaw: float = 0.0) -> tuple[Image, Lighting]:
+    """The rendered map turned by `yaw` [deg], and the record that describes it: the lighting turned with it."""
+    image = render(lighting, height, sun=sun)
+    if not yaw:
+        return image, lighting
+    return rotate(image, yaw), replace(lighting, sun_azimuth=float(wrap_azimuth(lighting.sun_azimuth + yaw)))
 
 
 def _check_height(height: int) -> None:

@@ -26,3 +26,7 @@ class ModelError(LightingError):
 
 class EnvironmentMapError(LightingError):
     """A file is not an environment map that can be read, or cannot be written."""
+
+
+class BatchError(LightingError):
+    """A batch of photos cannot start or go on; what is finished stays."""

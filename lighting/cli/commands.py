@@ -20,8 +20,9 @@ from lighting.cli.files import (
 )
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
-from lighting.cli.words import in_words, json_line, progress_over, report_failure
+from lighting.cli.words import in_words, progress_over, report_failure
 from lighting.errors import PhotoError
+from lighting.lines import json_line
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
