@@ -132,7 +132,7 @@ def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
         while True:
             connection.send(answer)
             answer = work(connection.recv())
-    except (EOFError, BrokenPipeError):
+    except (EOFError, ConnectionError):
         return
     except Exception as error:
         connection.send(error)
