@@ -27,7 +27,7 @@ from tests.conftest import encode, scene, write_network
 
 pytestmark = pytest.mark.slow
 
-MANY = 300
+MANY = 150
 
 
 def run(*arguments: object) -> Result:
@@ -273,3 +273,10 @@ def workers_of(pid: int) -> list[int]:
     """Processes that the pool of a process started."""
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+def test_ray_and_pyarrow_are_not_imported_unless_asked() -> None:
+    code = "import sys, lighting.cli, lighting.batch, lighting.cluster; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "lighting.cluster" in modules
+    assert not {"ray", "pyarrow"} & set(modules)

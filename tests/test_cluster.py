@@ -1,9 +1,7 @@
-"""The batch on Ray: the same rows as the pool, each photo once though a node is lost, and a kill leaves no half part."""
+"""The batch on Ray: the same rows as the pool, each photo once though a node is lost."""
 
 import json
 import shutil
-import subprocess
-import sys
 import threading
 import time
 from collections import Counter
@@ -121,10 +119,3 @@ def test_uris_are_read_and_written(cluster: Any, photos: Path, tmp_path: Path, n
     result = on_ray(source, out, "--envmap", "--height", 16, "--model", network)
     assert result.exit_code == 0
     assert len(rows(tmp_path / "out")) == len(list(tmp_path.glob("out/*.exr"))) == MANY // 2
-
-
-def test_ray_is_not_imported_unless_asked() -> None:
-    code = "import sys, lighting.cli, lighting.batch, lighting.cluster; print(*sys.modules)"
-    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "lighting.cluster" in modules
-    assert not {"ray", "pyarrow"} & set(modules)
