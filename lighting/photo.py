@@ -141,7 +141,8 @@ def _decode(image: Image.Image, target: int) -> tuple[NDArray[np.uint8], bool]:
     image.load()
     orientation = _orientation(image)
     plain = _eight_bits(image)
-    small = plain.reduce(max(1, max(plain.size) // target))
+    factor = max(plain.size) // target
+    small = plain.reduce(factor) if factor > 1 else plain
     opaque = _over_grey(small) if small.mode == "RGBA" else small
     rgb = _srgb(opaque, image.info.get("icc_profile"))
     upright = rgb.transpose(_UPRIGHT[orientation]) if orientation in _UPRIGHT else rgb
@@ -180,7 +181,7 @@ def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
             return converted or image.convert("RGB")
     except Exception:  # nor must a bad profile reject a photo
         pass
-    return image.convert("RGB")
+    return image if image.mode == "RGB" else image.convert("RGB")
 
 
 def _reason(error: Exception) -> str:
