@@ -28,7 +28,7 @@ Source = str | os.PathLike[str] | bytes | BinaryIO
 
 MAX_BYTES = 64_000_000
 MAX_PIXELS = 128_000_000  # lets the 108-megapixel photos of phones pass
-TARGET = 1280  # pixels along the longer side: the preview draws no more, and the network sees less
+TARGET = 1000  # pixels along the longer side: the preview draws no more, and the network sees less
 MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
