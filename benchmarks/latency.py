@@ -1,6 +1,6 @@
 """One 12-megapixel JPEG to a 1024 x 512 EXR: each part beside its floor, measured in the same run.
 
-    python benchmarks/latency.py [--runs 15]
+    python benchmarks/latency.py [--runs 15] [--cpu]
 
 A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the same
 graph, a copy of the map, OpenEXR's writing of the same array. The map stands beside Mitsuba's `sunsky` in the same
@@ -15,6 +15,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -108,7 +109,9 @@ def import_profile(command: list[str]) -> Counter[str]:
     return spent
 
 
-def measure_parts(jpeg: Path, exr: Path, height: int, runs: int) -> tuple[dict[str, float], str | None]:
+def measure_parts(
+    jpeg: Path, exr: Path, height: int, runs: int, clock: Callable[[], float]
+) -> tuple[dict[str, float], str | None]:
     """Milliseconds of the whole, of each part, of its floor as "PART floor", and Mitsuba's variant."""
     model = Model.load()
     photo = read_photo(jpeg)
@@ -134,7 +137,7 @@ def measure_parts(jpeg: Path, exr: Path, height: int, runs: int) -> tuple[dict[s
     }
     if mitsuba:
         work["mitsuba"] = mitsuba[1]
-    return milliseconds(work, runs), mitsuba[0] if mitsuba else None
+    return milliseconds(work, runs, clock), mitsuba[0] if mitsuba else None
 
 
 def print_parts(took: dict[str, float], variant: str | None) -> None:
@@ -156,13 +159,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--height", type=int, default=512)
+    parser.add_argument("--cpu", action="store_true", help="Processor time of all threads, for a busy machine.")
     options = parser.parse_args()
+    clock = time.process_time if options.cpu else time.perf_counter
     with tempfile.TemporaryDirectory() as folder:
         jpeg, exr = make_photo(Path(folder) / "photo.jpg"), Path(folder) / "sky.exr"
         width, rows = TWELVE_MEGAPIXELS
         print(f"JPEG of {width} x {rows} ({jpeg.stat().st_size / 1e6:.1f} MB) to a map of ", end="")
-        print(f"{2 * options.height} x {options.height}, fastest of {options.runs} runs\n{machine()}\n")
-        print_parts(*measure_parts(jpeg, exr, options.height, options.runs))
+        print(
+            f"{2 * options.height} x {options.height}, fastest of {options.runs} runs, {'processor' if options.cpu else 'wall'} time\n{machine()}\n"
+        )
+        print_parts(*measure_parts(jpeg, exr, options.height, options.runs, clock))
         command = ["envmap", str(jpeg), "-o", str(exr), "--height", str(options.height)]
         print_process(command, options.runs)
 
