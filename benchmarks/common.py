@@ -99,4 +99,4 @@ def _processor() -> str:
 def remember(path: Path, key: str, figures: Any) -> None:
     """Put figures under a key of a JSON file, whatever else it holds."""
     known = json.loads(path.read_text()) if path.exists() else {}
-    path.write_text(json.dumps({**known, key: figures}, indent=1, sort_keys=True) + "\n")
+    path.write_text(json.dumps({**known, key: figures}, indent=1) + "\n")
