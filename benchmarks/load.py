@@ -1,6 +1,6 @@
 """The service under load, and LitServe doing the same job beside it.
 
-    python -m benchmarks.load [--seconds 60] [--beside PYTHON]
+    python benchmarks/load.py [--seconds 60] [--beside PYTHON]
 
 1, 4, 16 and 64 clients send a 12-megapixel JPEG each, again and again, and wait for a 1024 x 512 EXR: requests per
 second and latency in milliseconds. PYTHON is one with litserve, python-multipart and this project's requirements:
@@ -26,10 +26,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from benchmarks.clients import Job, Outcome, ask_for
-from benchmarks.envmap import twelve_megapixels
+from clients import Job, Outcome, ask_for
+from common import ROOT, make_photo
 
-ROOT = Path(__file__).parent.parent
 LEVELS = (1, 4, 16, 64)  # clients
 EXR, RECORD = b"v/1\x01", b'{"model"'
 START = 60  # seconds
@@ -74,9 +73,7 @@ def _options() -> argparse.Namespace:
 @contextmanager
 def _photo() -> Iterator[bytes]:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "photo.jpg"
-        twelve_megapixels(path)
-        yield path.read_bytes()
+        yield make_photo(Path(folder) / "photo.jpg").read_bytes()
 
 
 @contextmanager

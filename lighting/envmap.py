@@ -30,7 +30,7 @@ MIN_HEIGHT, MAX_HEIGHT = 16, 4096
 
 _LOBE_STEPS = 1 << 16  # of the table over the angle to the sun; its nearest entry costs less than 3e-4
 _CHUNK = 1 << 17  # pixels painted at once, so that what is in work stays in the processor's cache
-_IRRADIANCE_HEIGHT = 256  # of the sky that is integrated for the ground, whatever the height of the map
+_IRRADIANCE_HEIGHT = 128  # of the sky that is integrated for the ground, at every height of the map; good to 2e-4
 _FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
 _FINE_PER_PIXEL = 4  # the least number of grid rows in a row of pixels
 _WHOLE_PIXEL = 1e-6  # pixels, the rounding allowed for when a yaw counts as a whole number of them
@@ -47,10 +47,12 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     painted = lighting.sun_visibility >= 0.5 if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
     lobe = _lobe_table(lighting)
+    power, irradiance = _disc_power(lighting) if painted else (np.zeros(3), np.zeros(3))
     _paint_sky(image[: height // 2], lighting, lobe)
-    image[height // 2 :] = _ground_radiance(lighting, lobe, painted)
+    ground = lighting.ground_albedo / math.pi * (irradiance + _sky_irradiance(lighting, lobe))
+    _paint_ground(image[height // 2 :], ground)
     if painted and disc:
-        _paint_sun(image, lighting)
+        _paint_sun(image, lighting, power)
     return image
 
 
@@ -87,13 +89,18 @@ def turn(lighting: Lighting, yaw: float) -> Lighting:
 
 def sun_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) on a surface that faces the sun: radiance x solid angle of the disc above the horizon."""
-    points, weight = sun_disc_points(lighting.sun_direction)
-    return np.asarray(weight @ _exposed_disc(points, lighting))
+    return _disc_power(lighting)[0]
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) of open level ground by the sky without the disc."""
     return _sky_irradiance(lighting, _lobe_table(lighting))
+
+
+def view(lighting: Lighting, height: int = 512, *, sun: bool | None = None, yaw: float = 0.0) -> tuple[Image, Lighting]:
+    """The rendered map turned by `yaw` [deg], and the record that describes it: the lighting turned with it."""
+    image = render(lighting, height, sun=sun)
+    return (rotate(image, yaw), turn(lighting, yaw)) if yaw else (image, lighting)
 
 
 def _check_height(height: int) -> None:
@@ -142,13 +149,10 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
     return _f32(factor), _f32(np.stack([offset for _, offset in terms]))
 
 
-def _ground_radiance(lighting: Lighting, lobe: Image, sun: bool) -> Floats:
-    """Radiance (3,) of a diffuse ground under the sky and, if it is painted, the sun."""
-    irradiance = _sky_irradiance(lighting, lobe)
-    if sun:
-        points, weight = sun_disc_points(lighting.sun_direction)
-        irradiance = irradiance + (weight * points[:, 1]) @ _exposed_disc(points, lighting)
-    return lighting.ground_albedo / math.pi * irradiance
+def _paint_ground(image: Image, radiance: Floats) -> None:
+    """Fill the lower half (H / 2, 2H, 3) with one colour (3,); row by row, since whole rows are copied fastest."""
+    image[0] = radiance
+    image[1:] = image[0]
 
 
 def _sky_irradiance(lighting: Lighting, lobe: Image) -> Floats:
@@ -164,7 +168,7 @@ def _exposed_disc(directions: Floats, lighting: Lighting) -> Floats:
     return sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
 
 
-def _paint_sun(image: Image, lighting: Lighting) -> None:
+def _paint_sun(image: Image, lighting: Lighting, disc_power: Floats) -> None:
     """Add the disc: the mean over each pixel of its radiance on a finer grid, scaled to the disc's exact power."""
     height, width = image.shape[:2]
     row, column, directions = _fine_grid(lighting, height)
@@ -173,8 +177,15 @@ def _paint_sun(image: Image, lighting: Lighting) -> None:
     lit = radiance.any(axis=-1)
     pixels, inverse = np.unique((row[:, None] * width + column % width)[lit], return_inverse=True)
     sums = np.stack([np.bincount(inverse, power[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
-    scale = sun_irradiance(lighting) / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
+    scale = disc_power / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
     image.reshape(-1, 3)[pixels] += _f32(sums * scale / latlong_solid_angle(height)[pixels // width, None])
+
+
+def _disc_power(lighting: Lighting) -> tuple[Floats, Floats]:
+    """Radiance x solid angle (3,) of the part of the disc above the horizon, and the irradiance (3,) of the ground."""
+    points, weight = sun_disc_points(lighting.sun_direction)
+    radiance = _exposed_disc(points, lighting)
+    return np.asarray(weight @ radiance), np.asarray((weight * points[:, 1]) @ radiance)
 
 
 def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:

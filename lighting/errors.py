@@ -30,3 +30,7 @@ class EnvironmentMapError(LightingError):
 
 class SceneError(LightingError):
     """A scene's tool is not known, or its folder cannot be written."""
+
+
+class BatchError(LightingError):
+    """A batch of photos cannot start or go on; what is finished stays."""

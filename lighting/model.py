@@ -37,7 +37,7 @@ class Model:
         that is missing, damaged, or of another layout than this module's.
         """
         file = packaged_model() if path is None else Path(path)
-        session = _session(file, threads or _available_cpus())
+        session = _session(file, threads or available_cpus())
         metadata = session.get_modelmeta().custom_metadata_map
         if "spec" not in metadata:
             raise ModelError(f"{file} is not a lighting network: its metadata has no 'spec'.")
@@ -77,7 +77,7 @@ def packaged_model() -> Path:
     return found[0]
 
 
-def _available_cpus() -> int:
+def available_cpus() -> int:
     """CPUs this process may run on, which inside a container are fewer than the machine's."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
@@ -92,6 +92,7 @@ def _session(file: Path, threads: int) -> Any:
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = _ERRORS_ONLY
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")
     try:

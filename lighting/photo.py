@@ -29,7 +29,7 @@ Source = str | os.PathLike[str] | bytes | BinaryIO
 
 MAX_BYTES = 64_000_000
 MAX_PIXELS = 128_000_000  # lets the 108-megapixel photos of phones pass
-TARGET = 1280  # pixels along the longer side: the preview draws no more, and the network sees less
+TARGET = 1000  # pixels along the longer side: the preview draws no more, and the network sees less
 MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
@@ -145,7 +145,8 @@ def _decode(image: Image.Image, target: int) -> tuple[NDArray[np.uint8], bool]:
     image.load()
     orientation = _orientation(image)
     plain = _eight_bits(image)
-    small = plain.reduce(max(1, max(plain.size) // target))
+    factor = max(plain.size) // target
+    small = plain.reduce(factor) if factor > 1 else plain
     opaque = _over_grey(small) if small.mode == "RGBA" else small
     rgb = _srgb(opaque, image.info.get("icc_profile"))
     upright = rgb.transpose(_UPRIGHT[orientation]) if orientation in _UPRIGHT else rgb
@@ -184,7 +185,7 @@ def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
             return converted or image.convert("RGB")
     except Exception:  # nor must a bad profile reject a photo
         pass
-    return image.convert("RGB")
+    return image if image.mode == "RGB" else image.convert("RGB")
 
 
 def _reason(error: Exception) -> str:

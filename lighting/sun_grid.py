@@ -80,7 +80,7 @@ def most_likely(probability: ArrayLike, layout: str) -> Floats:
     """
     p = np.asarray(probability, dtype=np.float64)
     cells = grid_directions(layout)
-    peak = cells[int(np.argmax(_smoothing_kernel(layout) @ p))]
+    peak = cells[int(np.argmax(_smoothing_kernel(layout) @ p.astype(np.float32)))]
     near = p * (angle_between(cells, peak) <= _MODE_RADIUS)
     mean = near @ cells
     return np.asarray(mean / np.linalg.norm(mean))

@@ -22,7 +22,8 @@ from lighting.cli.files import (
 from lighting.cli.given import check_together, given_options, headings_option, together_option
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
-from lighting.cli.words import in_words, json_line, progress_over, report_failure, report_warnings
+from lighting.cli.words import in_words, progress_over, report_failure, report_warnings
+from lighting.lines import json_line
 
 if TYPE_CHECKING:
     from lighting.metadata import Given

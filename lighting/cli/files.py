@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -80,12 +79,10 @@ def refuse_collisions(source: str, *outputs: str | None) -> None:
 
 def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, yaw: float) -> None:
     """Render and write; with a yaw, the record in the file is turned with the map."""
-    from lighting.envmap import render, rotate, turn
+    from lighting.envmap import view
     from lighting.formats import encode_envmap, write_envmap
 
-    image = render(lighting, height, sun=sun)
-    if yaw:
-        image, lighting = rotate(image, yaw), turn(lighting, yaw)
+    image, lighting = view(lighting, height, sun=sun, yaw=yaw)
     if output == "-":
         write_stdout(encode_envmap(image, lighting, "exr"))
     else:

@@ -1,12 +1,13 @@
 """What commands say: a line for people, a line of JSON, a sentence about an error."""
 
 import errno
-import json
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from lighting.lines import json_line, reason
 
 if TYPE_CHECKING:
     from lighting.parameters import Lighting
@@ -25,10 +26,6 @@ def report_failure(name: str, error: Exception, as_json: bool, progress: Any) ->
         click.echo(json_line(name, error=reason(error)))
     with progress.external_write_mode(file=sys.stderr):
         click.echo(f"Error: {shown(name)}: {reason(error)}", err=True)
-
-
-def json_line(name: str, **content: Any) -> str:
-    return json.dumps({"file": name, **content}, allow_nan=False)
 
 
 def in_words(name: str, lighting: "Lighting") -> str:
@@ -77,10 +74,6 @@ def _side(azimuth: float) -> str:
 def sentence(error: Exception) -> str:
     file = getattr(error, "filename", None)
     return f"{click.format_filename(file)}: {reason(error)}" if file else reason(error)
-
-
-def reason(error: Exception) -> str:
-    return f"{error.strerror or error}." if isinstance(error, OSError) else str(error)
 
 
 def is_broken_pipe(error: Exception) -> bool:

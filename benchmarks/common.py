@@ -1,0 +1,102 @@
+"""What the benchmarks share: photos made on the spot, fair timing, and the words for the machine."""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+ROOT = Path(__file__).parent.parent
+EXAMPLE = ROOT / "examples" / "wide_street.jpg"
+TWELVE_MEGAPIXELS = (4032, 3024)  # a phone's photo
+
+
+def make_photo(path: Path, size: tuple[int, int] = TWELVE_MEGAPIXELS) -> Path:
+    """An example photo at another size, with the noise of a sensor so that it compresses like a real photo."""
+    picture = np.asarray(Image.open(EXAMPLE).convert("RGB").resize(size, Image.Resampling.BICUBIC), dtype=np.float32)
+    noisy = picture + np.random.default_rng(0).normal(0, 4, picture.shape).astype(np.float32)
+    Image.fromarray(np.clip(noisy, 0, 255).astype(np.uint8)).save(path, "JPEG", quality=92)
+    return path
+
+
+@contextmanager
+def many_photos(count: int, size: tuple[int, int] = (1024, 768)) -> Iterator[Path]:
+    """A folder of `count` photos, which are one file under many names."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "photos"
+        folder.mkdir()
+        first = make_photo(folder / "000000.jpg", size)
+        for number in range(1, count):
+            os.link(first, folder / f"{number:06}.jpg")
+        yield folder
+
+
+def milliseconds(
+    parts: Mapping[str, Callable[[], Any]], runs: int, clock: Callable[[], float] = time.perf_counter
+) -> dict[str, float]:
+    """Least time of each part, which other work on the machine disturbs least; the parts take turns."""
+    took: dict[str, list[float]] = {name: [] for name in parts}
+    for run in range(runs + 1):
+        for name, work in parts.items():
+            started = clock()
+            work()
+            if run:  # the first is to warm up
+                took[name].append(clock() - started)
+    return {name: 1000 * min(times) for name, times in took.items()}
+
+
+def run_lighting(*arguments: object) -> float:
+    """Seconds of a `lighting` command as a process of its own, whose photos may fail."""
+    command = [sys.executable, "-m", "lighting", *map(str, arguments)]
+    started = time.perf_counter()
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
+    if done.returncode not in (0, 1):
+        raise SystemExit(f"{' '.join(command)} ended with status {done.returncode}.")
+    return time.perf_counter() - started
+
+
+_TELL_PEAK = """
+import atexit, re, sys
+status = lambda: re.search("VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]
+atexit.register(lambda: print(status(), file=sys.stderr))
+from lighting.cli import main
+main()
+"""
+
+
+def peak_memory(*arguments: object) -> float:
+    """Peak memory [MB] of a `lighting` command, told by its own process, since a child inherits its parent's peak."""
+    command = [sys.executable, "-c", _TELL_PEAK, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return int(done.stderr.split()[-1]) / 1024
+
+
+def machine() -> str:
+    """One line about where the figures come from."""
+    from lighting.model import available_cpus
+
+    return (
+        f"{time.strftime('%Y-%m-%d')}, {_processor()}, {available_cpus()} CPUs, {platform.system()}, "
+        f"Python {platform.python_version()}"
+    )
+
+
+def _processor() -> str:
+    information = Path("/proc/cpuinfo")
+    names = [line.split(":")[1].strip() for line in information.read_text().splitlines() if "model name" in line]
+    return names[0] if names else platform.machine()
+
+
+def remember(path: Path, key: str, figures: Any) -> None:
+    """Put figures under a key of a JSON file, whatever else it holds."""
+    known = json.loads(path.read_text()) if path.exists() else {}
+    path.write_text(json.dumps({**known, key: figures}, indent=1) + "\n")

@@ -1,0 +1,189 @@
+"""One 12-megapixel JPEG to a 1024 x 512 EXR: each part beside its floor, measured in the same run.
+
+    python benchmarks/latency.py [--runs 15] [--cpu]
+
+A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the same
+graph, a copy of the map, OpenEXR's writing of the same array. The map stands beside Mitsuba's `sunsky` in the same
+directions as well, where mitsuba is installed, in LLVM mode where LLVM 15 or newer is found. Then the command as a
+process of its own, its peak memory, and what it imports.
+"""
+
+import argparse
+import io
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from common import TWELVE_MEGAPIXELS, machine, make_photo, milliseconds, peak_memory, run_lighting
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.envmap import render
+from lighting.exr import write_exr
+from lighting.geometry import latlong_directions
+from lighting.model import Model
+from lighting.parameters import Lighting, lighting_from
+from lighting.photo import TARGET, read_photo, to_tensor
+
+PARTS = ("decode", "network", "sky and sun", "EXR")
+MIN_LLVM = 15
+
+
+def decode_alone(path: Path) -> Image.Image:
+    """Pillow's decoding at the scale that read_photo asks for."""
+    image = Image.open(path)
+    image.draft(None, (TARGET, TARGET * image.height // image.width))
+    image.load()
+    return image
+
+
+def write_alone(image: NDArray[np.float32]) -> None:
+    """OpenEXR's writing of the array, with the compression of write_exr, into memory."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": image}).write(io.BytesIO())
+
+
+def mitsuba_sky(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callable[[], Any]] | None:
+    """Mitsuba's variant, and its evaluation of the same sky and disc in directions (..., 3)."""
+    variant = _mitsuba_variant()
+    if variant is None:
+        return None
+    import drjit
+    import mitsuba
+
+    mitsuba.set_variant(variant)
+    emitter = mitsuba.load_dict({
+        "type": "sunsky", "sun_direction": _z_up(light.sun_direction).tolist(), "turbidity": light.turbidity,
+        "albedo": light.ground_albedo, "complex_sun": True,
+    })  # fmt: skip
+    interaction = drjit.zeros(mitsuba.SurfaceInteraction3f, directions.size // 3)
+    towards = -_z_up(directions.reshape(-1, 3)).astype(np.float32)
+    interaction.wi = mitsuba.Vector3f(*(np.ascontiguousarray(axis) for axis in towards.T))
+    drjit.eval(interaction)
+
+    def evaluate() -> Any:
+        return np.array(emitter.eval(interaction))
+
+    return variant, evaluate
+
+
+def _mitsuba_variant() -> str | None:
+    """LLVM's, where Mitsuba is there with an LLVM that it can use; without one, it takes one direction a call."""
+    libraries = map(str, Path("/usr/lib").glob("*/libLLVM*.so*"))
+    versions = {int(found[1]): path for path in libraries if (found := re.search(r"LLVM(?:-|\.so\.)(\d+)", path))}
+    if "DRJIT_LIBLLVM_PATH" not in os.environ and versions and max(versions) >= MIN_LLVM:
+        os.environ["DRJIT_LIBLLVM_PATH"] = versions[max(versions)]
+    try:
+        import mitsuba
+    except ImportError:
+        return None
+    usable = "DRJIT_LIBLLVM_PATH" in os.environ and "llvm_ad_rgb" in mitsuba.variants()
+    return "llvm_ad_rgb" if usable else None
+
+
+def _z_up(vector: Any) -> NDArray[Any]:
+    """Our axes in Mitsuba's sky, which has Z up."""
+    v = np.asarray(vector)
+    return np.stack([v[..., 0], -v[..., 2], v[..., 1]], axis=-1)
+
+
+def import_profile(command: list[str]) -> Counter[str]:
+    """Milliseconds of importing by package, each without what it imports in turn."""
+    profiled = [sys.executable, "-X", "importtime", "-m", "lighting", *command]
+    lines = subprocess.run(profiled, capture_output=True, text=True, check=True).stderr.splitlines()
+    spent: Counter[str] = Counter()
+    for line in lines:
+        if found := re.match(r"import time:\s+(\d+) \|\s+\d+ \|\s+([\w.]+)", line):
+            top = found[2].split(".")[0]
+            name = "Python's own" if top in sys.stdlib_module_names or top == "site" else top
+            spent[name] += int(found[1]) / 1000
+    return spent
+
+
+def measure_parts(
+    jpeg: Path, exr: Path, height: int, runs: int, clock: Callable[[], float]
+) -> tuple[dict[str, float], str | None]:
+    """Milliseconds of the whole, of each part, of its floor as "PART floor", and Mitsuba's variant."""
+    model = Model.load()
+    photo = read_photo(jpeg)
+    tensor = to_tensor(photo, model.spec)
+    light = lighting_from(model.predict(tensor)[0])
+    image = render(light, height, sun=True)
+
+    def whole() -> None:
+        found = lighting_from(model.predict(to_tensor(read_photo(jpeg), model.spec))[0])
+        write_exr(exr, render(found, height, sun=True), found)
+
+    directions = latlong_directions(height)
+    mitsuba, above = mitsuba_sky(light, directions), mitsuba_sky(light, directions[: height // 2])
+    work: dict[str, Callable[[], Any]] = {
+        "whole": whole,
+        "decode": lambda: to_tensor(read_photo(jpeg), model.spec),
+        "decode floor": lambda: decode_alone(jpeg),
+        "network": lambda: lighting_from(model.predict(tensor)[0]),
+        "network floor": lambda: model.session.run(None, {"photo": tensor}),
+        "sky and sun": lambda: render(light, height, sun=True),
+        "sky and sun floor": image.copy,
+        "EXR": lambda: write_exr(exr, image, light),
+        "EXR floor": lambda: write_alone(image),
+    }
+    if mitsuba and above:
+        work |= {"mitsuba": mitsuba[1], "mitsuba above": above[1]}
+    return milliseconds(work, runs, clock), mitsuba[0] if mitsuba else None
+
+
+def print_parts(took: dict[str, float], variant: str | None) -> None:
+    """The table of parts and floors, and the three ratios that matter."""
+    print(f"{'':<14}{'ours':>9}{'floor':>9}   ms")
+    for part in PARTS:
+        print(f"{part:<14}{took[part]:9.1f}{took[f'{part} floor']:9.1f}")
+    floors = sum(took[f"{part} floor"] for part in PARTS)
+    print(f"{'whole':<14}{took['whole']:9.1f}{floors:9.1f}   {took['whole'] / floors:.2f} times the floors")
+    if variant:
+        for name, which in (("mitsuba", "all directions of the map"), ("mitsuba above", "those above the horizon")):
+            ratio = took[name] / took["sky and sun"]
+            print(f"Mitsuba's sunsky, {variant}, {which}: {took[name]:.1f} ms, {ratio:.2f} times our map")
+    else:
+        print("Mitsuba's sunsky: not measured; it needs mitsuba and LLVM 15 or newer")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--runs", type=int, default=15)
+    parser.add_argument("--height", type=int, default=512)
+    parser.add_argument("--cpu", action="store_true", help="Processor time of all threads, for a busy machine.")
+    options = parser.parse_args()
+    clock = time.process_time if options.cpu else time.perf_counter
+    with tempfile.TemporaryDirectory() as folder:
+        jpeg, exr = make_photo(Path(folder) / "photo.jpg"), Path(folder) / "sky.exr"
+        width, rows = TWELVE_MEGAPIXELS
+        size = f"{width} x {rows} ({jpeg.stat().st_size / 1e6:.1f} MB)"
+        print(f"JPEG of {size} to a map of {2 * options.height} x {options.height}")
+        print(f"fastest of {options.runs} runs, {'processor' if options.cpu else 'wall'} time; {machine()}\n")
+        print_parts(*measure_parts(jpeg, exr, options.height, options.runs, clock))
+        command = ["envmap", str(jpeg), "-o", str(exr), "--height", str(options.height)]
+        print_process(command, options.runs)
+
+
+def print_process(command: list[str], runs: int) -> None:
+    """The command as a process of its own, and where its imports go."""
+    seconds = min(run_lighting(*command) for _ in range(runs))
+    print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, peak memory {peak_memory(*command):.0f} MB")
+    profile = import_profile(command)
+    print(f"of that importing, as python -X importtime sees it: {profile.total():.0f} ms")
+    for name, spent in profile.most_common(8):
+        print(f"  {name:<14}{spent:7.1f} ms")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""The results of a batch as they come: one line of JSON a photo, appended, so that a killed batch can go on."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from lighting.errors import BatchError
+
+
+class Journal:
+    """The names of the photos that are done, in a file of lines opened for reading and appending."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        """Cuts off what follows the last whole line, which a kill leaves; those photos count as not done."""
+        self.done: set[str] = set()
+        self.failed = 0
+        self._file = file
+        whole = 0
+        for line in file:
+            record = _record(line)
+            if record is None:
+                break
+            self._count(record["file"], "error" in record)
+            whole += len(line)
+        file.truncate(whole)
+
+    def append(self, name: str, line: str, *, failed: bool) -> None:
+        """Add the line of a photo; it is with the system when this returns, so that a kill does not lose it."""
+        self._file.write(line.encode() + b"\n")
+        self._file.flush()
+        self._count(name, failed)
+
+    def clear(self) -> None:
+        """Forget everything, in the file too."""
+        self._file.truncate(0)
+        self.done.clear()
+        self.failed = 0
+
+    def _count(self, name: str, failed: bool) -> None:
+        self.done.add(name)
+        self.failed += failed
+
+
+@contextmanager
+def open_journal(path: Path) -> Iterator[Journal]:
+    """The journal in a file, which is made if there is none; BatchError while another process has it open."""
+    with path.open("a+b") as file:
+        _lock(file, path)
+        file.seek(0)
+        yield Journal(file)
+
+
+def read_records(path: Path) -> Iterator[dict[str, Any]]:
+    """The records of a journal, in the order in which the photos were finished."""
+    with path.open("rb") as file:
+        yield from map(json.loads, file)
+
+
+def _record(line: bytes) -> dict[str, Any] | None:
+    """The record in a whole line."""
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    named = isinstance(record, dict) and isinstance(record.get("file"), str)
+    return record if named and line.endswith(b"\n") else None
+
+
+def _lock(file: BinaryIO, path: Path) -> None:
+    if sys.platform == "win32":
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise BatchError(f"Another batch is at work in {path.parent}.") from error

@@ -1,0 +1,51 @@
+"""Results as a table: one row a photo, the fields of a Lighting as columns, in Parquet (extra `parquet`)."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, fields
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from lighting.atomic import replacing
+from lighting.errors import BatchError
+from lighting.parameters import Lighting
+
+FILE = "lighting.parquet"
+ROWS = 8192  # held in memory at once, and of a row group
+
+
+def row(name: str, light: Lighting | str) -> dict[str, Any]:
+    """The row of a photo: its light, or why there is none."""
+    if isinstance(light, str):
+        return {"file": name, "error": light, **dict.fromkeys(field.name for field in fields(Lighting))}
+    return {"file": name, "error": None, **asdict(light)}
+
+
+def write_parquet(target: Path, records: Iterable[Mapping[str, Any]]) -> None:
+    """Write the records of a journal as Parquet; the file appears only when it is whole."""
+    import pyarrow
+    from pyarrow.parquet import ParquetWriter
+
+    with replacing(target) as path, ParquetWriter(path, schema()) as writer:
+        for part in _parts(map(_row_of, records)):
+            writer.write_table(pyarrow.Table.from_pylist(part, schema()))
+
+
+def schema() -> Any:
+    """The columns of the table, as pyarrow has them; BatchError where it is not installed."""
+    try:
+        import pyarrow
+    except ImportError as error:
+        raise BatchError("Parquet needs pyarrow: pip install 'outdoor-lighting[parquet]'.") from error
+    kinds = {field.name: pyarrow.string() if field.type is str else pyarrow.float64() for field in fields(Lighting)}
+    return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds})
+
+
+def _row_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    light = record["error"] if "error" in record else Lighting.from_dict(record["lighting"])
+    return row(record["file"], light)
+
+
+def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
+    while part := list(islice(rows, ROWS)):
+        yield part

@@ -1,0 +1,138 @@
+"""Processes that share out a list of items and survive the loss of one another."""
+
+import os
+import signal
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Generic, TypeVar
+
+from lighting.errors import BatchError
+
+Result = TypeVar("Result")
+Work = Callable[[str], Result]
+
+PATIENCE = 5.0  # seconds that workers have to finish what they are at when all ends
+
+_ATTEMPTS = 2  # at an item whose worker dies, before it takes the blame
+_READY = "ready"
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+@dataclass
+class _Worker:
+    process: BaseProcess
+    connection: Connection
+    item: str | None = None  # none before the process is prepared
+
+
+@dataclass
+class _Share(Generic[Result]):
+    """Who works on what: items to come, those to try again, and how often each has lost its worker."""
+
+    items: Iterator[str]
+    prepare: Callable[[], Work[Result]]
+    again: deque[str] = field(default_factory=deque)
+    losses: Counter[str] = field(default_factory=Counter)
+    team: list[_Worker] = field(default_factory=list)
+
+
+def work_through(
+    items: Iterable[str], prepare: Callable[[], Work[Result]], workers: int
+) -> Iterator[tuple[str, Result | None]]:
+    """Each item with its result, in the order in which they are finished, each exactly once.
+
+    Every process calls `prepare` once (it and the results are pickled) and what that returns for each item. An item
+    whose process dies is tried again in a new one; the second time it yields None. An exception of `prepare` or of
+    the work ends everything and is raised here. Raises BatchError where a process dies before it is prepared.
+    """
+    share = _Share(iter(items), prepare)
+    try:
+        share.team += [_start(prepare) for _ in range(workers)]
+        while share.team:
+            for connection in wait([worker.connection for worker in share.team]):
+                worker = next(w for w in share.team if w.connection is connection)
+                yield from _heard(worker, share)
+    finally:
+        _dismiss(share.team)
+
+
+def _heard(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, Result | None]]:
+    """What became of the worker's item; the worker gets another one, or a successor if it died."""
+    try:
+        answer = worker.connection.recv()
+    except (EOFError, OSError):
+        yield from _bury(worker, share)
+        return
+    if isinstance(answer, Exception):
+        raise answer
+    item = worker.item
+    _give(worker, share)
+    if item is not None:
+        yield item, answer
+
+
+def _give(worker: _Worker, share: _Share[Result]) -> None:
+    """The next item, or leave to go; a worker that is dead already is found out when it is listened to."""
+    worker.item = share.again.popleft() if share.again else next(share.items, None)
+    if worker.item is None:
+        share.team.remove(worker)
+        _dismiss([worker])
+        return
+    with suppress(OSError):
+        worker.connection.send(worker.item)
+
+
+def _bury(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, None]]:
+    """Put a new worker in the place of one that died."""
+    share.team.remove(worker)
+    _dismiss([worker])
+    item = worker.item
+    if item is None:
+        raise BatchError(f"A worker process died while it started (exit status {worker.process.exitcode}).")
+    share.team.append(_start(share.prepare))
+    share.losses[item] += 1
+    if share.losses[item] < _ATTEMPTS:
+        share.again.append(item)
+    else:
+        yield item, None
+
+
+def _start(prepare: Callable[[], Work[Result]]) -> _Worker:
+    context = get_context("spawn")  # alike on every system, and safe whatever threads this process has
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs, prepare), daemon=True)
+    process.start()
+    theirs.close()
+    return _Worker(process, ours)
+
+
+def _dismiss(team: list[_Worker]) -> None:
+    """Workers leave when their connection closes, after what they are at."""
+    for worker in team:
+        worker.connection.close()
+    for worker in team:
+        worker.process.join(PATIENCE)
+        if worker.process.is_alive():
+            worker.process.kill()
+            worker.process.join()
+
+
+def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
+    """The life of a worker process; Ctrl-C is for the process that it works for."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.update(_ONE_THREAD)
+    try:
+        answer: object = _READY
+        work = prepare()
+        while True:
+            connection.send(answer)
+            answer = work(connection.recv())
+    except (EOFError, ConnectionError):
+        return
+    except Exception as error:
+        connection.send(error)
