@@ -235,13 +235,18 @@ def _sunlit(points: Floats, centres: Floats, light: _Light, leaving: int | None 
 
 
 def _hidden(points: Floats, centres: Floats, light: _Light) -> Floats:
-    """Radiance (N, 3) that ground points (N, 3) lack because the spheres stand before the sky, most before the sun."""
+    """Radiance (N, 3) that ground points (N, 3) lack because the spheres stand before the sky, most before the sun.
+
+    A distant sphere hides the sky right behind it, one overhead the mean of all.
+    """
     radiance = np.zeros_like(points)
+    albedo, mean = light.albedo.astype(points.dtype), light.ground_sky.astype(points.dtype)
     for centre in centres:
         towards = centre - points
         share = _dot(towards, towards) ** np.float32(-1.5)  # of a cosine-weighted hemisphere; the centre is 1 up
-        radiance += share[:, None] * sample_latlong(light.veil, towards).astype(points.dtype)
-    return np.asarray(radiance * light.albedo.astype(points.dtype))
+        veil = sample_latlong(light.veil, towards).astype(points.dtype)
+        radiance += share[:, None] * (albedo * veil + np.sqrt(share)[:, None] * (mean - albedo * veil))
+    return radiance
 
 
 def _shade(kind: int, points: Floats, rays: Floats, centres: Floats, light: _Light, *, mirrored: bool) -> Floats:
