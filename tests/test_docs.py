@@ -74,9 +74,10 @@ def test_the_public_face_is_small_and_there() -> None:
         lighting.nothing  # noqa: B018
 
 
-def test_readme_states_the_compass_as_the_code_does() -> None:
-    assert f"right to {COMPASS_SPREAD:g}° (one standard deviation)" in README
-    assert f"to {GIVEN_HEADING_SPREAD:g}°. A magnetic" in README
-    assert f"is unknown, {TYPICAL_DECLINATION:g}° (the root" in README
+def test_the_page_on_metadata_states_the_compass_as_the_code_does() -> None:
+    page = (ROOT / "docs" / "metadata.md").read_text(encoding="utf-8")
+    assert f"right to {COMPASS_SPREAD:g}° (one standard deviation)" in page
+    assert f"to {GIVEN_HEADING_SPREAD:g}°. A magnetic" in page
+    assert f"is unknown, {TYPICAL_DECLINATION:g}° (the root" in page
     assert GROSS_ERRORS == 0.1
-    assert "one in ten worth nothing" in README
+    assert "one in ten worth nothing" in page
