@@ -79,17 +79,28 @@ def onnx(run: Path, out: Path | None, temperature: float | None) -> None:
 @click.option(
     "--with-metadata", is_flag=True, help="Also with simulated time, place, compass, lens, and several views."
 )
+@click.option("--relight", is_flag=True, help="Also relight a sphere with the estimated maps.")
 @click.option("--card", is_flag=True, help="Also write lighting/data/MODEL_CARD.md.")
 def evaluate(
-    data: Path, labels: Path, model: Path | None, compare: tuple[Path, ...], out: Path, with_metadata: bool, card: bool
+    data: Path,
+    labels: Path,
+    model: Path | None,
+    compare: tuple[Path, ...],
+    out: Path,
+    with_metadata: bool,
+    relight: bool,
+    card: bool,
 ) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.card import write_card
     from export.evaluate import evaluate as run
+    from export.relight import relight as run_relight
     from lighting.model import packaged_model
 
     ours = model or packaged_model()
     report = run(data, labels, [ours, *compare], out, with_metadata=with_metadata)
+    if relight:
+        report += "\n" + run_relight(data, labels, [ours, *compare], out) + "\n"
     click.echo(report)
     if card:
         write_card(ours, report, data, labels)

@@ -58,6 +58,7 @@ class Crop:
     sun_visibility: float  # 1 direct sun, 0.5 partly, 0 none
     turbidity: float
     exposure: float
+    gain: float = 1.0  # what the panorama's values were multiplied with
 
     @property
     def sun_direction(self) -> Floats:
@@ -144,6 +145,7 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
         sun_visibility={"yes": 1.0, "partly": 0.5, "no": 0.0}.get(label.direct, nan),
         turbidity=label.turbidity if label.fit_ok else nan,
         exposure=label.exposure * gain if label.fit_ok else nan,
+        gain=gain,
     )
 
 
