@@ -1,15 +1,16 @@
 """What the requests of one app share, and the place that one of them holds."""
 
 import logging
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from fastapi import Depends, Request
 
+from lighting.metadata import Given, lighting_of
 from lighting.model import Model, packaged_model
-from lighting.parameters import Lighting, Prediction, lighting_from
+from lighting.parameters import Lighting, Prediction
 from lighting.photo import Photo, read_photo
 from lighting.pipeline import Estimator
 from server import problems
@@ -21,6 +22,7 @@ from server.settings import Settings
 from server.uploads import Body
 
 T = TypeVar("T")
+Estimate = tuple[Prediction, Lighting]  # of one photo, the sun's probability with all that is known counted
 
 log = logging.getLogger(__name__)
 
@@ -74,11 +76,13 @@ class Service:
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
 
-    def estimate(self, photo: Photo) -> tuple[Prediction, Lighting]:
-        """What the network says about a photo, and its light."""
+    def estimate(
+        self, photos: Sequence[Photo], given: Given, headings: Sequence[float] | None = None
+    ) -> list[Estimate]:
+        """What pixels, metadata and client say about photos of one place and light; raises ParameterError."""
         with self.metrics.inference.time():
-            prediction = self.estimator.predict(photo)
-        return prediction, lighting_from(prediction)
+            found = self.estimator.fuse_together(photos, given, headings)
+        return [(fused.on_cells(), lighting_of(fused, known)) for fused, known in found]
 
 
 def service_of(request: Request) -> Service:
@@ -117,3 +121,11 @@ async def photo_bytes(place: Placed) -> bytes:
 
 
 PhotoBytes = Annotated[bytes, Depends(photo_bytes)]
+
+
+async def photos_bytes(place: Placed) -> list[bytes]:
+    """The photos of one place that a request brings; raises ProblemError."""
+    return await place.body.photos(place.service.settings.max_photos)
+
+
+PhotosBytes = Annotated[list[bytes], Depends(photos_bytes)]
