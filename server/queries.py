@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import fields
 from datetime import datetime
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
@@ -12,6 +13,8 @@ from lighting.clock import read_offset, read_time
 from lighting.errors import ParameterError
 from lighting.metadata import Given
 from lighting.parameters import GROUND_ALBEDO, Lighting
+from lighting.photo import MIN_SIDE
+from lighting.scene.common import PLATE_SIDE
 from lighting.together import read_headings
 from server.schemas import (
     Between,
@@ -138,16 +141,61 @@ class EnvmapQuery(MapQuery, GivenQuery):
     """The map of a photo."""
 
 
-class SkyQuery(MapQuery):
-    """A sky from parameters alone."""
+class SkyParameters(Query):
+    """The light itself."""
 
     sun_azimuth: SunAzimuth
     sun_elevation: SunElevation
     turbidity: Turbidity
     exposure: Exposure
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
-    sun: Flag = Field(True, description="paint the sun's disc")
 
     def lighting(self) -> Lighting:
         """The light with these parameters."""
-        return Lighting(**self.model_dump(exclude={"sun", "height", "format"}))
+        return Lighting(**self.model_dump(include={field.name for field in fields(Lighting)}))
+
+
+class SkyQuery(MapQuery, SkyParameters):
+    """A sky from parameters alone."""
+
+    sun: Flag = Field(True, description="paint the sun's disc")
+
+
+class SceneQuery(Query):
+    """For which tool, and how."""
+
+    tool: Literal["blender", "usd", "gltf", "threejs", "mitsuba"] = Field(description="the tool that opens it")
+    up_axis: Literal["Y", "Z"] = Field("Y", description="with `tool=usd`")
+    image_based_light: Flag = Field(False, description="with `tool=gltf`: put the map in as EXT_lights_image_based")
+    sun: FlagOrAuto = Field(None, description="let direct sunlight in; by default where it is likely")
+    height: Height = 512
+
+    @model_validator(mode="after")
+    def _of_this_tool(self) -> Self:
+        strange = [name for name in self.model_fields_set & set(_TOOL_OF) if _TOOL_OF[name] != self.tool]
+        if strange:
+            wanted = " and ".join(f"{name} goes with tool={_TOOL_OF[name]}" for name in sorted(strange))
+            raise PydanticCustomError("tool", "{wanted}", {"wanted": wanted})
+        return self
+
+    def options(self) -> dict[str, Any]:
+        """What the tool's writer takes."""
+        return self.model_dump(include={name for name, tool in _TOOL_OF.items() if tool == self.tool})
+
+
+_TOOL_OF = {"up_axis": "usd", "image_based_light": "gltf"}
+
+
+class PhotoSceneQuery(SceneQuery, GivenQuery):
+    """The scene of a photo."""
+
+
+class SkySceneQuery(SceneQuery, SkyParameters):
+    """A scene from parameters alone."""
+
+    sun: Flag = Field(True, description="let direct sunlight in")
+    camera_elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
+    camera_roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
+    vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0
+    plate_width: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1440
+    plate_height: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1080

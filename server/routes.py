@@ -10,7 +10,7 @@ from server.answers import cache_headers, estimates, is_fresh, map_response
 from server.card import accuracy
 from server.checks import check_photos, refuse_given
 from server.problems import documented
-from server.queries import EnvmapQuery, GivenQuery, LightingQuery, SkyQuery
+from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkyQuery, SkySceneQuery
 from server.records import lighting_of
 from server.schemas import MEDIA_TYPES, Estimate, Estimates, ModelCard
 from server.service import PhotoBytes, PhotosBytes, Placed, Services
@@ -30,6 +30,8 @@ PHOTOS_FORM: dict[str, Any] = {
 RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
 MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}
 PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
+ZIP: dict[str, Any] = {"content": {"application/zip": {"schema": BINARY}}}
+FRESH: dict[str, Any] = {"description": "The client's copy is still good"}
 PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 500, 503)
 
 router = APIRouter(prefix="/v1", tags=["lighting"])
@@ -63,7 +65,7 @@ async def estimate_lighting(
     "/envmap",
     summary="The environment map of a sky",
     response_class=Response,
-    responses={200: MAPS, 304: {"description": "The client's copy is still good"}, **documented(422, 500, 503)},
+    responses={200: MAPS, 304: FRESH, **documented(422, 500, 503)},
 )
 async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
@@ -104,6 +106,35 @@ async def estimate_envmap(request: Request, place: Placed, query: Annotated[Envm
 async def draw_preview(place: Placed, photo: PhotoBytes, query: Annotated[GivenQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
     return Response(await place.run(work.preview_file, place.service, photo, query), media_type="image/png")
+
+
+@router.get(
+    "/scene",
+    summary="A scene for another tool, of a sky",
+    response_class=Response,
+    responses={200: ZIP, 304: FRESH, **documented(422, 500, 503)},
+)
+async def render_scene(request: Request, place: Placed, query: Annotated[SkySceneQuery, Query()]) -> Response:
+    """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
+    service = place.service
+    headers = cache_headers(query, service.settings.cache_seconds, public=not service.keys)
+    if is_fresh(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    data = await place.run(work.scene_file_of_sky, query)
+    return Response(data, media_type="application/zip", headers=headers)
+
+
+@router.post(
+    "/scene",
+    summary="A scene for another tool, of a photo",
+    response_class=Response,
+    responses={200: ZIP, **PHOTO_PROBLEMS},
+    openapi_extra=body(PHOTO_BODY),
+)
+async def estimate_scene(place: Placed, photo: PhotoBytes, query: Annotated[PhotoSceneQuery, Query()]) -> Response:
+    """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP."""
+    data = await place.run(work.scene_file_of_photo, place.service, photo, query)
+    return Response(data, media_type="application/zip")
 
 
 @router.get("/model", summary="The network that answers", responses=documented(500, 503))

@@ -11,8 +11,9 @@ from fastapi import Depends, Request
 from lighting.metadata import Given, lighting_of
 from lighting.model import Model, packaged_model
 from lighting.parameters import Lighting, Prediction
-from lighting.photo import Photo, read_photo
+from lighting.photo import TARGET, Photo, read_photo
 from lighting.pipeline import Estimator
+from lighting.scene.common import PLATE_SIDE
 from server import problems
 from server.limiter import Limiter
 from server.metrics import Metrics
@@ -71,10 +72,18 @@ class Service:
 
     def read(self, data: bytes) -> Photo:
         """The photo in an upload; raises PhotoError."""
-        photo = read_photo(data, max_bytes=self.settings.max_bytes, max_pixels=self.settings.max_pixels)
+        photo = self._decoded(data, TARGET)
         self.metrics.photo_bytes.inc(len(data))
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
+
+    def read_plate(self, data: bytes) -> Photo:
+        """The same photo in more pixels, for a scene."""
+        return self._decoded(data, PLATE_SIDE)
+
+    def _decoded(self, data: bytes, target: int) -> Photo:
+        limits = self.settings
+        return read_photo(data, max_bytes=limits.max_bytes, max_pixels=limits.max_pixels, target=target)
 
     def estimate(
         self, photos: Sequence[Photo], given: Given, headings: Sequence[float] | None = None

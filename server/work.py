@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from io import BytesIO
 
+import numpy as np
 from anyio.from_thread import check_cancelled
 from PIL import Image
 
@@ -10,10 +11,14 @@ from lighting.envmap import render
 from lighting.errors import PhotoError
 from lighting.formats import encode_envmap
 from lighting.parameters import Lighting
+from lighting.photo import Photo
 from lighting.preview import draw_preview
-from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery
+from lighting.scene.common import make_scene
+from lighting.scene.files import zip_scene
+from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
 from server.service import Estimate, Service
 
+MID_GREY = 128  # sRGB
 PREVIEW_MAP_HEIGHT = 512  # rows of the map that lights the preview's spheres
 
 
@@ -56,3 +61,26 @@ def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
     stream = BytesIO()
     Image.fromarray(drawing).save(stream, "PNG")
     return stream.getvalue()
+
+
+def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery) -> bytes:
+    """A scene as a ZIP archive."""
+    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun)
+    check_cancelled()
+    return zip_scene(scene, query.tool, **query.options())
+
+
+def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> bytes:
+    """The same from a photo's bytes."""
+    photo = service.read(data)
+    check_cancelled()
+    ((_, lighting),) = service.estimate([photo], query.given())
+    check_cancelled()
+    return scene_file(service.read_plate(data), lighting, query)
+
+
+def scene_file_of_sky(query: SkySceneQuery) -> bytes:
+    """The same from parameters alone; a grey plate stands where one's own picture of that size goes."""
+    width, height = query.plate_width, query.plate_height
+    grey = np.full((height, width, 3), MID_GREY, dtype=np.uint8)
+    return scene_file(Photo(grey, width, height, "PNG"), query.lighting(), query)

@@ -26,6 +26,8 @@ OPERATIONS = {
     "render_envmap": ("get", "/v1/envmap"),
     "estimate_envmap": ("post", "/v1/envmap"),
     "draw_preview": ("post", "/v1/preview"),
+    "render_scene": ("get", "/v1/scene"),
+    "estimate_scene": ("post", "/v1/scene"),
     "describe_model": ("get", "/v1/model"),
     "livez": ("get", "/livez"),
     "readyz": ("get", "/readyz"),
