@@ -70,12 +70,14 @@ Time = Annotated[
     _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T14:30+02:00"),
 ]
 Offset = Annotated[
-    float | None, BeforeValidator(_in_words(read_offset)), _text(rf"(-?{_OFFSET}|-?[0-9]([.][0-9])?)", "02:00")
+    float | None,
+    BeforeValidator(_in_words(read_offset)),
+    _text(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
 ]
 Headings = Annotated[
     str | None,
     BeforeValidator(_in_words(_headings)),
-    _text(r"-?[0-9]{1,2}([.][0-9])?(,-?[0-9]{1,2}([.][0-9])?)*", "0,45,90"),
+    _text(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
 ]
 
 
