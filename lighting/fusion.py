@@ -16,7 +16,7 @@ from lighting.contradiction import contradictions
 from lighting.errors import ParameterError
 from lighting.geometry import direction
 from lighting.parameters import Prediction, Sun, sun_of
-from lighting.sun_grid import grid_directions, smooth_density
+from lighting.sun_grid import grid_directions, over_cells, smooth_density
 
 COMPASS_SPREAD = 25.0  # deg, standard deviation that goes with the median error of 17 deg measured on phones
 GROSS_ERRORS = 0.1  # share of headings that say nothing: the prior's uniform floor
@@ -47,6 +47,11 @@ class Fused:
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north, where time and place are known
     relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
+
+    def on_cells(self) -> Prediction:
+        """The prediction, its probability over the network's cells with all that is known counted."""
+        probability = over_cells(self.probability, self.directions, self.prediction.spec.sun_grid)
+        return replace(self.prediction, sun_probability=probability.astype(np.float32))
 
 
 def fuse(prediction: Prediction, evidence: Evidence) -> Fused:

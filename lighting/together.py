@@ -26,7 +26,7 @@ from lighting.fusion import (
     ring_density,
 )
 from lighting.geometry import angles, direction
-from lighting.parameters import Prediction
+from lighting.parameters import Prediction, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 
 # learnt by `python -m export evaluate --with-metadata` on places that training never saw
@@ -75,6 +75,17 @@ def _used(fused: Fused, by_compass: bool) -> tuple[str, ...]:
     """What counts for the answer; compass headings also where they only say how the photos lie to each other."""
     used = {*fused.used, "other photos", *(["heading"] if by_compass else [])}
     return tuple(name for name in USED if name in used)
+
+
+def read_headings(text: str) -> list[float]:
+    """Degrees in "0,45,90", as `together` takes them; ParameterError otherwise."""
+    try:
+        headings = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise ParameterError(f"{text!r} is not a list of degrees such as 0,45,90.") from error
+    for angle in headings:
+        check_range("heading", angle, -360.0, 360.0)
+    return headings
 
 
 def power(count: int, correlation: float) -> float:

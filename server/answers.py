@@ -1,5 +1,6 @@
 """What answers hold beside a lighting record: links, the sun's probability, files with their headers."""
 
+from collections.abc import Sequence
 from hashlib import sha256
 from typing import Any
 from urllib.parse import urlencode
@@ -11,9 +12,17 @@ from lighting import __version__
 from lighting.geometry import angles
 from lighting.parameters import Lighting, Prediction
 from lighting.sun_grid import grid_directions
-from server.schemas import MEDIA_TYPES, Format, SkyQuery
+from server.queries import LightingQuery, Query
+from server.schemas import MEDIA_TYPES, Format
+from server.service import Estimate
 
 DIGITS = 6  # of probabilities and grid angles
+
+
+def estimates(found: Sequence[Estimate], query: LightingQuery, root: str) -> dict[str, Any]:
+    """The JSON of one estimate, or of several in a list."""
+    records = [estimate_record(lighting, known if query.probability else None, root) for known, lighting in found]
+    return records[0] if len(records) == 1 else {"lightings": records}
 
 
 def estimate_record(lighting: Lighting, prediction: Prediction | None, root: str) -> dict[str, Any]:
@@ -46,7 +55,7 @@ def map_response(data: bytes, format: Format, headers: dict[str, str] | None = N
     return Response(data, media_type=MEDIA_TYPES[format], headers=headers)
 
 
-def cache_headers(query: SkyQuery, seconds: int, public: bool) -> dict[str, str]:
+def cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:
     """Headers that let caches keep a map; the tag is weak since the last bit may differ between machines."""
     digest = sha256(f"{__version__} {query.model_dump_json()}".encode()).hexdigest()[:32]
     scope = "public" if public else "private"

@@ -21,7 +21,10 @@ class Metrics:
             "lighting_request_seconds", "From first byte to last.", ["route"], buckets=SECONDS, registry=registry
         )
         self.inference = Histogram(
-            "lighting_inference_seconds", "The network on one photo.", buckets=SECONDS, registry=registry
+            "lighting_inference_seconds",
+            "The network and the metadata, on the photos of one request.",
+            buckets=SECONDS,
+            registry=registry,
         )
         self.photo_bytes = Counter("lighting_photo_bytes", "Bytes of photos read.", registry=registry)
         self.photo_pixels = Counter("lighting_photo_pixels", "Pixels of photos read.", registry=registry)

@@ -6,19 +6,15 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from server import work
-from server.answers import cache_headers, estimate_record, is_fresh, map_response
+from server.answers import cache_headers, estimates, is_fresh, map_response
 from server.card import accuracy
+from server.checks import check_photos, refuse_given
 from server.problems import documented
+from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkyQuery, SkySceneQuery
 from server.records import lighting_of
-from server.schemas import (
-    MEDIA_TYPES,
-    Estimate,
-    LightingQuery,
-    MapQuery,
-    ModelCard,
-    SkyQuery,
-)
-from server.service import PhotoBytes, Placed, Services
+from server.schemas import MEDIA_TYPES, Estimate, Estimates, ModelCard
+from server.service import PhotoBytes, PhotosBytes, Placed, Services
+from server.settings import Settings
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
 
 BINARY = {"type": "string", "format": "binary"}
@@ -27,9 +23,15 @@ PHOTO_BODY: dict[str, Any] = {
     FORM: {"schema": FORM_SCHEMA},
     **{photo_type: {"schema": BINARY} for photo_type in PHOTO_TYPES},
 }
+MANY = {"type": "array", "items": BINARY, "minItems": 1, "maxItems": Settings.model_fields["max_photos"].default}
+PHOTOS_FORM: dict[str, Any] = {
+    FORM: {"schema": {"type": "object", "required": [PHOTO_FIELD], "properties": {PHOTO_FIELD: MANY}}}
+}
 RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
 MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}
 PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
+ZIP: dict[str, Any] = {"content": {"application/zip": {"schema": BINARY}}}
+FRESH: dict[str, Any] = {"description": "The client's copy is still good"}
 PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 500, 503)
 
 router = APIRouter(prefix="/v1", tags=["lighting"])
@@ -42,25 +44,28 @@ def body(content: dict[str, Any]) -> dict[str, Any]:
 
 @router.post(
     "/lighting",
-    summary="The light of a photo",
-    response_model=Estimate,
+    summary="The light of a photo, or of several photos of one place and light",
+    response_model=Estimate | Estimates,
     responses=PHOTO_PROBLEMS,
-    openapi_extra=body(PHOTO_BODY),
+    openapi_extra=body(PHOTO_BODY | PHOTOS_FORM),
 )
 async def estimate_lighting(
-    request: Request, place: Placed, photo: PhotoBytes, query: Annotated[LightingQuery, Query()]
+    request: Request, place: Placed, photos: PhotosBytes, query: Annotated[LightingQuery, Query()]
 ) -> JSONResponse:
-    """Where the sun is, what the sky is like and how the camera stood."""
-    prediction, lighting = await place.run(work.estimated, place.service, photo)
-    wanted = prediction if query.probability else None
-    return JSONResponse(estimate_record(lighting, wanted, request.scope.get("root_path", "")))
+    """Where the sun is, what the sky is like and how the camera stood, by pixels, metadata and what is given.
+
+    Several files `photo` in one form are taken together: a burst, a panorama sweep or a drive.
+    """
+    check_photos(len(photos), query)
+    found = await place.run(work.estimated_together, place.service, photos, query)
+    return JSONResponse(estimates(found, query, request.scope.get("root_path", "")))
 
 
 @router.get(
     "/envmap",
     summary="The environment map of a sky",
     response_class=Response,
-    responses={200: MAPS, 304: {"description": "The client's copy is still good"}, **documented(422, 500, 503)},
+    responses={200: MAPS, 304: FRESH, **documented(422, 500, 503)},
 )
 async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
@@ -79,9 +84,10 @@ async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQue
     responses={200: MAPS, **PHOTO_PROBLEMS},
     openapi_extra=body(PHOTO_BODY | RECORD_BODY),
 )
-async def estimate_envmap(request: Request, place: Placed, query: Annotated[MapQuery, Query()]) -> Response:
+async def estimate_envmap(request: Request, place: Placed, query: Annotated[EnvmapQuery, Query()]) -> Response:
     """From a record nothing is estimated: edit it and render again."""
     if media_type(request) == JSON:
+        refuse_given(query)
         lighting = lighting_of(await place.body.record())
         data = await place.run(work.envmap_file, lighting, query)
     else:
@@ -97,9 +103,38 @@ async def estimate_envmap(request: Request, place: Placed, query: Annotated[MapQ
     responses={200: PNG, **PHOTO_PROBLEMS},
     openapi_extra=body(PHOTO_BODY),
 )
-async def draw_preview(place: Placed, photo: PhotoBytes) -> Response:
+async def draw_preview(place: Placed, photo: PhotoBytes, query: Annotated[GivenQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
-    return Response(await place.run(work.preview_file, place.service, photo), media_type="image/png")
+    return Response(await place.run(work.preview_file, place.service, photo, query), media_type="image/png")
+
+
+@router.get(
+    "/scene",
+    summary="A scene for another tool, of a sky",
+    response_class=Response,
+    responses={200: ZIP, 304: FRESH, **documented(422, 500, 503)},
+)
+async def render_scene(request: Request, place: Placed, query: Annotated[SkySceneQuery, Query()]) -> Response:
+    """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
+    service = place.service
+    headers = cache_headers(query, service.settings.cache_seconds, public=not service.keys)
+    if is_fresh(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    data = await place.run(work.scene_file_of_sky, query)
+    return Response(data, media_type="application/zip", headers=headers)
+
+
+@router.post(
+    "/scene",
+    summary="A scene for another tool, of a photo",
+    response_class=Response,
+    responses={200: ZIP, **PHOTO_PROBLEMS},
+    openapi_extra=body(PHOTO_BODY),
+)
+async def estimate_scene(place: Placed, photo: PhotoBytes, query: Annotated[PhotoSceneQuery, Query()]) -> Response:
+    """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP."""
+    data = await place.run(work.scene_file_of_photo, place.service, photo, query)
+    return Response(data, media_type="application/zip")
 
 
 @router.get("/model", summary="The network that answers", responses=documented(500, 503))

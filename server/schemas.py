@@ -18,7 +18,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from lighting.envmap import MIN_HEIGHT
-from lighting.parameters import GROUND_ALBEDO, RANGES, Lighting
+from lighting.parameters import GROUND_ALBEDO, OPTIONAL_RANGES, RANGES, Lighting
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 
@@ -37,7 +37,9 @@ class Between:
         return core_schema.no_info_wrap_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {**handler(schema), **self.limits, **self.documented}
+        plain = handler(schema)
+        plain = plain.get("anyOf", [plain])[0]  # a parameter that may be left out is never null
+        return {**plain, **self.limits, **self.documented}
 
     def _check(self, value: Any, parse: Callable[[Any], float]) -> float:
         try:
@@ -52,7 +54,7 @@ class Between:
 
 def named(name: str, meaning: str, example: float) -> Between:
     """The range of a parameter of RANGES, documented."""
-    return Between(*RANGES[name], description=meaning, examples=[example])
+    return Between(*(RANGES | OPTIONAL_RANGES)[name], description=meaning, examples=[example])
 
 
 def _even(number: int) -> int:
@@ -83,39 +85,6 @@ SunElevation = Annotated[float, named("sun_elevation", "deg above the horizon", 
 Turbidity = Annotated[float, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)]
 Exposure = Annotated[float, named("exposure", "factor from sky radiance to the photo's linear values", 0.021)]
 GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
-
-
-class Query(BaseModel):
-    """Parameters of a URL; a name that is not one of them is refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class LightingQuery(Query):
-    probability: Flag = Field(False, description="add the sun's probability on its grid")
-
-
-class MapQuery(Query):
-    """How a map is rendered."""
-
-    sun: FlagOrAuto = Field(None, description="paint the sun's disc; by default where direct sunlight is likely")
-    height: Height = 512
-    format: Format = Field("exr", description="OpenEXR, Radiance, or PNG as the photo's exposure shows it")
-
-
-class SkyQuery(MapQuery):
-    """A sky from parameters alone."""
-
-    sun_azimuth: SunAzimuth
-    sun_elevation: SunElevation
-    turbidity: Turbidity
-    exposure: Exposure
-    ground_albedo: GroundAlbedo = GROUND_ALBEDO
-    sun: Flag = Field(True, description="paint the sun's disc")
-
-    def lighting(self) -> Lighting:
-        """The light with these parameters."""
-        return Lighting(**self.model_dump(exclude={"sun", "height", "format"}))
 
 
 class Part(BaseModel):
@@ -152,6 +121,24 @@ class Camera(Part):
     elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
     roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
     vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0
+    heading: Annotated[float, named("camera_heading", "deg from true north, clockwise", 87.0)] | None = Field(
+        None, description="only where time and place are known"
+    )
+    heading_radius_50: Annotated[float, named("camera_heading_radius_50", "deg, hold 50 %", 8.0)] | None = None
+    heading_radius_90: Annotated[float, named("camera_heading_radius_90", "deg, hold 90 %", 21.0)] | None = None
+    heading_probability: list[Annotated[float, Between(0.0, 1.0)]] | None = Field(
+        None, min_length=360, max_length=360, description="of each whole degree from true north"
+    )
+    relative_heading: Annotated[float, named("relative_heading", "deg", 45.0)] | None = Field(
+        None, description="clockwise from the first of several photos whose headings are unknown"
+    )
+
+
+class Place(Part):
+    """Where the photo was taken; only for a client that asked to keep it."""
+
+    latitude: Annotated[float, named("latitude", "deg, positive north", 48.14)] | None = None
+    longitude: Annotated[float, named("longitude", "deg, positive east", 11.58)] | None = None
 
 
 class LightingRecord(Part):
@@ -161,6 +148,11 @@ class LightingRecord(Part):
     sun: Sun
     sky: Sky
     camera: Camera = Camera()
+    evidence: list[str] = Field(
+        [], description="what it rests on", examples=[["pixels", "time+place", "heading", "focal length"]]
+    )
+    warnings: list[str] = Field([], description="sentences, above all where pixels and metadata contradict each other")
+    place: Place | None = None
 
     def lighting(self) -> Lighting:
         """The same as the library's record."""
@@ -183,6 +175,12 @@ class SunProbability(BaseModel):
 class Estimate(LightingRecord):
     links: Links
     probability: SunProbability | None = Field(None, description="only if asked for")
+
+
+class Estimates(BaseModel):
+    """The light of several photos of one place, each in its own camera's frame, in the order of the photos."""
+
+    lightings: list[Estimate] = Field(min_length=2)
 
 
 class Accuracy(BaseModel):

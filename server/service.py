@@ -1,17 +1,19 @@
 """What the requests of one app share, and the place that one of them holds."""
 
 import logging
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from fastapi import Depends, Request
 
+from lighting.metadata import Given, lighting_of
 from lighting.model import Model, packaged_model
-from lighting.parameters import Lighting, Prediction, lighting_from
-from lighting.photo import Photo, read_photo
+from lighting.parameters import Lighting, Prediction
+from lighting.photo import TARGET, Photo, read_photo
 from lighting.pipeline import Estimator
+from lighting.scene.common import PLATE_SIDE
 from server import problems
 from server.limiter import Limiter
 from server.metrics import Metrics
@@ -21,6 +23,7 @@ from server.settings import Settings
 from server.uploads import Body
 
 T = TypeVar("T")
+Estimate = tuple[Prediction, Lighting]  # of one photo, the sun's probability with all that is known counted
 
 log = logging.getLogger(__name__)
 
@@ -69,16 +72,26 @@ class Service:
 
     def read(self, data: bytes) -> Photo:
         """The photo in an upload; raises PhotoError."""
-        photo = read_photo(data, max_bytes=self.settings.max_bytes, max_pixels=self.settings.max_pixels)
+        photo = self._decoded(data, TARGET)
         self.metrics.photo_bytes.inc(len(data))
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
 
-    def estimate(self, photo: Photo) -> tuple[Prediction, Lighting]:
-        """What the network says about a photo, and its light."""
+    def read_plate(self, data: bytes) -> Photo:
+        """The same photo in more pixels, for a scene."""
+        return self._decoded(data, PLATE_SIDE)
+
+    def _decoded(self, data: bytes, target: int) -> Photo:
+        limits = self.settings
+        return read_photo(data, max_bytes=limits.max_bytes, max_pixels=limits.max_pixels, target=target)
+
+    def estimate(
+        self, photos: Sequence[Photo], given: Given, headings: Sequence[float] | None = None
+    ) -> list[Estimate]:
+        """What pixels, metadata and client say about photos of one place and light; raises ParameterError."""
         with self.metrics.inference.time():
-            prediction = self.estimator.predict(photo)
-        return prediction, lighting_from(prediction)
+            found = self.estimator.fuse_together(photos, given, headings)
+        return [(fused.on_cells(), lighting_of(fused, known)) for fused, known in found]
 
 
 def service_of(request: Request) -> Service:
@@ -117,3 +130,11 @@ async def photo_bytes(place: Placed) -> bytes:
 
 
 PhotoBytes = Annotated[bytes, Depends(photo_bytes)]
+
+
+async def photos_bytes(place: Placed) -> list[bytes]:
+    """The photos of one place that a request brings; raises ProblemError."""
+    return await place.body.photos(place.service.settings.max_photos)
+
+
+PhotosBytes = Annotated[list[bytes], Depends(photos_bytes)]

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable
 from contextlib import asynccontextmanager
+from typing import TypeVar
 
 from anyio import fail_after
 from fastapi import Request
@@ -10,6 +11,8 @@ from starlette.formparsers import MultiPartException, MultiPartParser
 
 from server import problems
 from server.problems import ProblemError
+
+T = TypeVar("T")
 
 FORM = "multipart/form-data"
 JSON = "application/json"
@@ -33,11 +36,16 @@ class Body:
 
     async def photo(self, *also: str) -> bytes:
         """The file of a photo; raises ProblemError. `also` names types that the caller takes beside photos."""
+        (data,) = await self.photos(1, *also)
+        return data
+
+    async def photos(self, most: int, *also: str) -> list[bytes]:
+        """The files of one photo or of up to `most`."""
         kind = media_type(self.request)
         if kind == FORM:
-            return await self._in_time(self._photo_of_form())
+            return await self._in_time(self._photos_of_form(most))
         if kind in PHOTO_TYPES:
-            return await self._in_time(self._whole(self.max_bytes))
+            return [await self._in_time(self._whole(self.max_bytes))]
         listed = ", ".join((FORM, *PHOTO_TYPES, *also))
         raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
 
@@ -45,7 +53,7 @@ class Body:
         """The JSON of a lighting record; raises ProblemError."""
         return await self._in_time(self._whole(min(self.max_bytes, MAX_RECORD_BYTES)))
 
-    async def _in_time(self, reading: Awaitable[bytes]) -> bytes:
+    async def _in_time(self, reading: Awaitable[T]) -> T:
         try:
             with fail_after(self.seconds):
                 return await reading
@@ -65,16 +73,18 @@ class Body:
             _check(size, limit)
             yield chunk
 
-    async def _photo_of_form(self) -> bytes:
-        async with self._form() as form:
-            files = form.getlist(PHOTO_FIELD)
-            if len(files) != 1 or not isinstance(files[0], UploadFile):
-                raise problems.invalid(PHOTO_FIELD, "The form needs exactly one file in this field.")
-            return await files[0].read()
+    async def _photos_of_form(self, most: int) -> list[bytes]:
+        async with self._form(most) as form:
+            fields = form.getlist(PHOTO_FIELD)
+            files = [field for field in fields if isinstance(field, UploadFile)]
+            if not files or len(files) < len(fields):
+                wanted = "one file" if most == 1 else f"1 to {most} files"
+                raise problems.invalid(PHOTO_FIELD, f"The form needs {wanted} in this field and nothing else.")
+            return [await file.read() for file in files]
 
     @asynccontextmanager
-    async def _form(self) -> AsyncIterator[FormData]:
-        parser = _Form(self.request.headers, self._chunks(self.max_bytes), max_files=1, max_fields=MAX_FIELDS)
+    async def _form(self, most: int) -> AsyncIterator[FormData]:
+        parser = _Form(self.request.headers, self._chunks(self.max_bytes), max_files=most, max_fields=MAX_FIELDS)
         parser.spool_max_size = self.max_bytes + 1  # in memory, never on disk
         try:
             form = await parser.parse()

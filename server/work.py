@@ -1,25 +1,37 @@
 """What a request asks of the CPU, in steps between which a request whose client has gone stops."""
 
+from collections.abc import Sequence
 from io import BytesIO
 
+import numpy as np
 from anyio.from_thread import check_cancelled
 from PIL import Image
 
 from lighting.envmap import render
+from lighting.errors import PhotoError
 from lighting.formats import encode_envmap
-from lighting.parameters import Lighting, Prediction
+from lighting.parameters import Lighting
+from lighting.photo import Photo
 from lighting.preview import draw_preview
-from server.schemas import MapQuery
-from server.service import Service
+from lighting.scene.common import make_scene
+from lighting.scene.files import zip_scene
+from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
+from server.service import Estimate, Service
 
+MID_GREY = 128  # sRGB
 PREVIEW_MAP_HEIGHT = 512  # rows of the map that lights the preview's spheres
 
 
-def estimated(service: Service, data: bytes) -> tuple[Prediction, Lighting]:
-    """The light of a photo's bytes; raises PhotoError."""
-    photo = service.read(data)
-    check_cancelled()
-    return service.estimate(photo)
+def estimated_together(service: Service, files: Sequence[bytes], query: LightingQuery) -> list[Estimate]:
+    """The light of the bytes of photos of one place; raises PhotoError, which names one of several."""
+    photos = []
+    for number, data in enumerate(files, 1):
+        try:
+            photos.append(service.read(data))
+        except PhotoError as error:
+            raise error if len(files) == 1 else type(error)(f"Photo {number} of {len(files)}: {error}") from error
+        check_cancelled()
+    return service.estimate(photos, query.given(), query.turns())
 
 
 def envmap_file(lighting: Lighting, query: MapQuery) -> bytes:
@@ -29,21 +41,46 @@ def envmap_file(lighting: Lighting, query: MapQuery) -> bytes:
     return encode_envmap(image, lighting, query.format)
 
 
-def envmap_file_of_photo(service: Service, data: bytes, query: MapQuery) -> bytes:
+def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> bytes:
     """The same from a photo's bytes."""
-    _, lighting = estimated(service, data)
+    photo = service.read(data)
+    check_cancelled()
+    ((_, lighting),) = service.estimate([photo], query.given())
     check_cancelled()
     return envmap_file(lighting, query)
 
 
-def preview_file(service: Service, data: bytes) -> bytes:
+def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
     """The preview of a photo's bytes, as PNG."""
     photo = service.read(data)
     check_cancelled()
-    prediction, lighting = service.estimate(photo)
+    ((prediction, lighting),) = service.estimate([photo], query.given())
     light = render(lighting, PREVIEW_MAP_HEIGHT)
     check_cancelled()
     drawing = draw_preview(photo.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
     stream = BytesIO()
     Image.fromarray(drawing).save(stream, "PNG")
     return stream.getvalue()
+
+
+def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery) -> bytes:
+    """A scene as a ZIP archive."""
+    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun)
+    check_cancelled()
+    return zip_scene(scene, query.tool, **query.options())
+
+
+def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> bytes:
+    """The same from a photo's bytes."""
+    photo = service.read(data)
+    check_cancelled()
+    ((_, lighting),) = service.estimate([photo], query.given())
+    check_cancelled()
+    return scene_file(service.read_plate(data), lighting, query)
+
+
+def scene_file_of_sky(query: SkySceneQuery) -> bytes:
+    """The same from parameters alone; a grey plate stands where one's own picture of that size goes."""
+    width, height = query.plate_width, query.plate_height
+    grey = np.full((height, width, 3), MID_GREY, dtype=np.uint8)
+    return scene_file(Photo(grey, width, height, "PNG"), query.lighting(), query)

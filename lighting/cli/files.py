@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -64,11 +63,9 @@ def load_estimator(model: str | None) -> "Estimator":
 def estimated(estimator: "Estimator", picture: "Photo", given: "Given") -> "tuple[Prediction, Lighting]":
     """What is said of a photo, the sun's probability over the network's cells with all that is known counted."""
     from lighting.metadata import lighting_of
-    from lighting.sun_grid import over_cells
 
     fused, known = estimator.fuse(picture, given)
-    probability = over_cells(fused.probability, fused.directions, fused.prediction.spec.sun_grid)
-    return replace(fused.prediction, sun_probability=probability), lighting_of(fused, known)
+    return fused.on_cells(), lighting_of(fused, known)
 
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:

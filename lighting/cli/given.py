@@ -23,19 +23,9 @@ def _offset(_ctx: click.Context, _param: click.Parameter, text: str | None) -> f
 
 
 def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:
-    return None if text is None else _parsed(_angles, text)
+    from lighting.together import read_headings
 
-
-def _angles(text: str) -> list[float]:
-    from lighting.parameters import check_range
-
-    try:
-        angles = [float(part) for part in text.split(",")]
-    except ValueError as error:
-        raise ParameterError(f"{text!r} is not a list of degrees such as 0,45,90.") from error
-    for angle in angles:
-        check_range("heading", angle, -360.0, 360.0)
-    return angles
+    return None if text is None else _parsed(read_headings, text)
 
 
 def _parsed(read: Callable[[str], Any], text: str) -> Any:

@@ -22,6 +22,7 @@ from lighting.scene.common import (
     PLATE,
     SENSOR_HEIGHT,
     SUN_ANGLE,
+    Folder,
     Scene,
     colour_and_strength,
     to_z_up,
@@ -34,12 +35,12 @@ SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, takes the direction looked along to the axis at the map's centre
 
 
-def write(scene: Scene, folder: Path) -> None:
-    """Write SCRIPT, the NUMBERS it reads, plate and map; FILE too where bpy can be imported."""
+def write(scene: Scene, folder: Folder) -> None:
+    """Write SCRIPT, the NUMBERS it reads, plate and map; FILE too in a folder on disk where bpy can be imported."""
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
     (folder / SCRIPT).write_text(_script(), encoding="utf-8")
-    if find_spec("bpy") is not None:
+    if isinstance(folder, Path) and find_spec("bpy") is not None:
         _save(folder)
 
 

@@ -13,14 +13,13 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
-from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap import render, sky_irradiance, sun_irradiance
-from lighting.exr import write_exr
+from lighting.formats import encode_envmap
 from lighting.geometry import camera_axes, focal_length
 from lighting.parameters import Lighting
 from lighting.photo import Photo
@@ -161,6 +160,20 @@ class Scene:
         return 0.06 * self.ball_radius
 
 
+class File(Protocol):
+    """A file to be written, in a folder or an archive."""
+
+    def write_bytes(self, data: bytes, /) -> object: ...
+
+    def write_text(self, text: str, /, encoding: str) -> object: ...
+
+
+class Folder(Protocol):
+    """Where a tool's files go: a Path, or an archive in memory."""
+
+    def __truediv__(self, name: str, /) -> File: ...
+
+
 def make_scene(photo: Photo, lighting: Lighting, *, map_height: int = MAP_HEIGHT, sun: bool | None = None) -> Scene:
     """The scene of a photo under its lighting.
 
@@ -194,8 +207,8 @@ def plate_png(scene: Scene) -> bytes:
     return stream.getvalue()
 
 
-def write_shared_files(scene: Scene, folder: Path) -> None:
+def write_shared_files(scene: Scene, folder: Folder) -> None:
     """PLATE, ENVIRONMENT and RECORD."""
     (folder / PLATE).write_bytes(plate_png(scene))
-    write_exr(folder / ENVIRONMENT, scene.environment, scene.lighting)
+    (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
     (folder / RECORD).write_text(json.dumps(scene.lighting.to_dict(), indent=2) + "\n", encoding="utf-8")

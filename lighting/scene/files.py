@@ -6,6 +6,7 @@ import tempfile
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
@@ -13,7 +14,9 @@ from typing import Any
 
 from lighting.errors import SceneError
 from lighting.scene import TOOLS
-from lighting.scene.common import Scene
+from lighting.scene.common import Folder, Scene
+
+_COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
 
 
 def write_scene(
@@ -38,13 +41,40 @@ def write_scene(
 
 
 def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
-    """The same folder as a ZIP archive; SceneError for a tool that is not one of TOOLS."""
+    """The same files as a ZIP archive, made in memory; without Blender's own file, which needs a disk.
+
+    The same scene makes the same bytes. Raises SceneError for a tool that is not one of TOOLS.
+    """
     stream = BytesIO()
-    with tempfile.TemporaryDirectory() as name, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        _write(scene, tool, Path(name), options)
-        for file in sorted(path for path in Path(name).rglob("*") if path.is_file()):
-            archive.write(file, file.relative_to(name).as_posix())
+    with zipfile.ZipFile(stream, "w") as archive:
+        _write(scene, tool, _Archive(archive), options)
     return stream.getvalue()
+
+
+@dataclass(frozen=True)
+class _Archive:
+    """A Folder inside a ZIP archive."""
+
+    archive: zipfile.ZipFile
+
+    def __truediv__(self, name: str, /) -> "_Member":
+        return _Member(self.archive, name)
+
+
+@dataclass(frozen=True)
+class _Member:
+    """A File inside a ZIP archive."""
+
+    archive: zipfile.ZipFile
+    name: str
+
+    def write_bytes(self, data: bytes, /) -> None:
+        info = zipfile.ZipInfo(self.name)  # of 1980, so that the same scene makes the same bytes
+        info.external_attr = 0o644 << 16
+        self.archive.writestr(info, data, _COMPRESSION.get(Path(self.name).suffix, zipfile.ZIP_DEFLATED))
+
+    def write_text(self, text: str, /, encoding: str) -> None:
+        self.write_bytes(text.encode(encoding))
 
 
 def check_target(target: Path, *, overwrite: bool) -> None:
@@ -61,7 +91,7 @@ def check_target(target: Path, *, overwrite: bool) -> None:
             raise SceneError(f"The folder {place} cannot be written to.")
 
 
-def _write(scene: Scene, tool: str, folder: Path, options: dict[str, Any]) -> None:
+def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> None:
     if tool not in TOOLS:
         raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(TOOLS)}.")
     import_module(f"lighting.scene.{tool}").write(scene, folder, **options)

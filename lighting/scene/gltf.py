@@ -8,7 +8,6 @@ since few viewers take it (EXT_lights_image_based).
 
 import json
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.exr import SOFTWARE
 from lighting.scene import cubemap, meshes
-from lighting.scene.common import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, colour_and_strength, plate_png
+from lighting.scene.common import FAR, NEAR, PLACEHOLDER_ALBEDO, Folder, Scene, colour_and_strength, plate_png
 
 FILE = "scene.glb"
 
@@ -30,7 +29,7 @@ _BEHIND = 1.2  # the plate's distance / that of the disc's far edge
 _PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
 
 
-def write(scene: Scene, folder: Path, *, image_based_light: bool = False) -> None:
+def write(scene: Scene, folder: Folder, *, image_based_light: bool = False) -> None:
     """Write FILE, with the map in it as EXT_lights_image_based if asked."""
     binary = _Binary()
     document = {

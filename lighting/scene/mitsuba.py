@@ -5,7 +5,6 @@ sun is a disc of the right angle far away, since a `directional` emitter casts s
 """
 
 from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from lighting.scene.common import (
     PLACEHOLDER_ALBEDO,
     SUN_ANGLE,
     Floats,
+    Folder,
     Scene,
     write_shared_files,
 )
@@ -26,7 +26,7 @@ SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction diffe
 _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 
 
-def write(scene: Scene, folder: Path) -> None:
+def write(scene: Scene, folder: Folder) -> None:
     """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE, plate and map."""
     write_shared_files(scene, folder)
     for name, content in (

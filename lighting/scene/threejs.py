@@ -7,7 +7,6 @@ as the shadow map. Its lat-long maps have +X at the centre, so the map is turned
 import json
 from base64 import b64encode
 from importlib.resources import files
-from pathlib import Path
 from string import Template
 from typing import Any
 
@@ -18,6 +17,7 @@ from lighting.scene.common import (
     GROUND_RADIUS,
     NEAR,
     PLACEHOLDER_ALBEDO,
+    Folder,
     Scene,
     colour_and_strength,
     plate_png,
@@ -28,7 +28,7 @@ PAGE = "scene.html"
 _YAW = -90.0  # deg, takes our centre, -Z, to where three.js looks for it
 
 
-def write(scene: Scene, folder: Path) -> None:
+def write(scene: Scene, folder: Folder) -> None:
     """Write PAGE."""
     data = files("lighting") / "scene" / "data"
     page = Template((data / "viewer.html").read_text(encoding="utf-8"))

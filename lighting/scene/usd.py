@@ -8,7 +8,6 @@ by which Omniverse RTX and Karma know one; to others it is a diffuse plane of th
 
 from collections.abc import Iterable
 from importlib.resources import files
-from pathlib import Path
 from string import Template
 from typing import Any
 
@@ -24,6 +23,7 @@ from lighting.scene.common import (
     PLACEHOLDER_ALBEDO,
     PLATE,
     SUN_ANGLE,
+    Folder,
     Scene,
     colour_and_strength,
     to_z_up,
@@ -36,7 +36,7 @@ UP_AXES = ("Y", "Z")
 _APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the metre
 
 
-def write(scene: Scene, folder: Path, *, up_axis: str = "Y") -> None:
+def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     """Write STAGE and what it refers to; `up_axis` is Y or Z, SceneError for another.
 
     Where Z is up the camera looks along +Y at azimuth 0.

@@ -10,12 +10,11 @@ import pytest
 from fastapi import FastAPI
 from starlette.types import Message
 
-from lighting.parameters import Lighting, Prediction
 from lighting.photo import Photo
 from lighting.pipeline import Estimator
 from server.app import create_app
 from server.limiter import BusyError, Limiter
-from server.service import Service
+from server.service import Estimate, Service
 from server.settings import Settings
 
 
@@ -34,9 +33,9 @@ class Held:
             photo: Photo = read(data)
             return photo
 
-        def counted_estimate(photo: Photo) -> tuple[Prediction, Lighting]:
+        def counted_estimate(*arguments: Any) -> list[Estimate]:
             self.estimates += 1
-            answer: tuple[Prediction, Lighting] = estimate(photo)
+            answer: list[Estimate] = estimate(*arguments)
             return answer
 
         monkeypatch.setattr(self.service, "read", held_read)

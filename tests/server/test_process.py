@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -124,15 +125,16 @@ def test_it_answers(server: Server) -> None:
 @pytest.mark.skipif(shutil.which("curl") is None, reason="needs curl")
 def test_the_commands_of_readme_work(server: Server, tmp_path: Path) -> None:
     commands = [line for line in README.splitlines() if line.startswith("curl ") and ":8000/" in line]
-    assert len(commands) == 6
+    assert len(commands) == 10
     (tmp_path / "lighting.json").write_bytes(server.request("POST", "/v1/lighting", PHOTO)[1])
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     for line in commands:
         here = line.replace("curl ", "curl --fail -sS ").replace(":8000/", f":{server.port}/")
         done = subprocess.run(here, shell=True, cwd=tmp_path, capture_output=True, timeout=120)
         assert done.returncode == 0, (line, done.stderr)
-        assert done.stdout.startswith(b'{"model":') or "-o" in line
+        assert done.stdout.startswith((b'{"model":', b'{"lightings":')) or "-o" in line
     assert read_exr(tmp_path / "sky.exr")[1] is not None
+    assert all(zipfile.is_zipfile(tmp_path / name) for name in ("scene.zip", "sky.zip"))
     assert (tmp_path / "preview.png").read_bytes().startswith(b"\x89PNG")
 
 

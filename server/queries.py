@@ -1,0 +1,203 @@
+"""What requests say in their URLs, with units and ranges."""
+
+import re
+from collections.abc import Callable
+from dataclasses import fields
+from datetime import datetime
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from lighting.clock import read_offset, read_time
+from lighting.errors import ParameterError
+from lighting.metadata import Given
+from lighting.parameters import GROUND_ALBEDO, Lighting
+from lighting.photo import MIN_SIDE
+from lighting.scene.common import PLATE_SIDE
+from lighting.together import read_headings
+from server.schemas import (
+    Between,
+    Exposure,
+    Flag,
+    FlagOrAuto,
+    Format,
+    GroundAlbedo,
+    Height,
+    SunAzimuth,
+    SunElevation,
+    Turbidity,
+    named,
+)
+
+_DATE, _CLOCK, _OFFSET = (
+    r"[0-9]{4}-[01][0-9]-[0-3][0-9]",
+    r"[0-2][0-9]:[0-5][0-9](:[0-5][0-9])?",
+    r"[0-1][0-9]:[0-5][0-9]",
+)
+
+
+def _in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A reader whose ParameterError becomes the error of a field."""
+
+    def parsed(text: str) -> Any:
+        try:
+            return read(text)
+        except ParameterError as error:
+            raise PydanticCustomError("parameter", "{reason}", {"reason": str(error)}) from error
+
+    return parsed
+
+
+def _time(text: str) -> datetime:
+    """A time whose plus sign the URL may have turned into a space."""
+    return read_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
+
+
+def _headings(text: str) -> str:
+    """The same text, since a list would be one of repeated parameters."""
+    read_headings(text)
+    return text
+
+
+def _text(pattern: str, example: str) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "pattern": f"^{pattern}$", "examples": [example]})
+
+
+Time = Annotated[
+    datetime | None,
+    BeforeValidator(_in_words(_time)),
+    _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T14:30+02:00"),
+]
+Offset = Annotated[
+    float | None,
+    BeforeValidator(_in_words(read_offset)),
+    _text(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
+]
+Headings = Annotated[
+    str | None,
+    BeforeValidator(_in_words(_headings)),
+    _text(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
+]
+
+
+class Query(BaseModel):
+    """Parameters of a URL; a name that is not one of them is refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class GivenQuery(Query):
+    """What the client knows of a photo, in place of what the photo's metadata say."""
+
+    exif: Flag = Field(True, description="use the photo's metadata; false counts the pixels alone")
+    time: Time = Field(None, description="when, in ISO 8601, with the offset from UTC behind it if known")
+    utc_offset: Offset = Field(None, description="hours from UTC of a local time, -12 to 14")
+    lat: Annotated[float | None, named("latitude", "deg, positive north; needs `lon`", 48.14)] = None
+    lon: Annotated[float | None, named("longitude", "deg, positive east; needs `lat`", 11.58)] = None
+    heading: Annotated[
+        float | None, Between(-360, 360, description="deg from true north, clockwise: where the camera points")
+    ] = None
+    fov: Annotated[float | None, named("vertical_fov", "deg, vertical field of view of the upright photo", 48.7)] = None
+    keep_location: Flag = Field(False, description="put latitude and longitude into the answer")
+
+    @model_validator(mode="after")
+    def _without_contradiction(self) -> Self:
+        _in_words(lambda _: self.given())("")
+        return self
+
+    def given(self) -> Given:
+        """The same as the library takes it; raises ParameterError for what contradicts itself."""
+        return Given(
+            use_exif=self.exif,
+            time=self.time,
+            utc_offset=self.utc_offset,
+            latitude=self.lat,
+            longitude=self.lon,
+            heading=self.heading,
+            vertical_fov=self.fov,
+            keep_location=self.keep_location,
+        )
+
+
+class LightingQuery(GivenQuery):
+    probability: Flag = Field(False, description="add the sun's probability on its grid")
+    headings: Headings = Field(
+        None, description="deg, where each of several photos points, clockwise from any common direction"
+    )
+
+    def turns(self) -> list[float] | None:
+        """The headings as numbers."""
+        return None if self.headings is None else read_headings(self.headings)
+
+
+class MapQuery(Query):
+    """How a map is rendered."""
+
+    sun: FlagOrAuto = Field(None, description="paint the sun's disc; by default where direct sunlight is likely")
+    height: Height = 512
+    format: Format = Field("exr", description="OpenEXR, Radiance, or PNG as the photo's exposure shows it")
+
+
+class EnvmapQuery(MapQuery, GivenQuery):
+    """The map of a photo."""
+
+
+class SkyParameters(Query):
+    """The light itself."""
+
+    sun_azimuth: SunAzimuth
+    sun_elevation: SunElevation
+    turbidity: Turbidity
+    exposure: Exposure
+    ground_albedo: GroundAlbedo = GROUND_ALBEDO
+
+    def lighting(self) -> Lighting:
+        """The light with these parameters."""
+        return Lighting(**self.model_dump(include={field.name for field in fields(Lighting)}))
+
+
+class SkyQuery(MapQuery, SkyParameters):
+    """A sky from parameters alone."""
+
+    sun: Flag = Field(True, description="paint the sun's disc")
+
+
+class SceneQuery(Query):
+    """For which tool, and how."""
+
+    tool: Literal["blender", "usd", "gltf", "threejs", "mitsuba"] = Field(description="the tool that opens it")
+    up_axis: Literal["Y", "Z"] = Field("Y", description="with `tool=usd`")
+    image_based_light: Flag = Field(False, description="with `tool=gltf`: put the map in as EXT_lights_image_based")
+    sun: FlagOrAuto = Field(None, description="let direct sunlight in; by default where it is likely")
+    height: Height = 512
+
+    @model_validator(mode="after")
+    def _of_this_tool(self) -> Self:
+        strange = [name for name in self.model_fields_set & set(_TOOL_OF) if _TOOL_OF[name] != self.tool]
+        if strange:
+            wanted = " and ".join(f"{name} goes with tool={_TOOL_OF[name]}" for name in sorted(strange))
+            raise PydanticCustomError("tool", "{wanted}", {"wanted": wanted})
+        return self
+
+    def options(self) -> dict[str, Any]:
+        """What the tool's writer takes."""
+        return self.model_dump(include={name for name, tool in _TOOL_OF.items() if tool == self.tool})
+
+
+_TOOL_OF = {"up_axis": "usd", "image_based_light": "gltf"}
+
+
+class PhotoSceneQuery(SceneQuery, GivenQuery):
+    """The scene of a photo."""
+
+
+class SkySceneQuery(SceneQuery, SkyParameters):
+    """A scene from parameters alone."""
+
+    sun: Flag = Field(True, description="let direct sunlight in")
+    camera_elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
+    camera_roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
+    vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0
+    plate_width: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1440
+    plate_height: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1080

@@ -1,0 +1,113 @@
+"""Scenes for tools, from a photo and from parameters alone."""
+
+import json
+import zipfile
+from io import BytesIO
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from PIL import Image
+from starlette.testclient import TestClient
+
+from lighting import Lighting
+from lighting.photo import read_photo
+from lighting.pipeline import Estimator
+from lighting.scene import TOOLS
+from lighting.scene.common import PLATE_SIDE, make_scene
+from lighting.scene.files import zip_scene
+from tests.conftest import encode, munich, scene
+from tests.server.conftest import SKY, jpeg_headers
+from tests.server.test_problems import problem
+
+PHONE = encode(scene(320, 240), exif=munich())
+
+
+def post(client: TestClient, data: bytes = PHONE, **query: Any) -> Any:
+    return client.post(f"/v1/scene?{urlencode({'height': 16, **query})}", content=data, headers=jpeg_headers())
+
+
+def get(client: TestClient, headers: dict[str, str] | None = None, **query: Any) -> Any:
+    return client.get("/v1/scene", params={**SKY, "height": 16, "plate_height": 60, **query}, headers=headers)
+
+
+def files(answer: Any) -> dict[str, bytes]:
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-type"] == "application/zip"
+    with zipfile.ZipFile(BytesIO(answer.content)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_photo_makes_the_scene_of_the_library(client: TestClient, estimator: Estimator, tool: str) -> None:
+    lighting = estimator(read_photo(PHONE))
+    expected = zip_scene(make_scene(read_photo(PHONE, target=PLATE_SIDE), lighting, map_height=16), tool)
+    assert post(client, tool=tool).content == expected
+
+
+def test_options_go_to_their_tool(client: TestClient) -> None:
+    assert b'upAxis = "Z"' in files(post(client, tool="usd", up_axis="Z"))["scene.usda"]
+    assert b"EXT_lights_image_based" in files(post(client, tool="gltf", image_based_light="true"))["scene.glb"]
+    assert b"EXT_lights_image_based" not in files(post(client, tool="gltf"))["scene.glb"]
+
+
+def test_a_scene_takes_the_photos_metadata_and_what_the_client_knows(client: TestClient) -> None:
+    def record(**query: Any) -> Any:
+        return json.loads(files(post(client, tool="usd", **query))["lighting.json"])
+
+    assert "time+place" in record()["evidence"]
+    assert "place" not in record()
+    assert record(exif="false", fov=40)["camera"]["vertical_fov"] == 40
+    assert "pixels" in record(exif="false")["evidence"]
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_sky_makes_a_scene_with_a_grey_plate(client: TestClient, tool: str) -> None:
+    camera: dict[str, Any] = {"camera_elevation": 4.0, "camera_roll": -2.0, "vertical_fov": 40.0}
+    answer = get(client, tool=tool, plate_width=90, **camera)
+    if tool == "usd":
+        held = files(answer)
+        assert Lighting.from_dict(json.loads(held["lighting.json"])) == Lighting(**SKY, **camera)
+        with Image.open(BytesIO(held["plate.png"])) as plate:
+            assert plate.size == (90, 60)
+            assert np.unique(np.asarray(plate)).tolist() == [128]
+    assert files(answer)
+
+
+def test_a_cache_may_keep_a_scene(client: TestClient) -> None:
+    first = get(client, tool="usd")
+    assert first.headers["cache-control"] == "public, max-age=86400"
+    again = get(client, tool="usd", headers={"If-None-Match": first.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    assert get(client, tool="usd").content == first.content
+    others = [get(client, tool="mitsuba"), get(client, tool="usd", up_axis="Z"), get(client, tool="usd", sun="false")]
+    assert len({answer.headers["etag"] for answer in [first, *others]}) == 4
+
+
+@pytest.mark.parametrize(
+    ("query", "field", "words"),
+    [
+        ({}, "tool", "required"),
+        ({"tool": "maya"}, "tool", "'blender'"),
+        ({"tool": "gltf", "up_axis": "Z"}, "query", "up_axis goes with tool=usd"),
+        ({"tool": "usd", "up_axis": "X"}, "up_axis", "'Y' or 'Z'"),
+        ({"tool": "usd", "image_based_light": "true"}, "query", "goes with tool=gltf"),
+        ({"tool": "usd", "height": "17"}, "height", "even"),
+    ],
+)
+def test_what_no_tool_takes_is_refused(client: TestClient, query: dict[str, Any], field: str, words: str) -> None:
+    for answer in (get(client, **query), post(client, **query)):
+        body = problem(answer, 422, "invalid")
+        assert [error["field"] for error in body["errors"]] == [field]
+        assert words in body["detail"]
+
+
+def test_a_plate_has_its_range_and_a_photo_has_no_such_parameter(client: TestClient) -> None:
+    (error,) = problem(get(client, tool="usd", plate_width=31), 422, "invalid")["errors"]
+    assert (error["field"], error["minimum"], error["maximum"]) == ("plate_width", 32, PLATE_SIDE)
+    problem(post(client, tool="usd", plate_width=64), 422, "invalid")
+
+
+def test_a_bad_photo_makes_no_scene(client: TestClient) -> None:
+    problem(post(client, b"text", tool="usd"), 400, "unreadable-photo")
