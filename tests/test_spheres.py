@@ -111,7 +111,7 @@ def test_mirror_shows_what_is_behind_the_camera_on_the_same_side(azimuth: float)
 def test_sun_is_taken_out_of_the_map_with_its_whole_power(height: int) -> None:
     sunny, shaded = outdoors(35.0, 40.0), outdoors(35.0, 40.0, 0.0)
     envmap = render(sunny, height)
-    sky, power = spheres._without_sun(envmap, sunny.sun_direction)
+    sky, power = without_sun(envmap, sunny.sun_direction)
     solid_angle = latlong_solid_angle(height)[:, None, None]
     half = height // 2
     expected = ((envmap - render(shaded, height)) * solid_angle)[:half].sum(axis=(0, 1))
@@ -121,7 +121,7 @@ def test_sun_is_taken_out_of_the_map_with_its_whole_power(height: int) -> None:
 
 def test_map_without_disc_gives_almost_no_sun() -> None:
     with_disc, without = outdoors(35.0, 40.0), outdoors(35.0, 40.0, 0.0)
-    powers = [spheres._without_sun(render(each, 512), each.sun_direction)[1] for each in (with_disc, without)]
+    powers = [without_sun(render(each, 512), each.sun_direction)[1] for each in (with_disc, without)]
     assert powers[1].max() < 0.01 * powers[0].max()
 
 
