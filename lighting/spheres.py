@@ -47,7 +47,7 @@ _EXCHANGE_ROWS = 24
 _RINGS, _SPOKES = 6, 16  # of rays from a point on the ground to a sphere
 _BALL_ROWS = 12
 _AROUND_ROWS = 16  # of the directions from which light comes to the diffuse sphere
-_BOUNCES = 2  # between ground and diffuse sphere
+_BOUNCES = 3
 
 
 @dataclass(frozen=True)
@@ -97,9 +97,11 @@ def _take_apart(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> _L
     overhead = np.maximum(irradiance(coarse, np.array([0.0, 1.0, 0.0])), 1e-9)
     direct = sun_irradiance * max(float(sun[1]), 0.0)
     albedo = np.pi * ground / (overhead + direct)
-    ball = irradiance(coarse, latlong_directions(_BALL_ROWS))
+    above = np.where(np.arange(len(coarse))[:, None, None] < len(coarse) // 2, coarse, 0)
+    ball = irradiance(above, latlong_directions(_BALL_ROWS))
     lobes = blur(coarse, GLOSSINESS)
-    light = _Light(sky, coarse, lobes, sun, sun_irradiance, ground, albedo * overhead / np.pi, albedo, ball, ())
+    none = tuple(np.zeros((2, 4, 3)) for _ in centres)
+    light = _Light(sky, coarse, lobes, sun, sun_irradiance, ground, albedo * overhead / np.pi, albedo, ball, none)
     for _ in range(_BOUNCES):
         light = replace(light, exchange=tuple(_exchange(kind, centres, light) for kind in range(len(centres))))
         light = replace(light, ball=_around_ball(centres, light))
@@ -242,9 +244,25 @@ def _shade(kind: int, points: Floats, rays: Floats, centres: Floats, light: _Lig
     if kind == DIFFUSE:
         return _diffuse(points, normals, centres, light)
     reflected = rays - 2 * _dot(rays, normals)[:, None] * normals
-    if kind == GLOSSY or mirrored:
-        return _glossy(points, normals, reflected, centres, light, kind)
+    if mirrored:
+        return _glossy(_around(kind, points, reflected, centres, light), points, reflected, centres, light, kind)
+    if kind == GLOSSY:
+        around = sample_latlong(light.lobes, reflected) * _contact(normals)
+        return _glossy(around, points, reflected, centres, light, kind)
     return MIRROR_REFLECTANCE * _trace(points, reflected, centres, light, kind, MIRROR_SUN_RADIUS)
+
+
+def _around(kind: int, points: Floats, rays: Floats, centres: Floats, light: _Light) -> Floats:
+    """Radiance (N, 3) of blurred sky, sharp ground and the diffuse sphere along rays (N, 3) from points (N, 3)."""
+    radiance = sample_latlong(light.lobes, rays).astype(rays.dtype)
+    down = rays[:, 1] < -1e-4
+    reach = (centres[0, 1] - 1 - points[down, 1]) / rays[down, 1]
+    radiance[down] = _ground(points[down] + rays[down] * reach[:, None], centres, light)
+    distance = _hit(centres[DIFFUSE] - points, rays)
+    ball = np.isfinite(distance) & (kind != DIFFUSE)
+    hits = points[ball] + rays[ball] * distance[ball, None]
+    radiance[ball] = _diffuse(hits, hits - centres[DIFFUSE], centres, light)
+    return radiance
 
 
 def _diffuse(points: Floats, normals: Floats, centres: Floats, light: _Light) -> Floats:
@@ -253,11 +271,11 @@ def _diffuse(points: Floats, normals: Floats, centres: Floats, light: _Light) ->
     return np.asarray(DIFFUSE_REFLECTANCE / np.pi * (direct + sample_latlong(light.ball, normals).astype(points.dtype)))
 
 
-def _glossy(points: Floats, normals: Floats, reflected: Floats, centres: Floats, light: _Light, kind: int) -> Floats:
+def _glossy(around: Floats, points: Floats, reflected: Floats, centres: Floats, light: _Light, kind: int) -> Floats:
     cosine = reflected @ light.sun_direction.astype(points.dtype)
     lobe = GLOSSINESS / (2 * np.pi) * np.exp(GLOSSINESS * (cosine - 1)) * _sunlit(points, centres, light, kind)
     sun = lobe[:, None] * light.sun_irradiance.astype(points.dtype)
-    return np.asarray(GLOSSY_REFLECTANCE * (sample_latlong(light.lobes, reflected) * _contact(normals) + sun))
+    return np.asarray(GLOSSY_REFLECTANCE * (around + sun))
 
 
 def _contact(normals: Floats) -> Floats:
