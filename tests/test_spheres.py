@@ -72,8 +72,8 @@ def test_overcast_casts_no_hard_shadow() -> None:
 
 def test_ground_is_darkest_under_a_sphere_without_sun() -> None:
     image = picture(100.0, 50.0, 0.1)
-    foot = centres()[GLOSSY] - np.array([0.0, 1.0, 0.0])
-    near, far = brightness(image, foot + np.array([0, 0, 0.85])), brightness(image, foot + np.array([0, 0, 2.2]))
+    foot = centres()[DIFFUSE] - np.array([0.0, 1.0, 0.0])
+    near, far = brightness(image, foot + np.array([0, 0, 0.7])), brightness(image, foot + np.array([0, 0, 2.2]))
     assert near < 0.75 * far
 
 

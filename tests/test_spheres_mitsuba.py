@@ -57,7 +57,8 @@ def traced(scene: Any, point: Floats) -> Floats:
         "to_world": eye, "film": film, "sampler": {"type": "independent", "sample_count": 400},
     })  # fmt: skip
     integrator = mi.load_dict({"type": "path", "max_depth": 6})
-    return np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=1))[..., :3].mean(axis=(0, 1))
+    picture = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=1))
+    return np.asarray(picture[..., :3].mean(axis=(0, 1), dtype=np.float64))
 
 
 def ours(lighting: Lighting, points: Floats) -> Floats:
@@ -66,7 +67,7 @@ def ours(lighting: Lighting, points: Floats) -> Floats:
     step = (np.arange(4) + 0.5) / 4 * SIDE - SIDE / 2
     offsets = np.stack([*np.meshgrid(step, [0.0], step)], axis=-1).reshape(-1, 3)
     patches = (points[:, None] + offsets).reshape(-1, 3)
-    return spheres._ground(patches, CENTRES, light).reshape(len(points), -1, 3).mean(axis=1)
+    return np.asarray(spheres._ground(patches, CENTRES, light).reshape(len(points), -1, 3).mean(axis=1))
 
 
 def patches(lighting: Lighting) -> Floats:
@@ -92,4 +93,4 @@ def test_the_ground_is_as_bright_as_a_path_tracer_says(azimuth: float, elevation
     expected = luminance(np.array([traced(scene, point) for point in points]))
     found = luminance(ours(lighting, points))
     np.testing.assert_allclose(found[1:], expected[1:], rtol=0.03)
-    assert found[0] == pytest.approx(expected[0], abs=0.005 * expected[-1])
+    assert abs(found[0] - expected[0]) < 0.005 * expected[-1]
