@@ -25,6 +25,12 @@ class Picture:
     radius: float  # of the ball
     caster: Floats  # (3,) the foot of what casts the shadow whose direction is measured
     reach: tuple[float, float]  # distances from it where the shadow is looked at
+    obstacles: Floats  # (N, 4) spheres, centre and radius, that may hide ground from the camera
+
+    @property
+    def foot(self) -> Floats:
+        """Where the ball stands (3,)."""
+        return np.asarray(self.ball - [0.0, self.radius, 0.0])
 
     def light(self, points: Floats) -> Floats:
         """Luminance (...) that the picture shows at points (..., 3), bilinear."""
@@ -78,15 +84,40 @@ def ball(picture: Picture) -> tuple[Floats, Floats]:
     return normals, luminance(picture.pixels[seen])
 
 
-def sunlit_over_shaded(picture: Picture, sun: Floats) -> float:
-    """Luminance of open ground / that of a patch in the far part of the ball's shadow."""
-    away = np.array([-sun[0], 0.0, -sun[2]]) / np.hypot(sun[0], sun[2])
-    centre, half = np.hypot(sun[0], sun[2]) / sun[1], 1 / sun[1]  # of the shadow's ellipse, in ball radii
-    foot = picture.ball - [0.0, picture.radius, 0.0]
-    shaded = foot + picture.radius * (centre + 0.6 * half) * away
-    across = picture.radius * 3.5 * np.array([away[2], 0.0, -away[0]])
-    sides = [foot + across * side for side in (-1, 1)]
-    return float(max(_patch(picture, side) for side in sides) / _patch(picture, shaded))
+def shade_region(sun: Floats) -> Floats:
+    """Points (N, 3) in a ball's umbra, in ball radii from where it stands.
+
+    They lie 0.3 to 0.9 of the way from there to the shadow's tip, up to 0.2 to either side of the shadow's axis.
+    """
+    level = np.hypot(sun[0], sun[2])
+    away = np.array([-sun[0], 0.0, -sun[2]]) / level
+    tip = (1 + level) / sun[1]
+    along, aside = np.meshgrid(np.linspace(0.3, 0.9, 61) * tip, np.linspace(-0.2, 0.2, 9))
+    return np.asarray(along.reshape(-1, 1) * away + aside.reshape(-1, 1) * _across(sun))
+
+
+def unhidden(picture: Picture, points: Floats) -> NDArray[np.bool_]:
+    """Which of points (N, 3), in ball radii from where it stands, no object hides from the camera."""
+    sight = picture.foot + picture.radius * points - picture.position
+    distance = np.linalg.norm(sight, axis=1, keepdims=True)
+    centres = picture.obstacles[:, :3] - picture.position
+    along = np.clip(sight / distance @ centres.T, 0, distance)
+    gap = np.linalg.norm(sight[:, None] / distance[:, None] * along[..., None] - centres, axis=-1)
+    return np.asarray(np.all(gap > picture.obstacles[:, 3] + 0.05 * picture.radius, axis=1))
+
+
+def sunlit_over_shaded(picture: Picture, sun: Floats, shaded: Floats) -> float:
+    """Luminance of open ground / mean luminance of points (N, 3), in ball radii from where it stands.
+
+    The open ground is a patch 3.5 radii aside, on the brighter side, which no stick or other ball shades.
+    """
+    sides = [_patch(picture, picture.foot + side * 3.5 * picture.radius * _across(sun)) for side in (-1, 1)]
+    return float(max(sides) / picture.light(picture.foot + picture.radius * shaded).mean())
+
+
+def _across(sun: Floats) -> Floats:
+    """Unit vector (3,) on the ground across the shadow."""
+    return np.asarray(np.array([-sun[2], 0.0, sun[0]]) / np.hypot(sun[0], sun[2]))
 
 
 def _patch(picture: Picture, point: Floats) -> float:

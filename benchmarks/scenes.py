@@ -1,15 +1,17 @@
 """One scene, five tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
 
-    python benchmarks/scenes.py [--blender PROGRAM] [--samples 64] [--picture docs/scenes.png] [--keep FOLDER]
+    python benchmarks/scenes.py [--sun -125 33] [--only TOOL ...] [--blender PROGRAM] [--samples 64]
+                                [--picture docs/scenes.png] [--keep FOLDER]
 
 The "photo" is rendered here from a known light, so the scenes can be held against it. USD is read and rendered by
 Blender, glTF by Babylon.js. Prints a table and draws all renders into one picture; a tool that this machine lacks is
-named and left out. PROGRAM is Blender or a Python that has its module bpy.
+named and left out. The sun stands on the left, so that the shadow of the preview's diffuse ball lies free. PROGRAM is
+Blender or a Python that has its module bpy.
 """
 
 import argparse
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scene_measures import Floats, Picture, ball, brightest_normal, shadow_azimuth, sunlit_over_shaded
+from scene_measures import (
+    Floats,
+    Picture,
+    ball,
+    brightest_normal,
+    shade_region,
+    shadow_azimuth,
+    sunlit_over_shaded,
+    unhidden,
+)
 from scene_renders import (
     MissingToolError,
     render_blender,
@@ -41,14 +52,13 @@ from lighting.geometry import (
 from lighting.ink import write
 from lighting.parameters import Lighting
 from lighting.photo import Photo
+from lighting.scene import TOOLS
 from lighting.scene.common import Scene, make_scene
 from lighting.scene.files import write_scene
 from lighting.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 
-LIGHT = Lighting(
-    sun_azimuth=-125.0, sun_elevation=33.0, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0,
-    vertical_fov=45.0,
-)  # fmt: skip
+SUN = (-125.0, 33.0)  # deg, azimuth and elevation
+LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0, vertical_fov=45.0)
 GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
 SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
@@ -60,8 +70,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(arguments.keep or temporary)
         folder.mkdir(exist_ok=True)
-        scene = synthetic_scene()
-        shown, measured = renders(scene, folder, arguments.samples, arguments.blender)
+        scene = synthetic_scene(*arguments.sun)
+        shown, measured = renders(scene, folder, arguments.only, arguments.samples, arguments.blender)
     shown[OURS], measured[OURS] = preview(scene)
     _print_table(scene, measured)
     if arguments.picture:
@@ -70,6 +80,8 @@ def main() -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="One scene, five tools, one answer.")
+    parser.add_argument("--sun", nargs=2, type=float, default=SUN, help="azimuth, below 0, and elevation in degrees")
+    parser.add_argument("--only", nargs="+", choices=TOOLS, default=TOOLS, help="the tools to render with")
     parser.add_argument("--blender", help="Blender, or a Python that has its module bpy")
     parser.add_argument("--samples", type=int, default=64, help="per pixel, where a tool traces paths")
     parser.add_argument("--picture", help="draw all renders into this file")
@@ -77,10 +89,10 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def synthetic_scene() -> Scene:
-    """A level plain under LIGHT, photographed by our own renderer."""
-    exposure = GROUND / float(luminance(render(LIGHT, 64)[-1, 0]))
-    lighting = replace(LIGHT, exposure=exposure)
+def synthetic_scene(azimuth: float, elevation: float) -> Scene:
+    """A level plain under LIGHT with its sun there, photographed by our own renderer."""
+    light = replace(LIGHT, sun_azimuth=azimuth, sun_elevation=elevation)
+    lighting = replace(light, exposure=GROUND / float(luminance(render(light, 64)[-1, 0])))
     rays = camera_directions(
         *SIZE, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll
     )
@@ -89,10 +101,10 @@ def synthetic_scene() -> Scene:
 
 
 def renders(
-    scene: Scene, folder: Path, samples: int, blender: str | None
+    scene: Scene, folder: Path, only: Collection[str], samples: int, blender: str | None
 ) -> tuple[dict[str, NDArray[np.uint8]], dict[str, Picture]]:
     """What each tool made of the scene, as it is and ready to be measured."""
-    tools: dict[str, Callable[[Path], NDArray[np.uint8]]] = {
+    draws: dict[str, Callable[[Path], NDArray[np.uint8]]] = {
         "blender": lambda made: render_blender(made, samples, blender),
         "usd": lambda made: render_import(made, "scene.usda", SIZE, samples, blender),
         "gltf": lambda made: render_gltf(made, SIZE),
@@ -100,12 +112,12 @@ def renders(
         "mitsuba": lambda made: render_mitsuba(made, samples),
     }
     shown = {}
-    for tool, draw in tools.items():
+    for tool in filter(only.__contains__, draws):
         write_scene(
             scene, tool, folder / tool, overwrite=True, **({"image_based_light": True} if tool == "gltf" else {})
         )
         try:
-            shown[tool] = draw(folder / tool)
+            shown[tool] = draws[tool](folder / tool)
         except MissingToolError as missing:
             print(f"{tool} is left out: this machine lacks {missing}.")
     return shown, {tool: _picture(scene, pixels) for tool, pixels in shown.items()}
@@ -123,11 +135,18 @@ def _picture(scene: Scene, pixels: NDArray[np.uint8]) -> Picture:
         scene.ball_radius,
         scene.stick_foot,
         (0.3 * shadow, 0.9 * shadow),
+        np.vstack([[*scene.ball_centre, scene.ball_radius], _stick(scene)]),
     )
 
 
+def _stick(scene: Scene) -> Floats:
+    """Spheres (N, 4) that cover the stick."""
+    heights = np.arange(0, scene.stick_height, scene.stick_radius)[:, None]
+    return np.hstack([scene.stick_foot + heights * [0.0, 1.0, 0.0], np.full_like(heights, 1.5 * scene.stick_radius)])
+
+
 def preview(scene: Scene) -> tuple[NDArray[np.uint8], Picture]:
-    """Our own three spheres in the same light. The right one is diffuse, and under LIGHT its shadow lies free."""
+    """Our own three spheres in the same light. The right one is diffuse."""
     width, height = SIZE
     lighting = scene.lighting
     linear = render_spheres(render(lighting, 1024), lighting, width, height, supersampling=2)
@@ -143,6 +162,7 @@ def preview(scene: Scene) -> tuple[NDArray[np.uint8], Picture]:
         1.0,
         centres[DIFFUSE] - [0.0, 1.0, 0.0],
         (1.5, 2.5),
+        np.hstack([centres, np.ones((3, 1))]),
     )
     return np.asarray(Image.fromarray(tone_map(linear)).reduce(2)), picture
 
@@ -158,11 +178,14 @@ def brightness(scene: Scene, normals: Floats) -> Floats:
 
 def _print_table(scene: Scene, measured: dict[str, Picture]) -> None:
     shadow = float(wrap_azimuth(scene.lighting.sun_azimuth + 180.0))
+    region = shade_region(scene.sun_direction)
+    seen = np.all([unhidden(picture, region) for picture in measured.values()], axis=0)
+    print(f"{seen.mean():.0%} of the shade is in sight in all pictures.")
     print(f"{'':12} {'shadow towards':>15} {'off':>6}  {'brightest az / el':>18} {'off':>5}  {'sunlit / shaded':>15}")
     print(f"{'true':12} {shadow:14.2f}°")
     for tool, picture in measured.items():
         print(f"{tool:12} {_shadow_words(tool, picture, shadow)}  {_ball_words(scene, picture)}  ", end="")
-        print(f"{sunlit_over_shaded(picture, scene.sun_direction):15.2f}")
+        print(f"{sunlit_over_shaded(picture, scene.sun_direction, region[seen]):15.2f}")
 
 
 def _shadow_words(tool: str, picture: Picture, shadow: float) -> str:

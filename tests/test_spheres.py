@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lighting import spheres
 from lighting.colour import luminance
 from lighting.envmap import render
-from lighting.geometry import camera_pixel, direction, latlong_directions, latlong_solid_angle
+from lighting.geometry import camera_pixel, direction, latlong_directions
 from lighting.parameters import Lighting
 from lighting.spheres import DIFFUSE, GLOSSY, MIRROR, render_spheres
 
@@ -72,8 +72,8 @@ def test_overcast_casts_no_hard_shadow() -> None:
 
 def test_ground_is_darkest_under_a_sphere_without_sun() -> None:
     image = picture(100.0, 50.0, 0.1)
-    foot = centres()[GLOSSY] - np.array([0.0, 1.0, 0.0])
-    near, far = brightness(image, foot + np.array([0, 0, 0.85])), brightness(image, foot + np.array([0, 0, 2.2]))
+    foot = centres()[DIFFUSE] - np.array([0.0, 1.0, 0.0])
+    near, far = brightness(image, foot + np.array([0, 0, 0.7])), brightness(image, foot + np.array([0, 0, 2.2]))
     assert near < 0.75 * far
 
 
@@ -105,40 +105,6 @@ def test_mirror_shows_what_is_behind_the_camera_on_the_same_side(azimuth: float)
     spot = np.argwhere(face > 5).mean(axis=0) - reach
     assert spot[0] < 0
     assert np.sign(spot[1]) == np.sign(azimuth)
-
-
-@pytest.mark.parametrize("height", [64, 128, 512])
-def test_sun_is_taken_out_of_the_map_with_its_whole_power(height: int) -> None:
-    sunny, shaded = outdoors(35.0, 40.0), outdoors(35.0, 40.0, 0.0)
-    envmap = render(sunny, height)
-    sky, power = spheres._without_sun(envmap, sunny.sun_direction)
-    solid_angle = latlong_solid_angle(height)[:, None, None]
-    half = height // 2
-    expected = ((envmap - render(shaded, height)) * solid_angle)[:half].sum(axis=(0, 1))
-    np.testing.assert_allclose(power, expected, rtol=0.05)
-    assert sky.max() < 0.2 * envmap.max()
-
-
-def test_map_without_disc_gives_almost_no_sun() -> None:
-    with_disc, without = outdoors(35.0, 40.0), outdoors(35.0, 40.0, 0.0)
-    powers = [spheres._without_sun(render(each, 512), each.sun_direction)[1] for each in (with_disc, without)]
-    assert powers[1].max() < 0.01 * powers[0].max()
-
-
-def test_irradiance_of_an_even_map_is_pi_everywhere() -> None:
-    harmonics = spheres.irradiance_harmonics(np.ones((32, 64, 3), dtype=np.float32))
-    normals = direction(np.array([0.0, 70.0, -130.0]), np.array([90.0, 10.0, -60.0]))
-    np.testing.assert_allclose(spheres._irradiance(normals, harmonics), np.pi, rtol=2e-3)
-
-
-@pytest.mark.parametrize(("a", "b"), [(0, 1), (1, 2), (0, 2)])
-def test_irradiance_of_a_product_map(a: int, b: int) -> None:
-    d = latlong_directions(64)
-    envmap = np.repeat((1 + 0.5 * d[..., a] + d[..., a] * d[..., b])[..., None], 3, axis=-1).astype(np.float32)
-    normals = direction(np.array([30.0, 70.0, -130.0]), np.array([20.0, 10.0, -60.0]))
-    clamped_cosine = np.pi + np.pi / 3 * normals[:, a] + np.pi / 4 * normals[:, a] * normals[:, b]
-    irradiance = spheres._irradiance(normals, spheres.irradiance_harmonics(envmap))
-    np.testing.assert_allclose(irradiance, np.repeat(clamped_cosine[:, None], 3, axis=1), rtol=3e-3)
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 0.0), (180.0, 90.0), (-179.9, 0.4)])

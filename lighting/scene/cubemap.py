@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import latlong_directions, latlong_solid_angle, sample_latlong
-from lighting.spheres import irradiance_harmonics, shrink
+from lighting.map_light import shrink
 
 Floats = NDArray[np.floating[Any]]
 
@@ -23,6 +23,7 @@ LEVELS = 4  # each half the size of the one before; the last one shows roughness
 
 _SOURCE_ROWS = 64  # of the map that is blurred
 _GAMMA = 2.2
+_BAND = np.repeat([np.pi, 2 * np.pi / 3, np.pi / 4], [1, 3, 5])  # clamped cosine in spherical harmonics
 _PHASE = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])  # the Condon-Shortley sign of odd orders
 _CHUNK = 64  # directions blurred at once, few enough for the processor's cache
 
@@ -42,6 +43,24 @@ def harmonics(environment: NDArray[np.float32]) -> list[list[float]]:
     """Irradiance (9, 3) in real spherical harmonics up to order 2 (Ramamoorthi and Hanrahan 2001)."""
     rows = irradiance_harmonics(shrink(environment[:, ::-1], _SOURCE_ROWS)) * _PHASE[:, None]
     return [[round(float(v), 6) for v in row] for row in rows]
+
+
+def _basis(d: Floats) -> Floats:
+    """Real spherical harmonics (..., 9) up to order 2 of unit vectors (..., 3)."""
+    x, y, z = np.moveaxis(d, -1, 0)
+    terms = [
+        np.full_like(x, 0.282095), 0.488603 * y, 0.488603 * z, 0.488603 * x,
+        1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y),
+    ]  # fmt: skip
+    return np.stack(terms, axis=-1)
+
+
+def irradiance_harmonics(image: NDArray[np.float32]) -> Floats:
+    """Harmonics (9, 3) of the irradiance under a map."""
+    height = len(image)
+    weighted = image * latlong_solid_angle(height)[:, None, None]
+    radiance = _basis(latlong_directions(height)).reshape(-1, 9).T @ weighted.reshape(-1, 3)
+    return np.asarray(radiance * _BAND[:, None])
 
 
 def face_directions(size: int) -> Floats:

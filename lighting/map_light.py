@@ -1,0 +1,55 @@
+"""Environment maps for shading: the sun's disc apart, fewer pixels, blurred copies, irradiance."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.geometry import angle_between, latlong_directions, latlong_solid_angle
+
+Floats = NDArray[np.floating[Any]]
+
+SUN_RADIUS = 0.2665  # deg, mean over the year
+
+
+def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:
+    """The map with its disc replaced by the sky around it, and the irradiance (3,) that the disc gave."""
+    height = len(envmap)
+    row = int((0.5 - np.degrees(np.arcsin(sun[1])) / 180.0) * height)
+    reach = SUN_RADIUS + 3 * 180.0 / height
+    rows = slice(max(0, row - int(reach / 180 * height) - 2), row + int(reach / 180 * height) + 3)
+    above = latlong_directions(height)[rows]
+    distance = np.where(above[..., 1] > 0, angle_between(above, sun), 180.0)
+    disc, around = distance < reach - 180.0 / height, (distance >= reach - 180.0 / height) & (distance < 2 * reach)
+    if not (disc.any() and around.any()):
+        return envmap, np.zeros(3)
+    sky = envmap.copy()
+    background = np.median(sky[rows][around], axis=0)
+    weight = np.broadcast_to(latlong_solid_angle(height)[rows, None], distance.shape)[disc]
+    power = weight @ np.maximum(sky[rows][disc] - background, 0.0)
+    sky[rows][disc] = background
+    return sky, np.asarray(power, dtype=np.float64)
+
+
+def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+    """Box average to at most `rows` rows."""
+    factor = max(1, len(image) // rows)
+    rows = len(image) // factor
+    trimmed = image[: rows * factor, : 2 * rows * factor]
+    return np.asarray(trimmed.reshape(rows, factor, 2 * rows, factor, 3).mean(axis=(1, 3)))
+
+
+def irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:
+    """Irradiance (..., 3) under a map on surfaces of these normals (..., 3)."""
+    cosine = np.maximum(normals @ latlong_directions(len(image)).reshape(-1, 3).T, 0)
+    weight = cosine * np.repeat(latlong_solid_angle(len(image)), 2 * len(image))
+    return np.asarray(weight @ image.reshape(-1, 3) * np.pi / weight.sum(axis=-1, keepdims=True))
+
+
+def blur(image: NDArray[np.float32], concentration: float) -> NDArray[np.float32]:
+    """The map seen through a lobe exp(concentration (cos - 1)) around each direction."""
+    height = len(image)
+    d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
+    weight = np.exp(np.float32(concentration) * (d @ d.T - 1)) * np.repeat(latlong_solid_angle(height), 2 * height)
+    blurred = weight.astype(np.float32) @ image.reshape(-1, 3) / weight.sum(axis=1, keepdims=True)
+    return np.asarray(blurred.reshape(image.shape), dtype=np.float32)
