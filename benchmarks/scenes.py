@@ -147,7 +147,7 @@ def _stick(scene: Scene) -> Floats:
 
 
 def preview(scene: Scene, *, alone: bool = False) -> tuple[NDArray[np.uint8], Picture]:
-    """Our own three spheres in the same light. The right one is diffuse; `alone`, it has the ground for itself, as in the tools."""
+    """Our own three spheres in the same light; the right one is diffuse, and `alone` it has the ground for itself."""
     width, height = SIZE
     lighting = scene.lighting
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
