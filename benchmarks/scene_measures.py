@@ -97,13 +97,16 @@ def shade_region(sun: Floats) -> Floats:
 
 
 def unhidden(picture: Picture, points: Floats) -> NDArray[np.bool_]:
-    """Which of points (N, 3), in ball radii from where it stands, no object hides from the camera."""
+    """Which of points (N, 3), in ball radii from where it stands, lie in the picture with no object before them."""
     sight = picture.foot + picture.radius * points - picture.position
     distance = np.linalg.norm(sight, axis=1, keepdims=True)
     centres = picture.obstacles[:, :3] - picture.position
     along = np.clip(sight / distance @ centres.T, 0, distance)
     gap = np.linalg.norm(sight[:, None] / distance[:, None] * along[..., None] - centres, axis=-1)
-    return np.asarray(np.all(gap > picture.obstacles[:, 3] + 0.05 * picture.radius, axis=1))
+    height, width = picture.pixels.shape[:2]
+    pixel = camera_pixel(sight, width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)
+    inside = np.all((pixel > 1) & (pixel < [width - 1, height - 1]), axis=1)
+    return np.asarray(inside & np.all(gap > picture.obstacles[:, 3] + 0.05 * picture.radius, axis=1))
 
 
 def sunlit_over_shaded(picture: Picture, sun: Floats, shaded: Floats) -> float:

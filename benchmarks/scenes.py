@@ -62,7 +62,7 @@ LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camer
 GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
 SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
-OURS = "our preview"
+OURS, ALONE = "our preview", "its ball alone"
 
 
 def main() -> None:
@@ -73,6 +73,7 @@ def main() -> None:
         scene = synthetic_scene(*arguments.sun)
         shown, measured = renders(scene, folder, arguments.only, arguments.samples, arguments.blender)
     shown[OURS], measured[OURS] = preview(scene)
+    measured[ALONE] = preview(scene, alone=True)[1]
     _print_table(scene, measured)
     if arguments.picture:
         contact_sheet(shown).save(arguments.picture)
@@ -145,13 +146,15 @@ def _stick(scene: Scene) -> Floats:
     return np.hstack([scene.stick_foot + heights * [0.0, 1.0, 0.0], np.full_like(heights, 1.5 * scene.stick_radius)])
 
 
-def preview(scene: Scene) -> tuple[NDArray[np.uint8], Picture]:
-    """Our own three spheres in the same light. The right one is diffuse."""
+def preview(scene: Scene, *, alone: bool = False) -> tuple[NDArray[np.uint8], Picture]:
+    """Our own three spheres in the same light; the right one is diffuse, and `alone` it has the ground for itself."""
     width, height = SIZE
     lighting = scene.lighting
-    linear = render_spheres(render(lighting, 1024), lighting, width, height, supersampling=2)
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
     centres = sphere_centres(width / height, pitch)
+    if alone:
+        centres[:DIFFUSE, 0] -= 1000.0
+    linear = render_spheres(render(lighting, 1024), lighting, width, height, 2, centres)
     picture = Picture(
         linear,
         VERTICAL_FOV,
@@ -181,15 +184,15 @@ def _print_table(scene: Scene, measured: dict[str, Picture]) -> None:
     region = shade_region(scene.sun_direction)
     seen = np.all([unhidden(picture, region) for picture in measured.values()], axis=0)
     print(f"{seen.mean():.0%} of the shade is in sight in all pictures.")
-    print(f"{'':12} {'shadow towards':>15} {'off':>6}  {'brightest az / el':>18} {'off':>5}  {'sunlit / shaded':>15}")
-    print(f"{'true':12} {shadow:14.2f}°")
+    print(f"{'':14} {'shadow towards':>15} {'off':>6}  {'brightest az / el':>18} {'off':>5}  {'sunlit / shaded':>15}")
+    print(f"{'true':14} {shadow:14.2f}°")
     for tool, picture in measured.items():
-        print(f"{tool:12} {_shadow_words(tool, picture, shadow)}  {_ball_words(scene, picture)}  ", end="")
+        print(f"{tool:14} {_shadow_words(tool, picture, shadow)}  {_ball_words(scene, picture)}  ", end="")
         print(f"{sunlit_over_shaded(picture, scene.sun_direction, region[seen]):15.2f}")
 
 
 def _shadow_words(tool: str, picture: Picture, shadow: float) -> str:
-    if tool == OURS:
+    if tool in (OURS, ALONE):
         return f"{'no stick':>15} {'':>6}"
     azimuth = shadow_azimuth(picture, shadow)
     return f"{azimuth:14.2f}° {float(wrap_azimuth(azimuth - shadow)):5.2f}°"

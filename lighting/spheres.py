@@ -43,8 +43,9 @@ GLOSSY_REFLECTANCE = 0.85
 DIFFUSE_REFLECTANCE = 0.6
 GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(GLOSSINESS (cos - 1))
 _LOBE_ROWS = 32  # of the blurred map
+_SECOND_HAND = 15.0  # the same where a sphere lights something else, wide enough for few rays to find the sun
 _EXCHANGE_ROWS = 24
-_RINGS, _SPOKES = 6, 16  # of rays from a point on the ground to a sphere
+_RINGS, _SPOKES = 8, 20  # of rays from a point on the ground to a sphere
 _BALL_ROWS = 12
 _AROUND_ROWS = 16  # of the directions from which light comes to the diffuse sphere
 _BOUNCES = 3
@@ -67,13 +68,21 @@ class _Light:
 
 
 def render_spheres(
-    envmap: NDArray[np.float32], lighting: Lighting, width: int, height: int, supersampling: int = 2
+    envmap: NDArray[np.float32],
+    lighting: Lighting,
+    width: int,
+    height: int,
+    supersampling: int = 2,
+    centres: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Linear picture (supersampling x height, supersampling x width, 3) of the spheres under a map (H, 2H, 3)."""
+    """Linear picture (supersampling x height, supersampling x width, 3) of the spheres under a map (H, 2H, 3).
+
+    They stand where `sphere_centres` says, or at `centres` (3, 3) from the camera, on the same ground.
+    """
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
     columns, rows = width * supersampling, height * supersampling
     rays = camera_directions(columns, rows, VERTICAL_FOV, elevation=pitch).astype(np.float32).reshape(-1, 3)
-    centres = sphere_centres(width / height, pitch)
+    centres = sphere_centres(width / height, pitch) if centres is None else centres
     light = _take_apart(envmap, lighting.sun_direction, centres.astype(np.float64))
     picture = _trace(np.zeros(3, np.float32), rays, centres, light)
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
@@ -245,10 +254,12 @@ def _shade(kind: int, points: Floats, rays: Floats, centres: Floats, light: _Lig
         return _diffuse(points, normals, centres, light)
     reflected = rays - 2 * _dot(rays, normals)[:, None] * normals
     if mirrored:
-        return _glossy(_around(kind, points, reflected, centres, light), points, reflected, centres, light, kind)
+        return _glossy(
+            _around(kind, points, reflected, centres, light), points, reflected, centres, light, kind, _SECOND_HAND
+        )
     if kind == GLOSSY:
         around = sample_latlong(light.lobes, reflected) * _contact(normals)
-        return _glossy(around, points, reflected, centres, light, kind)
+        return _glossy(around, points, reflected, centres, light, kind, GLOSSINESS)
     return MIRROR_REFLECTANCE * _trace(points, reflected, centres, light, kind, MIRROR_SUN_RADIUS)
 
 
@@ -271,9 +282,11 @@ def _diffuse(points: Floats, normals: Floats, centres: Floats, light: _Light) ->
     return np.asarray(DIFFUSE_REFLECTANCE / np.pi * (direct + sample_latlong(light.ball, normals).astype(points.dtype)))
 
 
-def _glossy(around: Floats, points: Floats, reflected: Floats, centres: Floats, light: _Light, kind: int) -> Floats:
+def _glossy(
+    around: Floats, points: Floats, reflected: Floats, centres: Floats, light: _Light, kind: int, glossiness: float
+) -> Floats:
     cosine = reflected @ light.sun_direction.astype(points.dtype)
-    lobe = GLOSSINESS / (2 * np.pi) * np.exp(GLOSSINESS * (cosine - 1)) * _sunlit(points, centres, light, kind)
+    lobe = glossiness / (2 * np.pi) * np.exp(glossiness * (cosine - 1)) * _sunlit(points, centres, light, kind)
     sun = lobe[:, None] * light.sun_irradiance.astype(points.dtype)
     return np.asarray(GLOSSY_REFLECTANCE * (around + sun))
 
