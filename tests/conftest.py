@@ -1,5 +1,6 @@
 """Pictures and a tiny network that several test modules share."""
 
+import signal
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from PIL import ExifTags, Image
 
 from lighting.parameters import ModelSpec
 from lighting.sun_grid import grid_directions
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would children
 
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("repeatable")
