@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, fields
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from lighting.atomic import replacing
 from lighting.errors import BatchError
@@ -37,8 +37,15 @@ def schema() -> Any:
         import pyarrow
     except ImportError as error:
         raise BatchError("Parquet needs pyarrow: pip install 'outdoor-lighting[parquet]'.") from error
-    kinds = {field.name: pyarrow.string() if field.type is str else pyarrow.float64() for field in fields(Lighting)}
+    kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
     return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds})
+
+
+def _kind(pyarrow: Any, hint: Any) -> Any:
+    """The column type of a field of a Lighting: text or numbers, or lists of either."""
+    if get_origin(hint) is tuple:
+        return pyarrow.list_(_kind(pyarrow, get_args(hint)[0]))
+    return pyarrow.string() if hint is str else pyarrow.float64()
 
 
 def _row_of(record: Mapping[str, Any]) -> dict[str, Any]:

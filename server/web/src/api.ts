@@ -17,6 +17,8 @@ export interface Lighting {
   };
   sky: { model: string; turbidity: number; ground_albedo: number; exposure: number; coefficients?: unknown };
   camera: Camera;
+  evidence: string[];
+  warnings: string[];
 }
 
 export interface Estimate extends Lighting {

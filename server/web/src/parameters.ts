@@ -1,6 +1,6 @@
 /** The light that is on show: the estimate until a slider moves. */
 
-import type { Lighting, Parameters } from "./api";
+import type { Estimate, Lighting, Parameters } from "./api";
 import { direction } from "./pure/angles";
 import { isSunny } from "./pure/words";
 
@@ -20,12 +20,15 @@ export function isSame(a: Parameters, b: Parameters): boolean {
 }
 
 /** The record as a file: the estimate's own, or an edited one without what no longer follows from it. */
-export function recordOf(estimate: Lighting, shown: Parameters): Lighting {
-  const { model, sun, sky, camera } = estimate;
-  const asked = parametersOf(estimate);
-  if (isSame(asked, shown)) return { model, sun, sky, camera };
+export function recordOf(estimate: Estimate, shown: Parameters): Lighting {
+  const { links: _, probability: __, ...record } = estimate;
+  const { sun, sky } = record;
+  const asked = parametersOf(record);
+  if (isSame(asked, shown)) return record;
   return {
-    model,
+    ...record,
+    evidence: [],
+    warnings: [],
     sun: {
       ...sun,
       azimuth: shown.sun_azimuth,
@@ -39,6 +42,5 @@ export function recordOf(estimate: Lighting, shown: Parameters): Lighting {
       ground_albedo: shown.ground_albedo,
       exposure: shown.exposure,
     },
-    camera,
   };
 }

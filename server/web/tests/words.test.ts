@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import type { Lighting } from "../src/api";
+import type { Estimate, Lighting } from "../src/api";
 import { isSame, parametersOf, recordOf } from "../src/parameters";
 import { azimuthWords, factor, headline, numbers, percent, short } from "../src/pure/words";
 
@@ -15,6 +15,14 @@ const RECORD: Lighting = {
   },
   sky: { model: "hosek-wilkie", turbidity: 4.5, ground_albedo: 0.3, exposure: 10.4567, coefficients: { r: [1] } },
   camera: { elevation: -3.6, roll: -0.04, vertical_fov: 63.1 },
+  evidence: ["pixels", "time+place"],
+  warnings: [],
+};
+
+const ESTIMATE: Estimate = {
+  ...RECORD,
+  links: { envmap: "v1/envmap" },
+  probability: { grid: "rings:1x1", azimuth: [0], elevation: [45], probability: [1] },
 };
 
 describe("words", () => {
@@ -65,18 +73,19 @@ describe("the record on show", () => {
 
   it("is the estimate's own until something is changed", () => {
     expect(isSame(asked, parametersOf(RECORD))).toBe(true);
-    expect(recordOf(RECORD, asked)).toEqual(RECORD);
+    expect(recordOf(ESTIMATE, asked)).toEqual(RECORD);
   });
 
   it("leaves out what no longer follows when it is edited", () => {
-    const edited = recordOf(RECORD, { ...asked, sun_azimuth: 90, sun_elevation: 0, sun: false });
+    const edited = recordOf(ESTIMATE, { ...asked, sun_azimuth: 90, sun_elevation: 0, sun: false });
     expect(edited.sky).not.toHaveProperty("coefficients");
     expect(edited.sun.visibility).toBe(0);
     expect(edited.sun.direction.map(Math.round)).toEqual([1, 0, -0]);
     expect(edited.camera).toEqual(RECORD.camera);
+    expect(edited.evidence).toEqual([]);
   });
 
   it("keeps the estimated visibility when only the sky is edited", () => {
-    expect(recordOf(RECORD, { ...asked, turbidity: 2 }).sun.visibility).toBe(0.97);
+    expect(recordOf(ESTIMATE, { ...asked, turbidity: 2 }).sun.visibility).toBe(0.97);
   });
 });

@@ -1,12 +1,12 @@
 /** Links to the light on show, as files. */
 
-import { envmapUrl, type Format, file, type Lighting, type Parameters } from "../api";
+import { type Estimate, envmapUrl, type Format, file, type Parameters } from "../api";
 import { byId, make } from "../dom";
 import { recordOf } from "../parameters";
 
 const FORMATS: Format[] = ["exr", "hdr", "png"];
 
-export function linkDownloads(lighting: Lighting, parameters: Parameters, photoName: string): void {
+export function linkDownloads(lighting: Estimate, parameters: Parameters, photoName: string): void {
   const stem = photoName.replace(/\.\w+$/, "") || "photo";
   const height = Number(byId<HTMLSelectElement>("size").value);
   for (const format of FORMATS) link(`get-${format}`, envmapUrl(parameters, format, height), `${stem}.${format}`);
