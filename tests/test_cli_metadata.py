@@ -231,3 +231,18 @@ def test_night_in_the_metadata_is_a_warning(tmp_path: Path, network: Path) -> No
     (record,) = records(run("estimate", "--json", "--quiet", "--model", network, night))
     assert record["evidence"] == ["pixels", "focal length"]
     assert len(record["warnings"]) == 1
+
+
+def test_a_scene_takes_the_same_metadata(phone: Path, photo_path: Path, network: Path, tmp_path: Path) -> None:
+    def evidence(name: str, *arguments: str | Path) -> list[str]:
+        done = run("scene", *arguments, "--for", "mitsuba", "-o", tmp_path / name, "--model", network)
+        assert done.exit_code == 0, done.output
+        said: list[str] = json.loads((tmp_path / name / "lighting.json").read_text())["evidence"]
+        return said
+
+    assert evidence("known", phone) == ["pixels", "time+place", "heading", "focal length"]
+    assert evidence("pixels", phone, "--no-exif") == ["pixels"]
+    record = tmp_path / "known" / "lighting.json"
+    refused = run("scene", photo_path, "--for", "usd", "--lighting", record, "--fov", "50", "-o", tmp_path / "no")
+    assert refused.exit_code == 2
+    assert "--lighting tells the light" in refused.output

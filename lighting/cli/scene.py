@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.cli.files import load_estimator, open_lighting, read_bytes
+from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import height_option, model_option, quiet_option, sun_option
 from lighting.cli.words import in_words
 from lighting.scene import TOOLS
 
 if TYPE_CHECKING:
+    from lighting.metadata import Given
     from lighting.parameters import Lighting
 
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 @click.option("--up-axis", type=click.Choice(("Y", "Z"), case_sensitive=False), help="usd: Y unless told.")
 @height_option
 @sun_option
+@given_options
 @model_option
 @quiet_option
 def scene(
@@ -37,6 +40,7 @@ def scene(
     up_axis: str | None,
     height: int,
     sun: bool | None,
+    given: "Given",
     model: str | None,
     quiet: bool,
 ) -> None:
@@ -46,6 +50,7 @@ def scene(
     shadows, and a placeholder where one's own object goes.
     """
     options = _tool_options(tool, image_based_light, up_axis)
+    _check_record(record, given)
     if "-" in (photo, record) and photo == record:
         raise click.UsageError("The photo and the record cannot both be stdin.")
     from lighting.photo import read_photo
@@ -54,7 +59,7 @@ def scene(
 
     check_target(Path(output), overwrite=overwrite)
     data = read_bytes(photo)
-    lighting = open_lighting(record) if record else _estimated(data, model)
+    lighting = open_lighting(record) if record else _estimated(data, given, model)
     made = make_scene(read_photo(data, target=PLATE_SIDE), lighting, map_height=height, sun=sun)
     write_scene(made, tool, output, overwrite=overwrite, **options)
     if not quiet:
@@ -74,7 +79,15 @@ def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> di
     return options
 
 
-def _estimated(data: bytes, model: str | None) -> "Lighting":
+def _check_record(record: str | None, given: "Given") -> None:
+    """Raise UsageError where metadata is given for a light that a record tells."""
+    from lighting.metadata import Given
+
+    if record and given != Given():
+        raise click.UsageError("--lighting tells the light; time, place, heading and the like do not go with it.")
+
+
+def _estimated(data: bytes, given: "Given", model: str | None) -> "Lighting":
     from lighting.photo import read_photo
 
-    return load_estimator(model)(read_photo(data))
+    return load_estimator(model)(read_photo(data), given)
