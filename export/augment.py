@@ -9,16 +9,19 @@ from PIL import Image, ImageFilter
 
 from export.crops import Crop
 from lighting.colour import luminance, tone_map
-from lighting.geometry import camera_pixel, direction
+from lighting.geometry import camera_directions, camera_pixel, direction
 
 Floats = NDArray[np.floating[Any]]
+
+_BOX, _BICUBIC = Image.Resampling.BOX, Image.Resampling.BICUBIC
 
 
 def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], float]:
     """A processed picture (h, w, 3) of the crop, and the gain its exposure was multiplied with."""
     gain = float(2.0 ** rng.uniform(-1.2, 1.0))
     linear = _occlude(_recover(crop.linear) if gain < 1 else crop.linear, crop, rng)
-    linear = linear * (gain * _white_balance(rng)) * _vignette(linear.shape, rng)
+    linear = _hide_sky(linear, crop, rng) * (gain * _white_balance(rng)) * _vignette(linear.shape, rng)
+    linear = _haze(_tone_locally(linear, rng), rng)
     linear = linear + rng.normal(0, 0.02 * rng.random() ** 2, linear.shape).astype(np.float32) * np.sqrt(linear + 0.02)
     picture = _tone(tone_map(np.maximum(linear, 0.0)), rng)
     return _recompress(_sharpen(picture, rng), rng), gain
@@ -50,6 +53,38 @@ def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) 
     return hidden
 
 
+def _hide_sky(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) -> NDArray[np.float32]:
+    """At times paint all that looks up in one colour, blown out or dark: what lies on the ground has to do then."""
+    if rng.random() > 0.12:
+        return linear
+    height, width = linear.shape[:2]
+    c = crop.camera
+    up = camera_directions(width, height, c.vertical_fov, 0.0, c.elevation, c.roll)[..., 1]
+    colour = rng.uniform(0.15, 1.3) * np.exp(rng.normal(0, 0.08, 3)).astype(np.float32)
+    return np.where((up > np.sin(np.radians(rng.uniform(0, 12))))[..., None], colour, linear).astype(np.float32)
+
+
+def _tone_locally(linear: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """At times compress what is large and lift what is small, as phones and tone-mapped panoramas do."""
+    if rng.random() > 0.3:
+        return linear
+    light = np.log(luminance(linear) + 1e-3).astype(np.float32)
+    coarse = tuple(max(2, round(side / rng.uniform(8, 30))) for side in light.shape[::-1])
+    base = np.asarray(Image.fromarray(light).resize(coarse, _BOX).resize(light.shape[::-1], _BICUBIC))
+    flatter, crisper = rng.uniform(0.4, 0.95), rng.uniform(0.9, 1.4)
+    middle = float(light.mean())
+    change = (flatter - 1) * (base - middle) + (crisper - 1) * (light - base)
+    return np.asarray(linear * np.exp(change)[..., None], dtype=np.float32)
+
+
+def _haze(linear: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """At times a veil of one pale colour: mist, flare, a dirty lens."""
+    if rng.random() > 0.12:
+        return linear
+    veil = rng.uniform(0.3, 0.9) * np.exp(rng.normal(0, 0.05, 3)).astype(np.float32)
+    return np.asarray(linear + rng.uniform(0.05, 0.35) * (veil - linear), dtype=np.float32)
+
+
 def _white_balance(rng: np.random.Generator) -> NDArray[np.float32]:
     gains = np.exp(rng.normal(0, (0.1, 0.03, 0.1)))
     return np.asarray(gains / gains.mean(), dtype=np.float32)
@@ -68,7 +103,7 @@ def _tone(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.ui
     lift = 0.08 * rng.random() ** 2
     table = np.clip((lift + (1 - lift) * v) * 255, 0, 255).astype(np.float32)
     toned = table[picture]
-    saturation = 0.0 if rng.random() < 0.03 else np.exp(rng.normal(0, 0.2))
+    saturation = 0.0 if rng.random() < 0.03 else np.exp(rng.normal(0.05, 0.3))
     grey = luminance(toned)[..., None]
     return np.asarray(np.clip(grey + saturation * (toned - grey), 0, 255), dtype=np.uint8)
 
