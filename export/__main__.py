@@ -43,14 +43,18 @@ def label(data: Path, out: Path, workers: int) -> None:
 @click.option("--version", default="1.0.0", show_default=True, help="Of the network, for its metadata.")
 @click.option("--licensed-only", is_flag=True, help="Train on permissively licensed panoramas alone.")
 @click.option("--scratch", is_flag=True, help="Start from random weights instead of ImageNet's.")
+@click.option("--start", type=FOLDER, default=None, help="Earlier run to start from. [ImageNet's weights]")
 @click.option("--workers", type=click.IntRange(0), default=2, show_default=True, help="Processes that cut crops.")
-def train(out: Path | None, network: str, scratch: bool, data: Path, labels: Path, **given: Any) -> None:
+def train(
+    out: Path | None, network: str, scratch: bool, start: Path | None, data: Path, labels: Path, **given: Any
+) -> None:
     """Train a network, or go on where a killed run stopped; takes a GPU where there is one."""
     from export.network import TARGET_WIDTH
     from export.train import TrainConfig
     from export.train import train as run
 
     given |= {"data": str(data), "labels": str(labels), "out": str(out or Path("runs") / network), "network": network}
+    given["start"] = str(start or "")
     run(TrainConfig(**given, target_width=TARGET_WIDTH[network], pretrained=not scratch))
 
 

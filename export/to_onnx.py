@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader
 
 from export.network import Served, build
 from export.panoramas import DataError, read_index
-from export.train import Crops, TrainConfig, load_sources
+from export.train import Crops, TrainConfig, averaged_weights, load_sources
 from lighting.atomic import replacing
 from lighting.errors import ModelError
 from lighting.model import OUTPUTS, Model
@@ -42,8 +42,7 @@ def read_spec(folder: Path) -> ModelSpec:
 def read_network(folder: Path) -> nn.Module:
     """The averaged network of a training folder, ready to answer."""
     network = build(read_spec(folder))
-    state = torch.load(folder / "checkpoint.pt", map_location="cpu", weights_only=True)["average"]
-    network.load_state_dict({k.removeprefix("module."): v for k, v in state.items() if k.startswith("module.")})
+    network.load_state_dict(averaged_weights(folder))
     return network.eval()
 
 

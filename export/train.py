@@ -54,6 +54,7 @@ class TrainConfig:
     sharpness: float = 0.45  # lowest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
+    start: str = ""  # folder of an earlier run, whose averaged weights this one starts from; its crops are others
     workers: int = 2
     checkpoint_minutes: float = 4.0
 
@@ -72,6 +73,7 @@ class Crops(Dataset[Batch]):
     def __init__(self, sources: Sequence[Source], spec: ModelSpec, config: TrainConfig, *, tune: bool = False) -> None:
         self.sources, self.spec, self.config, self.tune = sources, spec, config, tune
         self.chances = np.cumsum(sampling_weights(sources))
+        self.purpose = f"train from {config.start}" if config.start else "train"
 
     def __len__(self) -> int:
         return 8 * len(self.sources) if self.tune else self.config.crops
@@ -82,9 +84,9 @@ class Crops(Dataset[Batch]):
         if self.tune:
             source = self.sources[index % len(self.sources)]
             return self._batch(source, index, "tune")
-        pick = generator("panorama", index, "train").random()
+        pick = generator("panorama", index, self.purpose).random()
         source = self.sources[min(int(np.searchsorted(self.chances, pick)), len(self.sources) - 1)]
-        return self._batch(source, index, "train")
+        return self._batch(source, index, self.purpose)
 
     def _batch(self, source: Source, index: int, purpose: str) -> Batch:
         rng = generator(source.panorama.name, index, purpose)
@@ -164,7 +166,9 @@ class Run:
         self.spec = specs(config.version)[config.network]
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         torch.manual_seed(0)
-        network = build(self.spec, pretrained=config.pretrained)
+        network = build(self.spec, pretrained=config.pretrained and not config.start)
+        if config.start:
+            network.load_state_dict(averaged_weights(config.start))
         self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         ema: Any = get_ema_multi_avg_fn  # not annotated by torch
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
@@ -228,6 +232,12 @@ class Run:
         with torch.inference_mode():
             parts = [self.forward(self.average, batch) for batch in self.batches(dataset)]
         return {name: float(torch.stack([p[name] for p in parts]).mean()) for name in parts[0]} if parts else {}
+
+
+def averaged_weights(folder: str | Path) -> dict[str, Tensor]:
+    """The averaged weights of a run, named as the network names them."""
+    average = torch.load(Path(folder) / "checkpoint.pt", map_location="cpu", weights_only=True)["average"]
+    return {name.removeprefix("module."): value for name, value in average.items() if name.startswith("module.")}
 
 
 def _one_thread(_worker: int) -> None:
