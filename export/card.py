@@ -8,9 +8,7 @@ from pathlib import Path
 from export.labels import agreement, check_rendered, read_labels
 from export.panoramas import Panorama, is_permissive, read_index
 from lighting.atomic import replacing
-from lighting.model import Model
-
-CARD = "MODEL_CARD.md"
+from lighting.model import CARD, Model
 
 TEMPLATE = Path(__file__).with_name("card_template.md")
 

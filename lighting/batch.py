@@ -93,6 +93,8 @@ def open_batch(job: Job, *, overwrite: bool = False) -> Iterator[Journal]:
 
     Raises BatchError where the folder holds something else, or another process is at work in it.
     """
+    from lighting.table import FILE
+
     out = Path(job.out)
     out.mkdir(parents=True, exist_ok=True)
     asked = settings(job)
@@ -102,7 +104,7 @@ def open_batch(job: Job, *, overwrite: bool = False) -> Iterator[Journal]:
     with open_journal(out / JOURNAL) as journal:
         if overwrite:
             journal.clear()
-            Path(out, "lighting.parquet").unlink(missing_ok=True)
+            (out / FILE).unlink(missing_ok=True)
         with replacing(out / SETTINGS) as path:
             path.write_text(json.dumps(asked, indent=2) + "\n")
         yield journal

@@ -44,7 +44,7 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     lights the ground and is left for a light of its own. Raises ParameterError for another height.
     """
     _check_height(height)
-    painted = lighting.sun_visibility >= 0.5 if sun is None else sun
+    painted = lighting.sun_shines if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
     lobe = _lobe_table(lighting)
     power, irradiance = _disc_power(lighting) if painted else (np.zeros(3), np.zeros(3))

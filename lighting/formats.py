@@ -37,6 +37,15 @@ def encode_envmap(image: Floats, lighting: Lighting | None = None, format: str =
     return buffer.getvalue()
 
 
+def encode_png(pixels: NDArray[np.uint8], compress_level: int = 6) -> bytes:
+    """The bytes of a PNG of pixels (H, W, 3 or 4)."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG", compress_level=compress_level)
+    return buffer.getvalue()
+
+
 def format_of(path: str | os.PathLike[str]) -> str:
     """The format that a path's suffix names; EnvironmentMapError for one that is not an environment map's."""
     suffix = Path(path).suffix.lower().removeprefix(".")

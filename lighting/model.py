@@ -18,6 +18,7 @@ from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
 OUTPUTS = ("sun_probability", "parameters")
+CARD = "MODEL_CARD.md"  # beside a network's file
 
 _ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 

@@ -146,6 +146,11 @@ class Lighting:
         _check_headings(self.camera_heading_probability)
 
     @property
+    def sun_shines(self) -> bool:
+        """Whether direct sunlight is at least as likely as not: the sun's disc is painted then, unless told."""
+        return self.sun_visibility >= 0.5
+
+    @property
     def sun_direction(self) -> NDArray[np.floating[Any]]:
         """Unit vector (3,) towards the sun, in the frame of geometry.py."""
         return direction(self.sun_azimuth, self.sun_elevation)

@@ -28,6 +28,7 @@ from lighting.sun_grid import grid_directions
 Floats = NDArray[np.floating[Any]]
 
 WIDTH = 1600  # of the whole picture, pixels
+MAP_HEIGHT = 512  # rows of the map that the picture is drawn with
 MARGIN = 40
 GAP = 24
 HEADER = 78  # height of the headline above the panels
@@ -136,7 +137,7 @@ def _place(canvas: Image.Image, box: _Box, caption: str, panel: Image.Image) -> 
 
 
 def _headline(canvas: Image.Image, lighting: Lighting) -> None:
-    visible = _visible(lighting)
+    visible = lighting.sun_shines
     where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     write(canvas, (MARGIN, MARGIN - 6), f"Sun {where}" if visible else "No direct sun", 38, SUN if visible else TEXT)
     if visible:
@@ -188,10 +189,6 @@ def _numbers(lighting: Lighting) -> list[tuple[str, str]]:
     ]
 
 
-def _visible(lighting: Lighting) -> bool:
-    return lighting.sun_visibility >= 0.5
-
-
 # --- panels
 
 
@@ -231,7 +228,7 @@ def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting)
 
 def _sun_in_photo(picture: Image.Image, lighting: Lighting) -> None:
     """The sun where it is in the picture, else an arrow at the edge that one would follow to find it."""
-    colour = SUN if _visible(lighting) else PALE
+    colour = SUN if lighting.sun_shines else PALE
     seen = _camera_pixels(picture, lighting.sun_direction[None], lighting)
     if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
         sun_marks(picture, seen, colour, 9)
@@ -258,7 +255,7 @@ def _compass_panel(lighting: Lighting, probability: Floats, layout: str, aspect:
     polygon(panel, view, WHITE, 0.10)
     stroke(panel, [view], WHITE, 1.5, 0.6)
     _regions(panel, lighting, lambda d: _on_dome(d, size, radius))
-    sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), SUN if _visible(lighting) else PALE, 8)
+    sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), SUN if lighting.sun_shines else PALE, 8)
     return panel
 
 
@@ -323,7 +320,7 @@ def _map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, b
     shaded_stroke(picture, frame, WHITE, 1.5)
     _regions(picture, lighting, pixels)
     spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
-    sun_marks(picture, spots, SUN if _visible(lighting) else PALE, 6.5)
+    sun_marks(picture, spots, SUN if lighting.sun_shines else PALE, 6.5)
     for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
         write(picture, (box.width * share, box.height - 12), word, 16, WHITE, anchor="ms", shaded=True)
     for share, anchor in ((0.008, "ls"), (0.992, "rs")):
@@ -347,7 +344,7 @@ def _display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def _regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
     """The circles around the sun that hold 50 % and 90 % of the probability, labelled."""
-    colour = SUN if _visible(lighting) else PALE
+    colour = SUN if lighting.sun_shines else PALE
     for radius, share, width in ((lighting.radius_90, "90 %", 1.5), (lighting.radius_50, "50 %", 2.5)):
         rim = _rim(lighting, radius)
         if radius <= 0 or rim[180, 1] <= 0:

@@ -14,7 +14,7 @@ from lighting.parameters import Lighting, Prediction
 from lighting.sun_grid import grid_directions
 from server.queries import LightingQuery, Query
 from server.schemas import MEDIA_TYPES, Format
-from server.service import Estimate
+from server.service import Estimate, Service
 
 DIGITS = 6  # of probabilities and grid angles
 
@@ -34,8 +34,7 @@ def estimate_record(lighting: Lighting, prediction: Prediction | None, root: str
 def envmap_link(lighting: Lighting, root: str) -> str:
     """Where the environment map of a light is on this host; the service lives under the path `root`."""
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo")
-    shines = lighting.sun_visibility >= 0.5
-    query = urlencode({**{name: getattr(lighting, name) for name in names}, "sun": str(shines).lower()})
+    query = urlencode({**{name: getattr(lighting, name) for name in names}, "sun": str(lighting.sun_shines).lower()})
     return f"{root}/v1/envmap?{query}"
 
 
@@ -60,6 +59,12 @@ def cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:
     digest = sha256(f"{__version__} {query.model_dump_json()}".encode()).hexdigest()[:32]
     scope = "public" if public else "private"
     return {"ETag": f'W/"{digest}"', "Cache-Control": f"{scope}, max-age={seconds}"}
+
+
+def caching(request: Request, service: Service, query: Query) -> tuple[dict[str, str], Response | None]:
+    """The headers that let caches keep an answer, and the 304 for a client whose copy is still good."""
+    headers = cache_headers(query, service.settings.cache_seconds, public=not service.keys)
+    return headers, Response(status_code=304, headers=headers) if is_fresh(request, headers["ETag"]) else None
 
 
 def is_fresh(request: Request, etag: str) -> bool:

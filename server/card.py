@@ -3,9 +3,9 @@
 import re
 from pathlib import Path
 
+from lighting.model import CARD
 from lighting.parameters import ModelSpec
 
-CARD = "MODEL_CARD.md"
 SUN = {  # column of the card's tables of the sun: name in an answer
     "crops": "crops",
     "median": "sun_median",

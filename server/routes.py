@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from server import work
-from server.answers import cache_headers, estimates, is_fresh, map_response
+from server.answers import caching, estimates, map_response
 from server.card import accuracy
 from server.checks import check_photos, refuse_given
 from server.problems import documented
@@ -69,10 +69,9 @@ async def estimate_lighting(
 )
 async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
-    service = place.service
-    headers = cache_headers(query, service.settings.cache_seconds, public=not service.keys)
-    if is_fresh(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
+    headers, unchanged = caching(request, place.service, query)
+    if unchanged:
+        return unchanged
     data = await place.run(work.envmap_file, query.lighting(), query)
     return map_response(data, query.format, headers)
 
@@ -116,10 +115,9 @@ async def draw_preview(place: Placed, photo: PhotoBytes, query: Annotated[GivenQ
 )
 async def render_scene(request: Request, place: Placed, query: Annotated[SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
-    service = place.service
-    headers = cache_headers(query, service.settings.cache_seconds, public=not service.keys)
-    if is_fresh(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
+    headers, unchanged = caching(request, place.service, query)
+    if unchanged:
+        return unchanged
     data = await place.run(work.scene_file_of_sky, query)
     return Response(data, media_type="application/zip", headers=headers)
 

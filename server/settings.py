@@ -1,6 +1,5 @@
 """Every setting of the service; each is read from an environment variable LIGHTING_<NAME>."""
 
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,6 +7,7 @@ from limits import RateLimitItem, parse_many
 from pydantic import BeforeValidator, Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from lighting.model import available_cpus
 from lighting.photo import MAX_BYTES, MAX_PIXELS
 
 PREFIX = "LIGHTING_"
@@ -67,10 +67,3 @@ class Settings(BaseSettings):
         lines = self.api_keys_file.read_text(encoding="utf-8").splitlines() if self.api_keys_file else []
         in_file = [key for line in lines if (key := line.partition("#")[0].strip())]
         return (*(key.get_secret_value() for key in self.api_keys), *in_file)
-
-
-def available_cpus() -> int:
-    """CPUs this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -1,25 +1,22 @@
 """What a request asks of the CPU, in steps between which a request whose client has gone stops."""
 
 from collections.abc import Sequence
-from io import BytesIO
 
 import numpy as np
 from anyio.from_thread import check_cancelled
-from PIL import Image
 
 from lighting.envmap import render
 from lighting.errors import PhotoError
-from lighting.formats import encode_envmap
+from lighting.formats import encode_envmap, encode_png
 from lighting.parameters import Lighting
 from lighting.photo import Photo
-from lighting.preview import draw_preview
+from lighting.preview import MAP_HEIGHT, draw_preview
 from lighting.scene.common import make_scene
 from lighting.scene.files import zip_scene
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
 from server.service import Estimate, Service
 
 MID_GREY = 128  # sRGB
-PREVIEW_MAP_HEIGHT = 512  # rows of the map that lights the preview's spheres
 
 
 def estimated_together(service: Service, files: Sequence[bytes], query: LightingQuery) -> list[Estimate]:
@@ -55,12 +52,10 @@ def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
     photo = service.read(data)
     check_cancelled()
     ((prediction, lighting),) = service.estimate([photo], query.given())
-    light = render(lighting, PREVIEW_MAP_HEIGHT)
+    light = render(lighting, MAP_HEIGHT)
     check_cancelled()
     drawing = draw_preview(photo.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
-    stream = BytesIO()
-    Image.fromarray(drawing).save(stream, "PNG")
-    return stream.getvalue()
+    return encode_png(drawing)
 
 
 def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery) -> bytes:

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from lighting.parameters import Lighting, Prediction
     from lighting.photo import Photo
     from lighting.pipeline import Estimator
-
-PREVIEW_MAP_HEIGHT = 512  # pixels of the map that lights the preview, whatever --height says
 
 
 def read_bytes(name: str) -> bytes:
@@ -89,25 +86,23 @@ def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, 
 
 def write_preview(output: str, picture: "Photo", prediction: "Prediction", lighting: "Lighting") -> None:
     from lighting.envmap import render
-    from lighting.preview import draw_preview
+    from lighting.preview import MAP_HEIGHT, draw_preview
 
-    light = render(lighting, PREVIEW_MAP_HEIGHT)
+    light = render(lighting, MAP_HEIGHT)
     drawing = draw_preview(picture.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
     _write_png(output, drawing)
 
 
 def _write_png(output: str, pixels: "NDArray[np.uint8]") -> None:
-    from PIL import Image
-
     from lighting.atomic import replacing
+    from lighting.formats import encode_png
 
-    stream = BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG")
+    data = encode_png(pixels)
     if output == "-":
-        write_stdout(stream.getvalue())
+        write_stdout(data)
     else:
         with replacing(output) as path:
-            path.write_bytes(stream.getvalue())
+            path.write_bytes(data)
 
 
 def write_stdout(data: bytes) -> None:

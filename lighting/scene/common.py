@@ -12,21 +12,21 @@ and so the same radiance, and one that shades by the map alone takes its bounced
 import json
 from dataclasses import dataclass
 from functools import cached_property
-from io import BytesIO
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap import render, sky_irradiance, sun_irradiance
-from lighting.formats import encode_envmap
+from lighting.formats import encode_envmap, encode_png
 from lighting.geometry import camera_axes, focal_length
+from lighting.map_light import SUN_RADIUS
 from lighting.parameters import Lighting
 from lighting.photo import Photo
 
 Floats = NDArray[np.floating[Any]]
 
-SUN_ANGLE = 0.533  # deg, the disc's mean diameter over the year
+SUN_ANGLE = 2 * SUN_RADIUS  # deg
 EYE_HEIGHT = 1.6  # m, where photos are commonly taken from; it sets the scene's scale
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it says the field of view
 GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
@@ -180,7 +180,7 @@ def make_scene(photo: Photo, lighting: Lighting, *, map_height: int = MAP_HEIGHT
     `sun` says whether direct sunlight reaches it; None takes it when `sun_visibility` is at least 0.5. Raises
     ParameterError for a `map_height` that `envmap.render` refuses.
     """
-    shines = lighting.sun_visibility >= 0.5 if sun is None else sun
+    shines = lighting.sun_shines if sun is None else sun
     environment = render(lighting, map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting))
@@ -200,11 +200,7 @@ def colour_and_strength(irradiance: Floats) -> tuple[Floats, float]:
 
 def plate_png(scene: Scene) -> bytes:
     """The plate as PNG."""
-    from PIL import Image
-
-    stream = BytesIO()
-    Image.fromarray(scene.plate).save(stream, "PNG", compress_level=3)
-    return stream.getvalue()
+    return encode_png(scene.plate, compress_level=3)
 
 
 def write_shared_files(scene: Scene, folder: Folder) -> None:

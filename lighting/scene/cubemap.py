@@ -7,12 +7,12 @@ reflects when looked at along its normal, the usual split-sum filter with a GGX 
 """
 
 from collections.abc import Iterator
-from io import BytesIO
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.formats import encode_png
 from lighting.geometry import latlong_directions, latlong_solid_angle, sample_latlong
 from lighting.map_light import shrink
 
@@ -99,12 +99,8 @@ def _averaged(source: NDArray[np.float32], weight: NDArray[np.float32]) -> Float
 
 
 def _rgbd(radiance: Floats) -> bytes:
-    from PIL import Image
-
     brightest = np.maximum(radiance.max(axis=-1, keepdims=True), 1.0)
     divisor = np.clip(np.floor(255.0 / brightest), 1, 255)
     colour = np.clip(radiance * divisor / 255.0, 0, 1) ** (1 / _GAMMA) * 255.0
-    stream = BytesIO()
     pixels = np.rint(np.concatenate([colour, divisor], axis=-1)).astype(np.uint8)
-    Image.fromarray(pixels).save(stream, "PNG")
-    return stream.getvalue()
+    return encode_png(pixels)
