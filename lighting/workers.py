@@ -37,7 +37,7 @@ class _Share(Generic[Result]):
     items: Iterator[str]
     prepare: Callable[[], Work[Result]]
     again: deque[str] = field(default_factory=deque)
-    losses: Counter[str] = field(default_factory=Counter)
+    losses: Counter[str | None] = field(default_factory=Counter)  # None before a worker was prepared
     team: list[_Worker] = field(default_factory=list)
 
 
@@ -48,7 +48,7 @@ def work_through(
 
     Every process calls `prepare` once (it and the results are pickled) and what that returns for each item. An item
     whose process dies is tried again in a new one; the second time it yields None. An exception of `prepare` or of
-    the work ends everything and is raised here. Raises BatchError where a process dies before it is prepared.
+    the work ends everything and is raised here. Raises BatchError where a second process dies before it is prepared.
     """
     share = _Share(iter(items), prepare)
     try:
@@ -92,14 +92,17 @@ def _bury(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, None]]:
     share.team.remove(worker)
     _dismiss([worker])
     item = worker.item
-    if item is None:
+    share.losses[item] += 1
+    blamed = share.losses[item] >= _ATTEMPTS
+    if item is None and blamed:
         raise BatchError(f"A worker process died while it started (exit status {worker.process.exitcode}).")
     share.team.append(_start(share.prepare))
-    share.losses[item] += 1
-    if share.losses[item] < _ATTEMPTS:
-        share.again.append(item)
-    else:
+    if item is None:
+        return
+    if blamed:
         yield item, None
+    else:
+        share.again.append(item)
 
 
 def _start(prepare: Callable[[], Work[Result]]) -> _Worker:

@@ -43,6 +43,15 @@ def stillborn() -> Callable[[str], str]:
     os._exit(3)
 
 
+def second_attempt(folder: Path) -> Callable[[str], str]:
+    """The first process dies."""
+    try:
+        (folder / "started").touch(exist_ok=False)
+    except FileExistsError:
+        return str.upper
+    os._exit(3)
+
+
 def environment() -> Callable[[str], str]:
     return lambda name: f"{os.environ[name]} {os.getpid()}"
 
@@ -79,7 +88,13 @@ def test_an_exception_of_the_preparation_is_raised() -> None:
         list(work_through(ITEMS, unable, 2))
 
 
-def test_a_worker_that_dies_as_it_starts_ends_everything() -> None:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_one_worker_that_dies_as_it_starts_costs_nothing(tmp_path: Path, workers: int) -> None:
+    found = dict(work_through(ITEMS, partial(second_attempt, tmp_path), workers))
+    assert found == {item: item.upper() for item in ITEMS}
+
+
+def test_workers_that_die_as_they_start_end_everything() -> None:
     with pytest.raises(BatchError, match="exit status 3"):
         list(work_through(ITEMS, stillborn, 1))
 
