@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.geometry import angles, direction, wrap_azimuth
 from lighting.parameters import Sun
-from lighting.sun_grid import radius_around
+from lighting.sun_grid import radii
 
 HEADINGS = np.arange(360.0)  # deg clockwise from true north
 
@@ -60,7 +60,7 @@ def heading(probability: Floats) -> Heading:
     """Best value and radii of a distribution (360,) over HEADINGS."""
     best = best_angle(HEADINGS, probability) % 360.0
     ground = direction(HEADINGS, 0.0)
-    radius_50, radius_90 = (radius_around(probability, share, ground, direction(best, 0.0)) for share in (0.5, 0.9))
+    radius_50, radius_90 = radii(probability, ground, direction(best, 0.0))
     return Heading(probability, best, radius_50, radius_90)
 
 
@@ -75,7 +75,7 @@ def sun_on_rings(directions: Floats, probability: Floats) -> Sun:
     near = near * (np.abs(elevation - _likeliest_ring(elevation, near)) <= _MODE_WIDTH)
     centre_elevation = float(near @ elevation / near.sum())
     centre = direction(best, centre_elevation)
-    radius_50, radius_90 = (radius_around(probability, share, directions, centre) for share in (0.5, 0.9))
+    radius_50, radius_90 = radii(probability, directions, centre)
     return Sun(best, centre_elevation, radius_50, radius_90)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import angles, direction
 from lighting.sky import sky_coefficients
-from lighting.sun_grid import grid_directions, most_likely, radius
+from lighting.sun_grid import grid_directions, most_likely, radii
 
 SKY_MODEL = "hosek-wilkie"
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
@@ -300,7 +300,7 @@ def sun_of(prediction: Prediction) -> Sun:
     grid = prediction.spec.sun_grid
     sun = most_likely(prediction.sun_probability, grid)
     azimuth, elevation = angles(sun)
-    radius_50, radius_90 = (radius(prediction.sun_probability, share, grid, sun) for share in (0.5, 0.9))
+    radius_50, radius_90 = radii(prediction.sun_probability, grid_directions(grid), sun)
     return Sun(float(azimuth), float(elevation), radius_50, radius_90)
 
 

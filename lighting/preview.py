@@ -29,6 +29,7 @@ Floats = NDArray[np.floating[Any]]
 
 WIDTH = 1600  # of the whole picture, pixels
 MAP_HEIGHT = 512  # rows of the map that the picture is drawn with
+PHOTO_SIDE = 1000  # pixels that the photo's longer side keeps at least, if it has them
 MARGIN = 40
 GAP = 24
 HEADER = 78  # height of the headline above the panels

@@ -8,6 +8,7 @@ A grid has a layout name, which travels in the model's metadata:
 Cells belong to the upper hemisphere: a sun is at or above the horizon.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -92,18 +93,16 @@ def _smoothing_kernel(layout: str) -> NDArray[np.float32]:
     return np.exp(_SMOOTHING * (cells @ cells.T - 1.0)).astype(np.float32)
 
 
-def radius(probability: ArrayLike, share: float, layout: str, centre: ArrayLike) -> float:
-    """Angle [deg] around direction `centre` (3,) that holds `share` (0 to 1) of the probability (N,)."""
-    return radius_around(probability, share, grid_directions(layout), centre)
-
-
-def radius_around(probability: ArrayLike, share: float, directions: ArrayLike, centre: ArrayLike) -> float:
-    """Angle [deg] around `centre` (3,) that holds `share` (0 to 1) of the probability (N,) of directions (N, 3)."""
+def radii(
+    probability: ArrayLike, directions: ArrayLike, centre: ArrayLike, shares: Sequence[float] = (0.5, 0.9)
+) -> list[float]:
+    """Angles [deg] around `centre` (3,) that hold `shares` of the probability (N,) of directions (N, 3)."""
     p = np.asarray(probability, dtype=np.float64)
     distance = angle_between(directions, centre)
     order = np.argsort(distance)
     held = np.cumsum(p[order]) / p.sum()
-    return float(np.interp(share, np.concatenate([[0.0], held]), np.concatenate([[0.0], distance[order]])))
+    found = np.interp(shares, np.concatenate([[0.0], held]), np.concatenate([[0.0], distance[order]]))
+    return list(map(float, found))
 
 
 def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats:

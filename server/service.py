@@ -13,7 +13,6 @@ from lighting.model import Model, packaged_model
 from lighting.parameters import Lighting, Prediction
 from lighting.photo import TARGET, Photo, read_photo
 from lighting.pipeline import Estimator
-from lighting.scene.common import PLATE_SIDE
 from server import problems
 from server.limiter import Limiter
 from server.metrics import Metrics
@@ -77,9 +76,9 @@ class Service:
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
 
-    def read_plate(self, data: bytes) -> Photo:
-        """The same photo in more pixels, for a scene."""
-        return self._decoded(data, PLATE_SIDE)
+    def read_finer(self, data: bytes, target: int) -> Photo:
+        """The same photo in more pixels, `target` along its longer side if it has them, for people to look at."""
+        return self._decoded(data, target)
 
     def _decoded(self, data: bytes, target: int) -> Photo:
         limits = self.settings

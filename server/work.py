@@ -10,8 +10,8 @@ from lighting.errors import PhotoError
 from lighting.formats import encode_envmap, encode_png
 from lighting.parameters import Lighting
 from lighting.photo import Photo
-from lighting.preview import MAP_HEIGHT, draw_preview
-from lighting.scene.common import make_scene
+from lighting.preview import MAP_HEIGHT, PHOTO_SIDE, draw_preview
+from lighting.scene.common import PLATE_SIDE, make_scene
 from lighting.scene.files import zip_scene
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
 from server.service import Estimate, Service
@@ -54,7 +54,8 @@ def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
     ((prediction, lighting),) = service.estimate([photo], query.given())
     light = render(lighting, MAP_HEIGHT)
     check_cancelled()
-    drawing = draw_preview(photo.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
+    picture = service.read_finer(data, PHOTO_SIDE).pixels
+    drawing = draw_preview(picture, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
     return encode_png(drawing)
 
 
@@ -71,7 +72,7 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     check_cancelled()
     ((_, lighting),) = service.estimate([photo], query.given())
     check_cancelled()
-    return scene_file(service.read_plate(data), lighting, query)
+    return scene_file(service.read_finer(data, PLATE_SIDE), lighting, query)
 
 
 def scene_file_of_sky(query: SkySceneQuery) -> bytes:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction
-from lighting.sun_grid import density, grid_directions, grid_solid_angle, most_likely, over_cells, radius, soft_label
+from lighting.sun_grid import density, grid_directions, grid_solid_angle, most_likely, over_cells, radii, soft_label
 
 FINE = "fibonacci:1024"
 CVPR = "rings:5x32"
@@ -106,17 +106,16 @@ def test_radii_are_those_of_the_von_mises_fisher_lobe(az: float, el: float) -> N
     """A share s of a lobe of concentration k lies within acos(1 + log(1 - s) / k): 7.55 and 13.78 deg here."""
     sun = direction(az, el)
     label = soft_label(sun, CONCENTRATION, FINE)
-    for share, expected in ((0.5, 7.55), (0.9, 13.78)):
-        assert radius(label, share, FINE, sun) == pytest.approx(expected, abs=1.2)
+    assert radii(label, grid_directions(FINE), sun) == pytest.approx([7.55, 13.78], abs=1.2)
 
 
 @given(azimuths, elevations, st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5))
-def test_radius_grows_with_the_share(az: float, el: float, shares: list[float]) -> None:
+def test_radii_grow_with_the_share(az: float, el: float, shares: list[float]) -> None:
     label = soft_label(direction(az, el), 20.0, FINE)
-    radii = [radius(label, share, FINE, direction(0.0, 45.0)) for share in sorted(shares)]
-    assert radii == sorted(radii)
-    assert radii[0] >= 0.0
-    assert radii[-1] <= 180.0
+    found = radii(label, grid_directions(FINE), direction(0.0, 45.0), sorted(shares))
+    assert found == sorted(found)
+    assert found[0] >= 0.0
+    assert found[-1] <= 180.0
 
 
 def test_density_integrates_to_one_and_is_highest_at_the_sun() -> None:

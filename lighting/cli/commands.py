@@ -13,7 +13,7 @@ from lighting.cli.files import (
     estimated,
     load_estimator,
     open_lighting,
-    open_photo,
+    photo_bytes,
     read_bytes,
     refuse_collisions,
     write_map,
@@ -90,11 +90,11 @@ def envmap(
     """Estimate the light of PHOTO and render its environment map."""
     refuse_collisions(photo, output, preview)
     estimator = load_estimator(model)
-    picture = open_photo(photo)
-    prediction, lighting = estimated(estimator, picture, given)
+    data = photo_bytes(photo)
+    prediction, lighting = estimated(estimator, data, given)
     write_map(output, lighting, **view)
     if preview:
-        write_preview(preview, picture, prediction, lighting)
+        write_preview(preview, data, prediction, lighting)
     if not quiet and "-" not in (output, preview):
         click.echo(in_words(photo, lighting))
     report_warnings(photo, lighting, quiet)
@@ -122,9 +122,9 @@ def preview(photo: str, output: str, given: "Given", model: str | None) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
     estimator = load_estimator(model)
-    picture = open_photo(photo)
-    prediction, lighting = estimated(estimator, picture, given)
-    write_preview(output, picture, prediction, lighting)
+    data = photo_bytes(photo)
+    prediction, lighting = estimated(estimator, data, given)
+    write_preview(output, data, prediction, lighting)
     report_warnings(photo, lighting)
 
 

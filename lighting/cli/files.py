@@ -25,10 +25,17 @@ def read_bytes(name: str) -> bytes:
     return stdin().read() if name == "-" else Path(name).read_bytes()
 
 
+def photo_bytes(name: str) -> bytes:
+    """What the file of a photo holds, as far as a photo may; PhotoError, PhotoTooLargeError or OSError."""
+    from lighting import photo
+
+    return photo.read_bytes(stdin() if name == "-" else name)
+
+
 def open_photo(name: str) -> "Photo":
     from lighting.photo import read_photo
 
-    return read_photo(stdin() if name == "-" else name)
+    return read_photo(photo_bytes(name))
 
 
 def stdin() -> BinaryIO:
@@ -57,11 +64,12 @@ def load_estimator(model: str | None) -> "Estimator":
     return Estimator(Model.load(model))
 
 
-def estimated(estimator: "Estimator", picture: "Photo", given: "Given") -> "tuple[Prediction, Lighting]":
+def estimated(estimator: "Estimator", photo: bytes, given: "Given") -> "tuple[Prediction, Lighting]":
     """What is said of a photo, the sun's probability over the network's cells with all that is known counted."""
     from lighting.metadata import lighting_of
+    from lighting.photo import read_photo
 
-    fused, known = estimator.fuse(picture, given)
+    fused, known = estimator.fuse(read_photo(photo), given)
     return fused.on_cells(), lighting_of(fused, known)
 
 
@@ -84,11 +92,12 @@ def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, 
         write_envmap(output, image, lighting)
 
 
-def write_preview(output: str, picture: "Photo", prediction: "Prediction", lighting: "Lighting") -> None:
+def write_preview(output: str, photo: bytes, prediction: "Prediction", lighting: "Lighting") -> None:
     from lighting.envmap import render
-    from lighting.preview import MAP_HEIGHT, draw_preview
+    from lighting.photo import read_photo
+    from lighting.preview import MAP_HEIGHT, PHOTO_SIDE, draw_preview
 
-    light = render(lighting, MAP_HEIGHT)
+    light, picture = render(lighting, MAP_HEIGHT), read_photo(photo, target=PHOTO_SIDE)
     drawing = draw_preview(picture.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
     _write_png(output, drawing)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import load_estimator, open_lighting, read_bytes
+from lighting.cli.files import load_estimator, open_lighting, photo_bytes
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import height_option, model_option, quiet_option, sun_option
@@ -58,7 +58,7 @@ def scene(
     from lighting.scene.files import check_target, write_scene
 
     check_target(Path(output), overwrite=overwrite)
-    data = read_bytes(photo)
+    data = photo_bytes(photo)
     lighting = open_lighting(record) if record else _estimated(data, given, model)
     made = make_scene(read_photo(data, target=PLATE_SIDE), lighting, map_height=height, sun=sun)
     write_scene(made, tool, output, overwrite=overwrite, **options)
