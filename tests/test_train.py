@@ -95,6 +95,20 @@ def test_a_killed_run_goes_on_where_it_stopped(config: TrainConfig, tmp_path: Pa
     torch.testing.assert_close(second.average.state_dict(), first.average.state_dict())
 
 
+def test_a_run_starts_from_the_averaged_weights_of_another_and_sees_other_crops(
+    config: TrainConfig, tmp_path: Path
+) -> None:
+    first = Run(replace(config, out=str(tmp_path)))
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    first.update(next(first.batches(Crops(sources, first.spec, config))))
+    first.save()
+    later = replace(config, out=str(tmp_path / "later"), start=str(tmp_path))
+    second = Run(later)
+    torch.testing.assert_close(second.network.state_dict(), first.average.module.state_dict())
+    photos = [Crops(sources, first.spec, c)[0].photo for c in (config, later)]
+    assert not torch.equal(*photos)
+
+
 def test_a_crop_number_is_the_same_crop_every_time(config: TrainConfig) -> None:
     sources = load_sources(read_index(config.data, "train"), config.labels)
     spec = Run(config).spec
