@@ -2,6 +2,7 @@
 
 Only the columns `name`, `file`, `kind`, `place` and `split` are required; the folder's format is documented in
 the README beside this file. Pictures of one place share sky and ground, so a place belongs to one split only.
+Given labels that turned out wrong are corrected by `labels_patch.csv`, also beside this file.
 """
 
 import csv
@@ -29,6 +30,9 @@ CHOICES = {
     "direct": ("", "yes", "partly", "no"),
 }
 NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_uncertainty": (0.0, 180.0)}  # deg
+
+PATCH = Path(__file__).with_name("labels_patch.csv")
+PATCHED = ("sun", *NUMBERS, "direct")
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
 _RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commercial|no ?derivatives|share-?alike)\b")
@@ -72,7 +76,11 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
     `split` keeps one split; `licensed_only` keeps the rows that `is_permissive` accepts.
     """
     root = Path(folder).resolve()
-    panoramas = [_panorama(root, row, line) for line, row in enumerate(_rows(root), start=2)]
+    patch = read_patch(PATCH)
+    panoramas = [
+        _panorama(root, {**row, **patch.get(row["name"].strip(), {})}, f"{root / INDEX}, line {line}")
+        for line, row in enumerate(_rows(root), start=2)
+    ]
     _check_unique(panoramas)
     _check_places(panoramas)
     kept = (p for p in panoramas if split in (None, p.split))
@@ -131,34 +139,60 @@ _DECODED: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.fl
 def _rows(root: Path) -> list[Mapping[str, str]]:
     if not root.is_dir():
         raise DataError(f"There is no folder {root}.")
+    if not (root / INDEX).exists():
+        raise DataError(f"The folder {root} has no {INDEX}.")
+    return _table(root / INDEX, REQUIRED)
+
+
+def _table(path: Path, required: Iterable[str]) -> list[Mapping[str, str]]:
     try:
-        with (root / INDEX).open(newline="", encoding="utf-8-sig") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, restval="")
-            missing = [name for name in REQUIRED if name not in (reader.fieldnames or ())]
+            missing = [name for name in required if name not in (reader.fieldnames or ())]
             if missing:
-                raise DataError(f"{root / INDEX} has no column {', '.join(missing)}.")
+                raise DataError(f"{path} has no column {', '.join(missing)}.")
             return list(reader)
-    except FileNotFoundError as error:
-        raise DataError(f"The folder {root} has no {INDEX}.") from error
     except (OSError, ValueError, csv.Error) as error:
-        raise DataError(f"{root / INDEX} cannot be read: {error}.") from error
+        raise DataError(f"{path} cannot be read: {error}.") from error
 
 
-def _panorama(root: Path, row: Mapping[str, str], line: int) -> Panorama:
-    where = f"{root / INDEX}, line {line}"
+def read_patch(path: Path) -> dict[str, dict[str, str]]:
+    """Corrected fields by the panorama's name; a sun of which nothing is known any more loses its direction."""
+    patch: dict[str, dict[str, str]] = {}
+    for line, row in enumerate(_table(path, ("name", *PATCHED, "reason")), start=2):
+        where = f"{path}, line {line}"
+        name = row["name"].strip()
+        if not name or not row["reason"].strip():
+            raise DataError(f"{where}: a correction needs the panorama's name and a reason.")
+        if name in patch:
+            raise DataError(f"{where}: the panorama {name} is already corrected above.")
+        given = {key: row[key].strip() for key in PATCHED if row[key].strip()}
+        _values(given, where)
+        lost = dict.fromkeys(NUMBERS, "") if given.get("sun") in ("none", "unknown") else {}
+        patch[name] = {**lost, **given}
+    return patch
+
+
+def _panorama(root: Path, row: Mapping[str, str], where: str) -> Panorama:
     text = {key: (row.get(key) or "").strip() for key in (*REQUIRED, *OPTIONAL)}
     text["sun"] = text["sun"] or "unknown"
     for key in REQUIRED:
         if not text[key]:
             raise DataError(f"{where}: the column {key} is empty.")
-    for key, allowed in CHOICES.items():
-        if text[key] not in allowed:
-            raise DataError(f"{where}: {key} is {text[key]!r}, not one of {', '.join(filter(None, allowed))}.")
+    numbers = _values({**row, **text}, where)
     path = root / text.pop("file")
     if not path.is_file():
         raise DataError(f"{where}: there is no picture {path}.")
-    values: dict[str, Any] = {**text, **{key: _number(row, key, where) for key in NUMBERS}}
+    values: dict[str, Any] = {**text, **numbers}
     return Panorama(path=path, **values)
+
+
+def _values(row: Mapping[str, str], where: str) -> dict[str, float | None]:
+    """The numbers of a row; DataError if one of them or one of its choices is malformed."""
+    for key, allowed in CHOICES.items():
+        if key in row and row[key] not in allowed:
+            raise DataError(f"{where}: {key} is {row[key]!r}, not one of {', '.join(filter(None, allowed))}.")
+    return {key: _number(row, key, where) for key in NUMBERS}
 
 
 def _number(row: Mapping[str, str], key: str, where: str) -> float | None:

@@ -8,8 +8,21 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.panoramas import DataError, Panorama, decode, is_permissive, read_index, read_linear, read_picture, shrink
+from export.panoramas import (
+    PATCH,
+    DataError,
+    Panorama,
+    read_patch,
+    decode,
+    is_permissive,
+    read_index,
+    read_linear,
+    read_picture,
+    shrink,
+)
 from export.synthetic import write_dataset
+
+PATCH_HEADER = "name,sun,sun_azimuth,sun_elevation,sun_uncertainty,direct,reason"
 
 ROW = {"name": "a", "file": "a.png", "kind": "ldr", "place": "here", "split": "train"}
 
@@ -189,3 +202,69 @@ def test_shrinking_keeps_the_mean_and_never_enlarges() -> None:
     np.testing.assert_allclose(shrink(image, 5).mean(), image.mean(), rtol=1e-2)
     assert shrink(image, 12) is image
     assert shrink(image, 99) is image
+
+
+def patch_with(monkeypatch: pytest.MonkeyPatch, folder: Path, *lines: str, header: str = PATCH_HEADER) -> None:
+    """Corrections that stand in for those of the project."""
+    path = folder / "labels_patch.csv"
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    monkeypatch.setattr("export.panoramas.PATCH", path)
+
+
+GIVEN = {**ROW, "sun": "visible", "sun_azimuth": "10", "sun_elevation": "40", "sun_uncertainty": "3", "direct": "yes"}
+
+
+def test_the_projects_own_patch_can_be_read() -> None:
+    assert PATCH.read_text(encoding="utf-8").splitlines()[0] == PATCH_HEADER
+    read_patch(PATCH)
+
+
+def test_a_patch_changes_the_fields_that_it_fills_and_ignores_unknown_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    patch_with(monkeypatch, tmp_path, "a,,-170,,,partly,half a turn off", "b,,1,2,3,,of another folder")
+    (panorama,) = read_index(write_index(tmp_path, GIVEN))
+    assert (panorama.sun, panorama.sun_azimuth, panorama.sun_elevation) == ("visible", -170.0, 40.0)
+    assert (panorama.sun_uncertainty, panorama.direct) == (3.0, "partly")
+
+
+def test_a_patch_fills_columns_that_the_index_lacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    patch_with(monkeypatch, tmp_path, "a,inferred,20,30,5,no,from shadows")
+    (panorama,) = read_index(write_index(tmp_path, ROW))
+    assert (panorama.sun, panorama.sun_azimuth, panorama.direct) == ("inferred", 20.0, "no")
+
+
+@pytest.mark.parametrize("sun", ["none", "unknown"])
+def test_a_sun_that_is_taken_back_loses_its_direction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sun: str
+) -> None:
+    patch_with(monkeypatch, tmp_path, f"a,{sun},,,,,a lamp")
+    (panorama,) = read_index(write_index(tmp_path, GIVEN))
+    assert panorama.sun == sun
+    assert panorama.sun_azimuth is panorama.sun_elevation is panorama.sun_uncertainty is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["b,,200,,,,turned"], "labels_patch.csv, line 2: sun_azimuth is '200', not a number from -180 to 180"),
+        (["b,bright,,,,,seen"], "line 2: sun is 'bright'"),
+        (["b,,,,,maybe,seen"], "line 2: direct is 'maybe'"),
+        (["b,,,,,no,"], "line 2: a correction needs"),
+        ([",,,,,no,seen"], "line 2: a correction needs"),
+        (["b,,,,,no,seen", "b,,,,,yes,seen"], "line 3: the panorama b is already corrected"),
+    ],
+)
+def test_a_malformed_patch_is_refused_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str], message: str
+) -> None:
+    patch_with(monkeypatch, tmp_path, *lines)
+    with pytest.raises(DataError, match=message) as caught:
+        read_index(write_index(tmp_path, ROW))
+    assert str(caught.value).endswith(".")
+
+
+def test_a_patch_without_its_columns_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    patch_with(monkeypatch, tmp_path, header="name,azimuth,reason")
+    with pytest.raises(DataError, match="has no column sun, sun_azimuth"):
+        read_index(write_index(tmp_path, ROW))
