@@ -83,6 +83,9 @@ def onnx(run: Path, out: Path | None, temperature: float | None) -> None:
 @click.option(
     "--with-metadata", is_flag=True, help="Also with simulated time, place, compass, lens, and several views."
 )
+@click.option(
+    "--suncompass", is_flag=True, help="Also score that outside peer; pip install --no-deps suncompass==0.0.1."
+)
 @click.option("--relight", is_flag=True, help="Also relight a sphere with the estimated maps.")
 @click.option("--card", is_flag=True, help="Also write lighting/data/MODEL_CARD.md.")
 def evaluate(
@@ -92,6 +95,7 @@ def evaluate(
     compare: tuple[Path, ...],
     out: Path,
     with_metadata: bool,
+    suncompass: bool,
     relight: bool,
     card: bool,
 ) -> None:
@@ -102,9 +106,10 @@ def evaluate(
     from lighting.model import packaged_model
 
     ours = model or packaged_model()
-    report = run(data, labels, [ours, *compare], out, with_metadata=with_metadata)
+    models = [ours, *compare]
+    report = run(data, labels, models, out, with_metadata=with_metadata, with_suncompass=suncompass)
     if relight:
-        report += "\n" + run_relight(data, labels, [ours, *compare], out) + "\n"
+        report += "\n" + run_relight(data, labels, models, out) + "\n"
     click.echo(report)
     if card:
         write_card(ours, report, data, labels)

@@ -7,23 +7,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from export import suncompass
 from export.crops import PROTOCOLS, Camera, Crop, Source, generator, take
 from export.evidence import evidence_report
 from export.groups import groups_report
 from export.labels import Label
 from export.metrics import Answers, Floats, Truth, answers, median, sun_error
 from export.panoramas import Panorama, read_index
-from export.report import figures_table, report
+from export.photos import photo_report, photo_seers
+from export.report import report
 from export.simulated import take_metadata
 from export.train import labels_of, load_sources
 from lighting.atomic import replacing
 from lighting.colour import tone_map
-from lighting.geometry import angle_between, angles, camera_directions, camera_pixel, direction
+from lighting.geometry import angle_between, camera_directions, camera_pixel, direction
 from lighting.model import Model
 from lighting.parameters import Prediction, lighting_from
-from lighting.photo import place, read_photo, to_tensor
+from lighting.photo import place
 from lighting.sun_grid import density
 
 CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
@@ -113,7 +114,7 @@ def interpret(said: Sequence[Prediction], sun: Floats) -> Answers:
 def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answers]:
     """Answers that look at no pixel; the constants are the best for the training panoramas."""
     count = len(truth.scored)
-    elevation = np.array([label.sun_elevation for label in training if math.isfinite(label.sun_elevation)])
+    elevation = sun_elevations(training)
     fits = [label for label in training if label.fit_ok]
     uniform = np.full(count, math.log(2 * math.pi))
     constants = {
@@ -131,6 +132,11 @@ def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answer
     }
 
 
+def sun_elevations(labels: Sequence[Label]) -> Floats:
+    """Of the panoramas that have a sun [deg]."""
+    return np.array([label.sun_elevation for label in labels if math.isfinite(label.sun_elevation)])
+
+
 def best_constant(elevation: Floats) -> float:
     """Elevation of the fixed direction with the least median error to suns at these elevations and any azimuth."""
     azimuth = np.linspace(-180, 180, 72, endpoint=False)
@@ -140,12 +146,23 @@ def best_constant(elevation: Floats) -> float:
     return float(candidates[int(np.argmin(errors))])
 
 
-def evaluate(data: Path, labels: Path, models: Sequence[Path], out: Path, *, with_metadata: bool = False) -> str:
+def evaluate(
+    data: Path,
+    labels: Path,
+    models: Sequence[Path],
+    out: Path,
+    *,
+    with_metadata: bool = False,
+    with_suncompass: bool = False,
+) -> str:
     """Score the networks (ours first) on the `val` split; returns the report in Markdown and writes it into `out`.
 
-    `with_metadata` adds what simulated metadata and several views of a panorama make of our network's answers.
+    `with_metadata` adds what simulated metadata and several views of a panorama make of our network's answers;
+    `with_suncompass` the outside peer, whose package must be installed.
     """
+    peer = suncompass.load() if with_suncompass else None
     training = labels_of(read_index(data, "train"), labels)
+    middle = median(sun_elevations(training))
     sources = load_sources(read_index(data, "val"), labels)
     loaded = {model.spec.name: model for model in map(Model.load, models)}
     ours = next(iter(loaded))
@@ -156,15 +173,16 @@ def evaluate(data: Path, labels: Path, models: Sequence[Path], out: Path, *, wit
         results = {name: see(model, scene) for name, model in loaded.items()}
         truth, predictions = results[ours]
         said = {name: interpret(p, truth.sun) for name, (_, p) in results.items()}
+        if peer:
+            said[suncompass.NAME] = answers(suncompass.suns(peer, suncompass.crop_pictures(scene.crops), middle))
         said |= without_network(truth, training)
         sections.append(report(protocol, truth, said, ours=ours))
         write_crops(out / f"crops-{protocol}.csv", scene, truth, said)
         if with_metadata and truth.scored.any():
             further += metadata_sections(protocol, scene, truth, predictions)
-    photos = data / "photos.csv"
-    if photos.exists():
-        sections.append(photo_report(photos, loaded))
-    text = "\n\n".join(sections + further) + "\n"
+    if (data / "photos.csv").exists():
+        sections.append(photo_report(data / "photos.csv", photo_seers(loaded, peer, middle)))
+    text = "\n\n".join([*sections, *([suncompass.NOTE] if peer else []), *further]) + "\n"
     with replacing(out / "report.md") as path:
         path.write_text(text)
     return text
@@ -192,28 +210,3 @@ def write_crops(path: Path, scene: Scene, truth: Truth, said: dict[str, Answers]
             taken = (f"{v:.3f}" for v in (c.azimuth, c.elevation, c.roll, c.vertical_fov, c.aspect))
             own = (f"{error[i]:.2f}" for error in errors.values())
             writer.writerow([source.panorama.name, *taken, truth.in_view[i], int(truth.scored[i]), *own])
-
-
-def photo_report(index: Path, models: dict[str, Model]) -> str:
-    """Medians over scenes of the real photos that `photos.csv` lists with the sun's true direction."""
-    with index.open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["sun_azimuth"]]
-    truth = direction([float(r["sun_azimuth"]) for r in rows], [float(r["sun_elevation"]) for r in rows])
-    scenes = np.array([r["group"] for r in rows])
-    figures = {}
-    for name, model in models.items():
-        tensors = [to_tensor(read_photo(index.parent / r["file"]), model.spec) for r in rows]
-        sun = interpret(model.predict(np.concatenate(tensors)), truth).sun
-        errors = {
-            "sun": angle_between(truth, sun),
-            "azimuth": np.abs((angles(sun)[0] - angles(truth)[0] + 180) % 360 - 180),
-            "elevation": np.abs(angles(sun)[1] - angles(truth)[1]),
-        }
-        figures[name] = {key: by_scene(error, scenes) for key, error in errors.items()}
-    title = f"## Real photos: median over {len(np.unique(scenes))} scenes ({len(rows)} photos) [deg]"
-    return f"{title}\n\n{figures_table(figures)}"
-
-
-def by_scene(error: Floats, scenes: NDArray[np.str_]) -> float:
-    """Median over scenes of each scene's median."""
-    return median(np.array([np.median(error[scenes == scene]) for scene in np.unique(scenes)]))
