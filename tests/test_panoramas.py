@@ -12,11 +12,11 @@ from export.panoramas import (
     PATCH,
     DataError,
     Panorama,
-    read_patch,
     decode,
     is_permissive,
     read_index,
     read_linear,
+    read_patch,
     read_picture,
     shrink,
 )
