@@ -22,6 +22,11 @@ from lighting.photo import fit_size
 MAX_HORIZONTAL_FOV = 106.0  # deg, about what the ultra-wide lens of a phone takes
 PHONE_ASPECTS = (9 / 16, 2 / 3, 3 / 4, 1.0, 4 / 3, 3 / 2, 16 / 9)
 
+_KERNELS = {  # a bicubic filter would draw a black ring around the sun of an HDR panorama
+    "ldr": Image.Resampling.BICUBIC,
+    "hdr": Image.Resampling.BILINEAR,
+}
+
 Floats = NDArray[np.floating[Any]]
 
 
@@ -131,7 +136,8 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
     and without equal blur for all the network would read the field of view from it.
     """
     width, height = fit_size(round(1000 * camera.aspect), 1000, spec)
-    linear = resize(view(source, camera, width, height, sharpness), width, height)
+    kernel = _KERNELS[source.panorama.kind]
+    linear = resize(view(source, camera, width, height, sharpness), width, height, kernel)
     gain = _automatic_gain(linear) if source.panorama.kind == "hdr" else 1.0
     side = -1.0 if camera.mirrored else 1.0
     label = source.label
@@ -162,12 +168,12 @@ def view(source: Source, camera: Camera, width: int, height: int, sharpness: flo
     return decode(np.round(sampled).astype(np.uint8)) if source.panorama.kind == "ldr" else sampled
 
 
-def resize(image: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """Bicubic resampling of (h, w, 3) to (height, width, 3)."""
+def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Resampling) -> NDArray[np.float32]:
+    """Resampling of (h, w, 3) to (height, width, 3) by a filter of Pillow's."""
     if image.shape[:2] == (height, width):
         return image
     planes = [Image.fromarray(np.ascontiguousarray(image[..., c])) for c in range(3)]
-    resized = [np.asarray(p.resize((width, height), Image.Resampling.BICUBIC)) for p in planes]
+    resized = [np.asarray(p.resize((width, height), kernel)) for p in planes]
     return np.asarray(np.maximum(np.stack(resized, axis=-1), 0.0))
 
 

@@ -1,6 +1,7 @@
 """Crops: their targets agree with what their pixels show."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,16 @@ def test_the_target_points_at_the_brightest_pixel(aspect: float, roll: float, mi
     expected = camera_pixel(crop.sun_direction, width, height, c.vertical_fov, 0.0, c.elevation, c.roll)
     assert crop.sun_azimuth == pytest.approx(-10.0 if mirrored else 10.0)
     np.testing.assert_allclose(brightest(crop), expected, atol=2.0)
+
+
+def test_no_black_ring_surrounds_the_sun_of_an_hdr_panorama() -> None:
+    hdr = source("hdr")
+    bright = hdr.levels[0].copy()
+    bright[:] = 0.2
+    bright[bright.shape[0] // 2, bright.shape[1] // 2] = 1e4
+    crop = take(replace(hdr, levels=(bright,)), Camera(0.0, 0.0, 0.0, 60.0, 4 / 3), SPEC)
+    assert crop.linear.max() > 100 * crop.linear.min()
+    assert crop.linear.min() == pytest.approx(0.2 * crop.gain, rel=1e-3)
 
 
 def test_ldr_and_hdr_crops_show_the_same_light() -> None:
