@@ -87,7 +87,10 @@ def onnx(run: Path, out: Path | None, temperature: float | None) -> None:
     "--suncompass", is_flag=True, help="Also score that outside peer; pip install --no-deps suncompass==0.0.1."
 )
 @click.option("--relight", is_flag=True, help="Also relight a sphere with the estimated maps.")
-@click.option("--card", is_flag=True, help="Also write lighting/data/MODEL_CARD.md.")
+@click.option(
+    "--failures", is_flag=True, help="Also write the worst crops; not for publishing, the pictures are the data's."
+)
+@click.option("--card", is_flag=True, help="Also write lighting/data/MODEL_CARD.md and docs/reliability.png.")
 def evaluate(
     data: Path,
     labels: Path,
@@ -97,22 +100,25 @@ def evaluate(
     with_metadata: bool,
     suncompass: bool,
     relight: bool,
+    failures: bool,
     card: bool,
 ) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.card import write_card
     from export.evaluate import evaluate as run
+    from export.honesty import PICTURE
     from export.relight import relight as run_relight
     from lighting.model import packaged_model
 
     ours = model or packaged_model()
     models = [ours, *compare]
-    report = run(data, labels, models, out, with_metadata=with_metadata, with_suncompass=suncompass)
+    parts = {"with_metadata": with_metadata, "with_suncompass": suncompass, "failures": failures}
+    report = run(data, labels, models, out, **parts)
     if relight:
         report += "\n" + run_relight(data, labels, models, out) + "\n"
     click.echo(report)
     if card:
-        write_card(ours, report, data, labels)
+        write_card(ours, report, data, labels, out / PICTURE)
 
 
 def main() -> None:

@@ -1,6 +1,8 @@
 """The model card: what the network is for, what it saw, how accurate it is, where it fails."""
 
 import hashlib
+import os
+import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,11 +12,12 @@ from export.panoramas import Panorama, is_permissive, read_index
 from lighting.atomic import replacing
 from lighting.model import CARD, Model
 
+DOCS = Path(__file__).parents[1] / "docs"
 TEMPLATE = Path(__file__).with_name("card_template.md")
 
 
-def write_card(model: Path, report: str, data: Path, labels: Path) -> Path:
-    """Write the card of an ONNX file beside it; returns the card's path."""
+def write_card(model: Path, report: str, data: Path, labels: Path, reliability: Path, docs: Path = DOCS) -> Path:
+    """Write the card of an ONNX file beside it, and its reliability diagram into `docs`; returns the card's path."""
     target = model.parent / CARD
     train, val = read_index(data, "train"), read_index(data, "val")
     given = agreement([*train, *val], read_labels(labels))
@@ -23,11 +26,19 @@ def write_card(model: Path, report: str, data: Path, labels: Path) -> Path:
         **_of_data(train, val),
         "agreement": f"- Given suns: {given}\n- Skies that the project renders: {check_rendered()}",
         "report": report.strip(),
+        "reliability": publish(reliability, docs, target),
         "date": datetime.now(UTC).date(),
     }
     with replacing(target) as path:
         path.write_text(TEMPLATE.read_text(encoding="utf-8").format(**values), encoding="utf-8")
     return target
+
+
+def publish(picture: Path, docs: Path, card: Path) -> str:
+    """Copy a picture into `docs`; returns its link from the card."""
+    with replacing(docs / picture.name) as path:
+        shutil.copyfile(picture, path)
+    return Path(os.path.relpath(docs / picture.name, card.parent)).as_posix()
 
 
 def _of_model(path: Path) -> dict[str, object]:

@@ -39,7 +39,7 @@ class Views:
 
 def correlation_report(truth: Truth, said: Sequence[Prediction], azimuth: Floats, crops_each: int) -> str:
     """The correlations learnt on each half of the places, and the coverage on the other half."""
-    halves = _halves(truth)
+    halves = halves_of(truth)
     views = [
         _views(truth, said, azimuth, range(first, first + crops_each), halves[truth.place[first]])
         for first in range(0, len(said), crops_each)
@@ -58,7 +58,7 @@ def correlation_report(truth: Truth, said: Sequence[Prediction], azimuth: Floats
     return f"{title}\n\n{figures_table(rows)}"
 
 
-def _halves(truth: Truth) -> dict[str, int]:
+def halves_of(truth: Truth) -> dict[str, int]:
     """Places dealt into two halves by their number of crops."""
     places, counts = np.unique(truth.place[truth.scored], return_counts=True)
     return {str(place): i % 2 for i, place in enumerate(places[np.argsort(-counts, kind="stable")])}

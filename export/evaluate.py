@@ -12,6 +12,7 @@ from export import suncompass
 from export.crops import PROTOCOLS, Camera, Crop, Source, generator, take
 from export.evidence import evidence_report
 from export.groups import groups_report
+from export.honesty import Judged, honesty_sections
 from export.labels import Label
 from export.metrics import Answers, Floats, Truth, answers, median, sun_error
 from export.panoramas import Panorama, read_index
@@ -27,6 +28,7 @@ from lighting.parameters import Prediction, lighting_from
 from lighting.photo import place
 from lighting.sun_grid import density
 
+CONSTANT = "constant direction"
 CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # per panorama and protocol, at azimuths spread evenly
 MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
@@ -126,7 +128,7 @@ def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answer
     azimuth = np.random.default_rng(0).uniform(-180, 180, count)
     constant = np.tile(direction(0.0, best_constant(elevation)), (count, 1))
     return {
-        "constant direction": answers(constant, nll=uniform, **constants),
+        CONSTANT: answers(constant, nll=uniform, **constants),
         "zenith": answers(np.tile([0.0, 1.0, 0.0], (count, 1)), nll=uniform),
         "random azimuth": answers(direction(azimuth, np.full(count, median(elevation))), nll=uniform),
     }
@@ -154,11 +156,13 @@ def evaluate(
     *,
     with_metadata: bool = False,
     with_suncompass: bool = False,
+    failures: bool = False,
 ) -> str:
     """Score the networks (ours first) on the `val` split; returns the report in Markdown and writes it into `out`.
 
     `with_metadata` adds what simulated metadata and several views of a panorama make of our network's answers;
-    `with_suncompass` the outside peer, whose package must be installed.
+    `with_suncompass` the outside peer, whose package must be installed; `failures` writes our worst crops as
+    failures.csv and failures.png.
     """
     peer = suncompass.load() if with_suncompass else None
     training = labels_of(read_index(data, "train"), labels)
@@ -168,6 +172,7 @@ def evaluate(
     ours = next(iter(loaded))
     out.mkdir(parents=True, exist_ok=True)
     sections, further = [], []
+    judged: dict[str, Judged] = {}
     for protocol in ("paper", "phone"):
         scene = cameras(sources, protocol)
         results = {name: see(model, scene) for name, model in loaded.items()}
@@ -178,10 +183,13 @@ def evaluate(
         said |= without_network(truth, training)
         sections.append(report(protocol, truth, said, ours=ours))
         write_crops(out / f"crops-{protocol}.csv", scene, truth, said)
+        if truth.scored.any():
+            judged[protocol] = Judged(scene.crops, truth, predictions, said[ours], said[CONSTANT])
         if with_metadata and truth.scored.any():
             further += metadata_sections(protocol, scene, truth, predictions)
     if (data / "photos.csv").exists():
         sections.append(photo_report(data / "photos.csv", photo_seers(loaded, peer, middle)))
+    sections += honesty_sections(judged, out, failures=failures)
     text = "\n\n".join([*sections, *([suncompass.NOTE] if peer else []), *further]) + "\n"
     with replacing(out / "report.md") as path:
         path.write_text(text)

@@ -6,6 +6,7 @@ import numpy as np
 
 from export.metrics import (
     Answers,
+    Bools,
     Truth,
     camera_figures,
     difference_interval,
@@ -18,7 +19,16 @@ from export.metrics import (
 from lighting.geometry import angles
 
 ELEVATIONS = ((0, 20), (20, 45), (45, 90))  # deg, bins of the true sun
-DECIMALS = {"crops": 0, "NLL": 2, "visibility AUC": 2}  # 1 in all other columns
+IN_VIEW = ("sun in view", "sky in view", "no sky")
+DECIMALS = {  # 1 in all other columns
+    "crops": 0,
+    "fitted to": 0,
+    "temperature": 2,
+    "NLL": 2,
+    "NLL, before": 2,
+    "NLL, after": 2,
+    "visibility AUC": 2,
+}
 
 
 def report(protocol: str, truth: Truth, said: dict[str, Answers], ours: str) -> str:
@@ -68,14 +78,19 @@ def intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
     return table(["", "median", "panoramas", "ours less it", "places", "ours less it"], rows)
 
 
-def interval(ends: tuple[float, float]) -> str:
+def interval(ends: tuple[float, float], decimals: int = 1) -> str:
     """Both ends of an interval."""
-    return f"{ends[0]:.1f} to {ends[1]:.1f}"
+    return f"{ends[0]:.{decimals}f} to {ends[1]:.{decimals}f}"
 
 
 def breakdown(truth: Truth, said: Answers) -> dict[str, dict[str, float]]:
     """Sun figures by true elevation and by what is in view."""
+    return {n: sun_figures(select(truth, chosen), select(said, chosen)) for n, chosen in groups(truth).items()}
+
+
+def groups(truth: Truth) -> dict[str, Bools]:
+    """Which crops (N,) have their sun at each height, and which have what in view; none is empty."""
     elevation = angles(truth.sun)[1]
-    groups = {f"sun {low} to {high}°": (elevation >= low) & (elevation < high) for low, high in ELEVATIONS}
-    groups |= {name: truth.in_view == name for name in ("sun in view", "sky in view", "no sky")}
-    return {n: sun_figures(select(truth, chosen), select(said, chosen)) for n, chosen in groups.items() if chosen.any()}
+    found = {f"sun {low} to {high}°": (elevation >= low) & (elevation < high) for low, high in ELEVATIONS}
+    found |= {name: truth.in_view == name for name in IN_VIEW}
+    return {name: chosen for name, chosen in found.items() if chosen.any()}
