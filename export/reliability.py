@@ -93,7 +93,7 @@ def draw(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
     """Share inside against p: a column a protocol, by elevation above and by what is in view below."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(4.6 * len(protocols), 9), layout="constrained")
+    figure = Figure(figsize=(4.6 * len(protocols), 9.2), layout="compressed")
     panels = figure.subplots(2, len(protocols), sharex=True, sharey=True, squeeze=False)
     for column, (protocol, found) in zip(panels.T, protocols.items(), strict=True):
         column[0].set_title(f"protocol {protocol}")

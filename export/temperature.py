@@ -21,8 +21,8 @@ FLOOR = 1e-9  # 1/sr, least density counted; as in evaluate
 COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
 MEANING = fill(
     "Temperature T of the sun's probabilities, p^(1/T), on top of the network's own: fitted by NLL on one half of the "
-    "places, measured on the other (`all`: on the very crops it was fitted to). Regions are cones around the answer. T near 1 in both halves, and little "
-    "changed by it, means that the network ships with the right one.",
+    "places, measured on the other (`all`: on the very crops it was fitted to). Regions are cones around the answer. T "
+    "near 1 in both halves, and little changed by it, means that the network ships with the right one.",
     120,
 )
 

@@ -190,11 +190,16 @@ def test_a_wrong_export_is_refused(
 
 @pytest.mark.slow
 def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tmp_path: Path) -> None:
-    report = evaluate(data, data / "labels.csv", [network], tmp_path, with_metadata=True)
+    report = evaluate(data, data / "labels.csv", [network], tmp_path, with_metadata=True, failures=True)
     for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |", "in 90 % region"):
         assert part in report
     for part in ("## Metadata, protocol `phone`", "| pixels + time+place |", "| 8, headings unknown |", "| half A |"):
         assert part in report
+    for part in ("## Reliability", "## Temperature", "## Turbidity, protocol `paper`", "## Where it fails"):
+        assert part in report
+    for name in ("reliability.png", "failures.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "failures.csv").read_text().startswith("panorama,azimuth,error,")
     assert (tmp_path / "report.md").read_text() == report
     lines = (tmp_path / "crops-paper.csv").read_text().splitlines()
     assert len(lines) == 1 + 8 * len(read_index(data, "val"))
