@@ -13,6 +13,7 @@ from lighting.atomic import replacing
 from lighting.model import CARD, Model
 
 DOCS = Path(__file__).parents[1] / "docs"
+CAPTION = "True suns inside the region that holds a given probability, by that probability"
 TEMPLATE = Path(__file__).with_name("card_template.md")
 
 
@@ -26,7 +27,7 @@ def write_card(model: Path, report: str, data: Path, labels: Path, reliability: 
         **_of_data(train, val),
         "agreement": f"- Given suns: {given}\n- Skies that the project renders: {check_rendered()}",
         "report": report.strip(),
-        "reliability": publish(reliability, docs, target),
+        "reliability": f"![{CAPTION}]({publish(reliability, docs, target)})",
         "date": datetime.now(UTC).date(),
     }
     with replacing(target) as path:

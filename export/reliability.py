@@ -103,7 +103,7 @@ def draw(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
     for panel in panels[:, 0]:
         panel.set_ylabel("true suns inside [%]")
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=100)
+        figure.savefig(temporary, format="png", dpi=100, pil_kwargs={"optimize": True})
 
 
 STYLES: dict[str, dict[str, Any]] = {

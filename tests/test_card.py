@@ -17,4 +17,4 @@ def test_the_picture_goes_to_the_documents_and_is_linked_from_the_card(tmp_path:
 
 def test_the_template_shows_the_diagram_before_the_figures() -> None:
     text = TEMPLATE.read_text(encoding="utf-8")
-    assert text.index("]({reliability})") < text.index("{report}")
+    assert text.index("{reliability}") < text.index("{report}")
