@@ -83,6 +83,7 @@ def onnx(run: Path, out: Path | None, temperature: float | None) -> None:
 @click.option(
     "--with-metadata", is_flag=True, help="Also with simulated time, place, compass, lens, and several views."
 )
+@click.option("--mirror", is_flag=True, help="Also average with the answers about mirrored crops.")
 @click.option(
     "--suncompass", is_flag=True, help="Also score that outside peer; pip install --no-deps suncompass==0.0.1."
 )
@@ -98,6 +99,7 @@ def evaluate(
     compare: tuple[Path, ...],
     out: Path,
     with_metadata: bool,
+    mirror: bool,
     suncompass: bool,
     relight: bool,
     failures: bool,
@@ -112,7 +114,7 @@ def evaluate(
 
     ours = model or packaged_model()
     models = [ours, *compare]
-    parts = {"with_metadata": with_metadata, "with_suncompass": suncompass, "failures": failures}
+    parts = {"with_metadata": with_metadata, "with_mirror": mirror, "with_suncompass": suncompass, "failures": failures}
     report = run(data, labels, models, out, **parts)
     if relight:
         report += "\n" + run_relight(data, labels, models, out) + "\n"

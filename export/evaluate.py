@@ -15,6 +15,7 @@ from export.groups import groups_report
 from export.honesty import Judged, honesty_sections
 from export.labels import Label
 from export.metrics import Answers, Floats, Truth, answers, median, sun_error
+from export.mirror import mirror_averaged
 from export.panoramas import Panorama, read_index
 from export.photos import photo_report, photo_seers
 from export.report import report
@@ -55,13 +56,17 @@ def cameras(sources: Sequence[Source], protocol: str) -> Scene:
     return Scene(list(sources), taken)
 
 
-def see(model: Model, scene: Scene, batch: int = 16) -> tuple[Truth, list[Prediction]]:
-    """The truth about the scene's crops and what the network says of them, by the path that users take."""
+def see(model: Model, scene: Scene, *, mirrored: bool = False, batch: int = 16) -> tuple[Truth, list[Prediction]]:
+    """The truth about the scene's crops and what the network says of them, by the path that users take.
+
+    With `mirrored` it says it of the crops' mirror images.
+    """
     crops: list[Crop] = []
     said: list[Prediction] = []
     for first in range(0, len(scene.crops), batch):
         part = [take(source, camera, model.spec) for source, camera in scene.crops[first : first + batch]]
-        said += model.predict(np.stack([place(tone_map(crop.linear), model.spec) for crop in part]))
+        pictures = [tone_map(crop.linear)[:, :: -1 if mirrored else 1] for crop in part]
+        said += model.predict(np.stack([place(picture, model.spec) for picture in pictures]))
         crops += part
     return collect([source.panorama for source, _ in scene.crops], crops), said
 
@@ -155,20 +160,21 @@ def evaluate(
     out: Path,
     *,
     with_metadata: bool = False,
+    with_mirror: bool = False,
     with_suncompass: bool = False,
     failures: bool = False,
 ) -> str:
     """Score the networks (ours first) on the `val` split; returns the report in Markdown and writes it into `out`.
 
     `with_metadata` adds what simulated metadata and several views of a panorama make of our network's answers;
-    `with_suncompass` the outside peer, whose package must be installed; `failures` writes our worst crops as
-    failures.csv and failures.png.
+    `with_mirror` its answers averaged with those about mirror images; `with_suncompass` the outside peer, whose package
+    must be installed; `failures` writes our worst crops as failures.csv and failures.png.
     """
     peer = suncompass.load() if with_suncompass else None
     training = labels_of(read_index(data, "train"), labels)
     middle = median(sun_elevations(training))
     sources = load_sources(read_index(data, "val"), labels)
-    loaded = {model.spec.name: model for model in map(Model.load, models)}
+    loaded = by_name(list(map(Model.load, models)))
     ours = next(iter(loaded))
     out.mkdir(parents=True, exist_ok=True)
     sections, further = [], []
@@ -178,6 +184,9 @@ def evaluate(
         results = {name: see(model, scene) for name, model in loaded.items()}
         truth, predictions = results[ours]
         said = {name: interpret(p, truth.sun) for name, (_, p) in results.items()}
+        if with_mirror:
+            mirrors = see(loaded[ours], scene, mirrored=True)[1]
+            said[f"{ours}, mirror averaged"] = interpret(mirror_averaged(predictions, mirrors), truth.sun)
         if peer:
             said[suncompass.NAME] = answers(suncompass.suns(peer, suncompass.crop_pictures(scene.crops), middle))
         said |= without_network(truth, training)
@@ -194,6 +203,15 @@ def evaluate(
     with replacing(out / "report.md") as path:
         path.write_text(text)
     return text
+
+
+def by_name(models: Sequence[Model]) -> dict[str, Model]:
+    """Networks by name, with the version where two share one."""
+    names = [model.spec.name for model in models]
+    return {
+        name if names.count(name) == 1 else f"{name} {model.spec.version}": model
+        for name, model in zip(names, models, strict=True)
+    }
 
 
 def metadata_sections(protocol: str, scene: Scene, truth: Truth, said: Sequence[Prediction]) -> list[str]:

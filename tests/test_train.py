@@ -190,12 +190,19 @@ def test_a_wrong_export_is_refused(
 
 @pytest.mark.slow
 def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tmp_path: Path) -> None:
-    report = evaluate(data, data / "labels.csv", [network], tmp_path, with_metadata=True, failures=True)
-    for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |", "in 90 % region"):
+    everything = dict.fromkeys(("with_metadata", "with_mirror", "failures"), True)
+    report = evaluate(data, data / "labels.csv", [network], tmp_path, **everything)
+    for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |"):
         assert part in report
     for part in ("## Metadata, protocol `phone`", "| pixels + time+place |", "| 8, headings unknown |", "| half A |"):
         assert part in report
-    for part in ("## Reliability", "## Temperature", "## Turbidity, protocol `paper`", "## Where it fails"):
+    for part in (
+        "mirror averaged |",
+        "## Reliability",
+        "## Temperature",
+        "## Turbidity, protocol `paper`",
+        "## Where it fails",
+    ):
         assert part in report
     for name in ("reliability.png", "failures.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
