@@ -64,13 +64,14 @@ def train(
 @click.option(
     "--temperature", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="Of the sun's softmax."
 )
-def onnx(run: Path, out: Path | None, temperature: float | None) -> None:
+@click.option("--version", help="Of the network, where it is not the run's: another temperature makes another one.")
+def onnx(run: Path, out: Path | None, temperature: float | None, version: str | None) -> None:
     """Write a run's averaged network as ONNX and compare it with torch, number by number."""
     from export.to_onnx import export, read_spec
 
     spec = read_spec(run)
-    target = out or run / f"{spec.name}-{spec.version}.onnx"
-    difference = export(run, target, temperature=temperature)
+    target = out or run / f"{spec.name}-{version or spec.version}.onnx"
+    difference = export(run, target, temperature=temperature, version=version)
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 

@@ -70,16 +70,18 @@ def held_out_crops(folder: Path) -> Crops:
     return Crops(load_sources(panoramas, config.labels), read_spec(folder), config, tune=True)
 
 
-def export(folder: Path, target: Path, *, temperature: float | None = None) -> float:
+def export(folder: Path, target: Path, *, temperature: float | None = None, version: str | None = None) -> float:
     """Write `target` from a training folder; returns the parity (see `parity`), ModelError over TOLERANCE.
 
-    Without a temperature it is fitted on the training places that the run held out.
+    Without a temperature it is fitted on the training places that the run held out; the version is the run's unless
+    another is given.
     """
     record = read_record(folder)
     network = read_network(folder)
     divisor = fit_temperature(network, held_out_crops(folder)) if temperature is None else temperature
     served = Served(network, divisor).eval()
     spec = replace(read_spec(folder), training_data=describe_data(record))
+    spec = replace(spec, version=version or spec.version)
     known = {"commit": record["commit"], "temperature": f"{divisor:.3f}"}
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
