@@ -1,6 +1,6 @@
 """Many photos: the pool by workers beside its floors, its memory, and the pool beside Ray.
 
-    python benchmarks/batch.py [--photos 200] [--memory-photos 10000] [--ray-photos 200] [--no-ray]
+    python benchmarks/batch.py [--photos 200] [--memory-photos 10000] [--no-ray]
 
 The photos are one JPEG under many names. A floor is what one process of one thread needs for Pillow's decoding at
 reduced scale and for onnxruntime's run of the same graph; times the number of workers, it is what could be had.
@@ -15,15 +15,18 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from common import TWELVE_MEGAPIXELS, machine, many_photos, run_lighting
 
 SMALL = (640, 480)
+ROUNDS = 5  # floors and pool in turn; the medians count
 
 _FLOOR = """
 import sys, time
 from pathlib import Path
+from statistics import median
 from PIL import Image
 from lighting.model import Model
 from lighting.photo import TARGET, read_photo, to_tensor
@@ -53,15 +56,15 @@ def pool_rates(photos: Path, count: int, workers: int) -> tuple[float, float]:
         command = [sys.executable, "-m", "lighting", "batch", photos, out, "--workers", str(workers)]
         started = time.perf_counter()
         running = subprocess.Popen(list(map(str, command)))
-        first = _time_of_first(Path(out) / "lighting.jsonl", running)
+        first, last = (_time_of_line(Path(out) / "lighting.jsonl", number, running) for number in (workers, count))
         running.wait()
         ended = time.perf_counter()
-    return count / (ended - started), (count - workers) / (ended - first)
+    return count / (ended - started), (count - workers) / (last - first)
 
 
-def _time_of_first(journal: Path, running: subprocess.Popen[bytes]) -> float:
-    while running.poll() is None and not (journal.exists() and journal.stat().st_size):
-        time.sleep(0.005)
+def _time_of_line(journal: Path, number: int, running: subprocess.Popen[bytes]) -> float:
+    while running.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") >= number):
+        time.sleep(0.02)
     return time.perf_counter()
 
 
@@ -120,8 +123,11 @@ def print_workers(size: tuple[int, int], count: int) -> dict[str, Any]:
         print(f"\n{count} JPEGs of {size[0]} x {size[1]}; photos per second")
         print(f"{'workers':>8}{'whole':>9}{'running':>9}{'floors':>9}{'share':>8}")
         for workers in (1, 2):
-            floor = floor_rate(photos / "000000.jpg", workers, max(20, count // 4))
-            whole, steady = pool_rates(photos, count, workers)
+            rounds = [
+                (floor_rate(photos / "000000.jpg", workers, count // workers), *pool_rates(photos, count, workers))
+                for _ in range(ROUNDS)
+            ]
+            floor, whole, steady = map(median, zip(*rounds, strict=True))
             figures[str(workers)] = {"whole": whole, "running": steady, "floors": floor}
             print(f"{workers:>8}{whole:9.1f}{steady:9.1f}{floor:9.1f}{steady / floor:8.2f}")
     print(f"2 workers are {figures['2']['running'] / figures['1']['running']:.2f} times 1")
@@ -139,7 +145,7 @@ def main() -> None:
     print_workers(TWELVE_MEGAPIXELS, options.photos)
     print_workers(SMALL, 5 * options.photos)
     if importlib.util.find_spec("ray") and not options.no_ray:
-        print_ray(options.photos)
+        print_ray(5 * options.photos)
     else:
         print("\nRay: not measured" + ("" if options.no_ray else "; it is not installed"))
     if options.memory_photos:

@@ -83,6 +83,8 @@ def ring_directions(candidates: Floats) -> Floats:
 
 def ring_density(prediction: Prediction, candidates: Floats) -> Floats:
     """Density [1/sr] (K, 360) that the pixels give each candidate's sun (K, 2) for each of HEADINGS."""
+    if not len(candidates):
+        return np.empty((0, len(HEADINGS)))
     return smooth_density(prediction.sun_probability, ring_directions(candidates), prediction.spec.sun_grid)
 
 

@@ -232,5 +232,5 @@ def place(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:
 def to_tensor(photo: Photo, spec: ModelSpec) -> NDArray[np.float32]:
     """The network's input (1, 3, H, W): the photo resized without aliasing, on its canvas."""
     size = fit_size(photo.width, photo.height, spec)
-    resized = Image.fromarray(photo.pixels).resize(size, Image.Resampling.BICUBIC, reducing_gap=2.0)
+    resized = Image.fromarray(photo.pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0)
     return place(np.asarray(resized), spec)[None]

@@ -22,6 +22,7 @@ Floats = NDArray[np.floating[Any]]
 
 _GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # degrees
 _MODE_RADIUS = 25.0  # degrees around the best cell over which the soft decoding averages
+_CANDIDATES = 64  # cells; on crops of unseen places 32 find the same modes as all 1024
 _SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) that finds the best mode
 
 
@@ -76,13 +77,14 @@ def soft_label(direction: ArrayLike, concentration: ArrayLike, layout: str) -> F
 def most_likely(probability: ArrayLike, layout: str) -> Floats:
     """The sun's direction (3,) of probabilities (N,): the mean of the cells around the strongest mode.
 
-    The mode is sought in the density smoothed by a 4 deg kernel; the average over 25 deg around it removes
-    the grid's own error.
+    The mode is sought among the likeliest cells, in the density smoothed by a 4 deg kernel; the average over 25 deg
+    around it removes the grid's own error.
     """
     p = np.asarray(probability, dtype=np.float64)
     cells = grid_directions(layout)
-    peak = cells[int(np.argmax(_smoothing_kernel(layout) @ p.astype(np.float32)))]
-    near = p * (angle_between(cells, peak) <= _MODE_RADIUS)
+    likely = np.argpartition(p, -min(_CANDIDATES, len(p)))[-_CANDIDATES:]
+    peak = cells[likely[int(np.argmax(_smoothing_kernel(layout)[likely] @ p.astype(np.float32)))]]
+    near = p * (cells @ peak >= np.cos(np.radians(_MODE_RADIUS)))
     mean = near @ cells
     return np.asarray(mean / np.linalg.norm(mean))
 

@@ -18,6 +18,7 @@ Work = Callable[[str], Result]
 
 PATIENCE = 5.0  # seconds that workers have to finish what they are at when all ends
 
+_AHEAD = 2  # items that a worker holds, so that it need not wait for the next one
 _ATTEMPTS = 2  # at an item whose worker dies, before it takes the blame
 _READY = "ready"
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -27,7 +28,8 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 class _Worker:
     process: BaseProcess
     connection: Connection
-    item: str | None = None  # none before the process is prepared
+    items: deque[str] = field(default_factory=deque)  # what it is at, and what comes next
+    prepared: bool = False
 
 
 @dataclass
@@ -70,28 +72,33 @@ def _heard(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, Result
         return
     if isinstance(answer, Exception):
         raise answer
-    item = worker.item
+    item = worker.items.popleft() if worker.prepared else None
+    worker.prepared = True
     _give(worker, share)
     if item is not None:
         yield item, answer
 
 
 def _give(worker: _Worker, share: _Share[Result]) -> None:
-    """The next item, or leave to go; a worker that is dead already is found out when it is listened to."""
-    worker.item = share.again.popleft() if share.again else next(share.items, None)
-    if worker.item is None:
+    """The next items, or leave to go; a worker that is dead already is found out when it is listened to."""
+    while len(worker.items) < _AHEAD:
+        item = share.again.popleft() if share.again else next(share.items, None)
+        if item is None:
+            break
+        worker.items.append(item)
+        with suppress(OSError):
+            worker.connection.send(item)
+    if not worker.items:
         share.team.remove(worker)
         _dismiss([worker])
-        return
-    with suppress(OSError):
-        worker.connection.send(worker.item)
 
 
 def _bury(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, None]]:
-    """Put a new worker in the place of one that died."""
+    """Put a new worker in the place of one that died; what it had not begun yet goes to another one."""
     share.team.remove(worker)
     _dismiss([worker])
-    item = worker.item
+    item = worker.items.popleft() if worker.items else None
+    share.again += worker.items
     share.losses[item] += 1
     blamed = share.losses[item] >= _ATTEMPTS
     if item is None and blamed:
