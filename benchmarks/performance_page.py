@@ -60,21 +60,23 @@ def heights_page(figures: dict[str, Any]) -> str:
         pixels = 2 * height * height
         rows.append(
             f"| {height} | {render_ms:.1f} | {1e6 * render_ms / pixels:.1f} "
+            f"| {100 * figures['system'][str(height)]:.0f} % "
             f"| {write_ms:.1f} | {1e6 * write_ms / pixels:.1f} | {size / 1e6:.2f} |"
         )
     return f"""## Map height
 
 {figures["machine"]}.
 
-| height | render, ms | ns a pixel | write EXR, ms | ns a pixel | EXR, MB |
-| ---: | ---: | ---: | ---: | ---: | ---: |
+| height | render, ms | ns a pixel | the system's part | write EXR, ms | ns a pixel | EXR, MB |
+| ---: | ---: | ---: | ---: | ---: | ---: | ---: |
 {chr(10).join(rows)}
 
-Linear in the number of pixels from a height of about 1024. Below that the fixed work shows: the table of the sky
-around the sun, the integral of the sky for the ground and the disc's own grid take the same time at every height.
-Writing is compression and grows with the pixels; where the map outgrows the processor's cache, both take somewhat more
-time a pixel. With `--envmap`, a million maps of height 512 fill {figures["size"]["512"] * 1e6 / 1e12:.1f} TB and take
-their rendering and writing on top.
+The fixed work shows in small maps: the table of the sky around the sun, the integral of the sky for the ground and the
+disc's own grid take the same time at every height, so that the time a pixel falls until they no longer count. In large
+maps memory shows: a map of height 4096 is an array of {4096 * 8192 * 12 / 1e6:.0f} MB, which the system clears before
+it hands it out; the column of the system's part tells where that costs more than the sky does. Writing is compression
+and grows with the pixels. With `--envmap`, a million maps of height 512 fill
+{figures["size"]["512"] * 1e6 / 1e12:.1f} TB and take their rendering and writing on top.
 """
 
 
