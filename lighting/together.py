@@ -30,9 +30,9 @@ from lighting.parameters import Prediction, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 
 # learnt by `python -m export evaluate --with-metadata` on places that training never saw
-CORRELATION = 0.5  # of the sun's distribution in one frame
-AZIMUTH_CORRELATION = 0.2  # of its azimuth at a known elevation
-ELEVATION_CORRELATION = 1.0  # of its elevation alone
+CORRELATION = 0.3  # of the sun's distribution in one frame
+AZIMUTH_CORRELATION = 0.1  # of its azimuth at a known elevation
+ELEVATION_CORRELATION = 0.6  # of its elevation alone
 
 COMPASS_NOISE = 10.0  # deg, spread of one heading of a phone against the next; the larger part of its error is shared
 
