@@ -31,13 +31,14 @@ def accuracy(spec: ModelSpec, folder: Path) -> dict[str, dict[str, float]]:
     """Protocol: name: value, from the card beside a network; empty where there is none or it is of another network."""
     card = folder / CARD
     text = card.read_text(encoding="utf-8") if card.is_file() else ""
-    if f"# {spec.name} {spec.version}\n" not in text:
+    full = f"{spec.name} {spec.version}"
+    if f"# {full}\n" not in text:
         return {}
     sections = re.findall(r"^## Protocol `(\w+)`.*?$(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
-    return {protocol: _numbers(section, spec.name) for protocol, section in sections}
+    return {protocol: _numbers(section, {spec.name, full}) for protocol, section in sections}
 
 
-def _numbers(section: str, network: str) -> dict[str, float]:
+def _numbers(section: str, network: set[str]) -> dict[str, float]:
     """The network's numbers in a section's first table, of the sun, and in the one of camera and sky."""
     rows = [row for table in re.findall(r"(?:^\|.*\n)+", section, re.MULTILINE) for row in _rows(table, network)]
     camera = next(row for row in rows if "fov" in row)
@@ -48,10 +49,10 @@ def _numbers(section: str, network: str) -> dict[str, float]:
     }
 
 
-def _rows(table: str, network: str) -> list[dict[str, str]]:
-    """The network's rows of a table, by column."""
+def _rows(table: str, network: set[str]) -> list[dict[str, str]]:
+    """The rows of a table that have one of the network's names, by column."""
     header, _, *rows = [_cells(line) for line in table.splitlines()]
-    return [dict(zip(header, row, strict=True)) for row in rows if row[0] == network]
+    return [dict(zip(header, row, strict=True)) for row in rows if row[0] in network]
 
 
 def _cells(line: str) -> list[str]:

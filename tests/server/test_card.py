@@ -32,6 +32,12 @@ def test_the_sun_and_the_camera_each_have_their_elevation(tmp_path: Path) -> Non
     assert (phone["camera_elevation_median"], phone["exposure_median"]) == (3.5, 0.5)
 
 
+def test_beside_another_version_the_network_goes_by_its_full_name(tmp_path: Path) -> None:
+    versions = CARD.replace("| tiny |", "| tiny 0.0.1 |").replace("| zenith |", "| tiny 0.0.0 |")
+    (tmp_path / "MODEL_CARD.md").write_text(versions, encoding="utf-8")
+    assert accuracy(TINY, tmp_path)["phone"]["sun_median"] == 20.5
+
+
 def test_the_packaged_card_states_every_number_of_the_answer() -> None:
     stated = accuracy(Model.load().spec, packaged_model().parent)
     assert {"paper", "phone"} <= set(stated)
