@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.crops import Crop, take
-from export.evaluate import Scene, cameras
+from export.evaluate import Scene, by_name, cameras
 from export.labels import Label
 from export.metrics import difference_interval, table
 from export.panoramas import read_index
@@ -161,7 +161,7 @@ def _lighting(label: Label) -> Lighting:
 
 def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     """A table in Markdown of the networks (ours first) and of constant skies; writes relight.png into `out`."""
-    loaded = {model.spec.name: model for model in map(Model.load, models)}
+    loaded = by_name(list(map(Model.load, models)))
     shown = views(data, labels, next(iter(loaded.values())).spec)
     truth = [picture(light) for light in shown.truth]
     pictures = {name: [picture(li) for li in estimated(model, shown.scene)] for name, model in loaded.items()}
