@@ -3,7 +3,8 @@
     python benchmarks/batch.py [--photos 200] [--memory-photos 10000] [--no-ray]
 
 The photos are one JPEG under many names. A floor is what one process of one thread needs for Pillow's decoding at
-reduced scale and for onnxruntime's run of the same graph; times the number of workers, it is what could be had.
+reduced scale and for onnxruntime's run of the same graph, in as many processes as there are workers. The pool's rate
+without its start is that of the photos by which a larger folder exceeds a smaller one.
 """
 
 import argparse
@@ -50,22 +51,17 @@ def floor_rate(photo: Path, workers: int, count: int) -> float:
     return sum(float(process.communicate()[0]) for process in running)
 
 
-def pool_rates(photos: Path, count: int, workers: int) -> tuple[float, float]:
-    """Photos per second of a whole run, start included, and between its first and last photo."""
+def pool_rates(few: Path, many: Path, workers: int) -> tuple[float, float]:
+    """Photos per second of the larger folder, start included; and of what it holds more, by the difference."""
+    counts = [sum(1 for _ in photos.iterdir()) for photos in (few, many)]
+    took = [pool_seconds(photos, workers) for photos in (few, many)]
+    return counts[1] / took[1], (counts[1] - counts[0]) / (took[1] - took[0])
+
+
+def pool_seconds(photos: Path, workers: int) -> float:
+    """Seconds of a whole run."""
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "lighting", "batch", photos, out, "--workers", str(workers)]
-        started = time.perf_counter()
-        running = subprocess.Popen(list(map(str, command)))
-        first, last = (_time_of_line(Path(out) / "lighting.jsonl", number, running) for number in (workers, count))
-        running.wait()
-        ended = time.perf_counter()
-    return count / (ended - started), (count - workers) / (last - first)
-
-
-def _time_of_line(journal: Path, number: int, running: subprocess.Popen[bytes]) -> float:
-    while running.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") >= number):
-        time.sleep(0.02)
-    return time.perf_counter()
+        return run_lighting("batch", photos, out, "--workers", workers)
 
 
 def memory_by_photo(photos: Path, count: int) -> Iterator[tuple[int, float]]:
@@ -119,12 +115,12 @@ print(time.perf_counter() - started)
 def print_workers(size: tuple[int, int], count: int) -> dict[str, Any]:
     """The table by workers of photos of one size; returns its figures."""
     figures: dict[str, Any] = {}
-    with many_photos(count, size) as photos:
+    with many_photos(count // 4, size) as few, many_photos(count, size) as many:
         print(f"\n{count} JPEGs of {size[0]} x {size[1]}; photos per second")
         print(f"{'workers':>8}{'whole':>9}{'running':>9}{'floors':>9}{'share':>8}")
         for workers in (1, 2):
             rounds = [
-                (floor_rate(photos / "000000.jpg", workers, count // workers), *pool_rates(photos, count, workers))
+                (floor_rate(many / "000000.jpg", workers, count // workers), *pool_rates(few, many, workers))
                 for _ in range(ROUNDS)
             ]
             floor, whole, steady = map(median, zip(*rounds, strict=True))
@@ -159,7 +155,7 @@ def main() -> None:
 def print_ray(count: int) -> None:
     """The pool and Ray on the same photos."""
     with many_photos(count, TWELVE_MEGAPIXELS) as photos:
-        pool = pool_rates(photos, count, 2)[0]
+        pool = count / pool_seconds(photos, 2)
         ray = ray_rate(photos, count)
     print(f"\nThe same {count} photos: pool of 2 {pool:.1f} a second, Ray {json.dumps(ray)}")
 
