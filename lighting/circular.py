@@ -13,7 +13,7 @@ from lighting.sun_grid import radii
 
 HEADINGS = np.arange(360.0)  # deg clockwise from true north
 
-_MODE_WIDTH = 25.0  # deg around the strongest mode over which the decoding averages, as in sun_grid.py
+_MODE_WIDTH = 25.5  # deg around the strongest mode over which the decoding averages: 25 bins to either side
 _MODE_SMOOTHING = 15.0  # deg, spread of the kernel that finds the strongest mode
 
 Floats = NDArray[np.floating[Any]]

@@ -99,12 +99,17 @@ def radii(
     probability: ArrayLike, directions: ArrayLike, centre: ArrayLike, shares: Sequence[float] = (0.5, 0.9)
 ) -> list[float]:
     """Angles [deg] around `centre` (3,) that hold `shares` of the probability (N,) of directions (N, 3)."""
+    reach, held = cones(probability, directions, centre)
+    return list(map(float, np.interp(shares, held, reach)))
+
+
+def cones(probability: ArrayLike, directions: ArrayLike, centre: ArrayLike) -> tuple[Floats, Floats]:
+    """Angles [deg] (N + 1,) around `centre` (3,), from 0 on, and the share of the probability (N,) within each."""
     p = np.asarray(probability, dtype=np.float64)
     distance = angle_between(directions, centre)
     order = np.argsort(distance)
     held = np.cumsum(p[order]) / p.sum()
-    found = np.interp(shares, np.concatenate([[0.0], held]), np.concatenate([[0.0], distance[order]]))
-    return list(map(float, found))
+    return np.concatenate([[0.0], distance[order]]), np.concatenate([[0.0], held])
 
 
 def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats:

@@ -28,8 +28,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 class _Worker:
     process: BaseProcess
     connection: Connection
-    items: deque[str] = field(default_factory=deque)  # what it is at, and what comes next
-    prepared: bool = False
+    items: deque[str] = field(default_factory=deque)  # what it is at, and what comes next; none before it is prepared
 
 
 @dataclass
@@ -72,8 +71,7 @@ def _heard(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, Result
         return
     if isinstance(answer, Exception):
         raise answer
-    item = worker.items.popleft() if worker.prepared else None
-    worker.prepared = True
+    item = worker.items.popleft() if worker.items else None
     _give(worker, share)
     if item is not None:
         yield item, answer

@@ -54,7 +54,7 @@ def test_correlation_finds_the_turn_between_two() -> None:
 def test_a_sun_on_a_ring_keeps_the_elevation_of_the_ring(azimuth: float, elevation: float) -> None:
     sun = sun_on_rings(direction(HEADINGS, elevation), bell(azimuth, 15.0))
     assert sun.elevation == pytest.approx(elevation, abs=1e-9)
-    assert abs(float(wrap_azimuth(sun.azimuth - azimuth))) < 0.5  # half a bin
+    assert abs(float(wrap_azimuth(sun.azimuth - azimuth))) < 0.2
     assert sun.radius_50 <= 0.7 * 15.0 * math.cos(math.radians(elevation)) + 1.0
 
 

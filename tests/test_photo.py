@@ -364,9 +364,9 @@ def test_absurd_shapes_are_refused(width: int, height: int) -> None:
     assert refusal(encode(scene(width, height), "PNG")).startswith(f"The photo is {width} x {height} pixels;")
 
 
-@pytest.mark.parametrize(("width", "height"), [(32, 32), (32, 256), (256, 32), (252, 448)])
+@pytest.mark.parametrize(("width", "height"), [(32, 32), (32, 256), (256, 32), (1080, 1920)])
 def test_unusual_shapes_are_read(width: int, height: int) -> None:
-    photo = read_photo(encode(scene(width, height)))
+    photo = read_photo(encode(scene(width, height)), target=None)
     assert photo.pixels.shape == (height, width, 3)
 
 
