@@ -197,6 +197,7 @@ def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tm
     for part in ("## Metadata, protocol `phone`", "| pixels + time+place |", "| 8, headings unknown |", "| half A |"):
         assert part in report
     for part in (
+        "in 90 % region",
         "mirror averaged |",
         "## Reliability",
         "## Temperature",
