@@ -4,6 +4,7 @@ A crop is decided by its panorama's name, its index and its protocol alone: addi
 """
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -157,7 +158,7 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
 
 def view(source: Source, camera: Camera, width: int, height: int, sharpness: float) -> NDArray[np.float32]:
     """Linear samples of a camera's view, at most (height, width), no finer than the panorama or `sharpness` allow."""
-    finest = source.levels[0].shape[0] / 180.0 * camera.vertical_fov  # panorama pixels along the view's height
+    finest = _finest(source, camera)
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
@@ -166,6 +167,16 @@ def view(source: Source, camera: Camera, width: int, height: int, sharpness: flo
     )
     sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
     return decode(np.round(sampled).astype(np.uint8)) if source.panorama.kind == "ldr" else sampled
+
+
+def is_resolved(source: Source, camera: Camera, rows: float) -> bool:
+    """Whether the panorama has `rows` pixels along the view's height; if not, its blur tells the field of view."""
+    return _finest(source, camera) >= rows
+
+
+def _finest(source: Source, camera: Camera) -> float:
+    """Panorama pixels along the view's height."""
+    return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov)
 
 
 def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Resampling) -> NDArray[np.float32]:
@@ -184,10 +195,10 @@ def _automatic_gain(linear: NDArray[np.float32]) -> float:
 
 def sampling_weights(sources: Sequence[Source]) -> Floats:
     """Chances (N,) of drawing each panorama: places count by the root of their size, rare sun elevations more."""
-    places = [s.panorama.place for s in sources]
-    size = np.array([places.count(place) for place in places], dtype=np.float64)
+    places = Counter(s.panorama.place for s in sources)
+    size = np.array([places[s.panorama.place] for s in sources], dtype=np.float64)
     elevation = np.array([s.label.sun_elevation for s in sources])
     bins = np.where(np.isfinite(elevation), np.nan_to_num(np.maximum(elevation, 0)) // 15, -1)
     crowd = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
     weight = size**-0.5 * crowd**-0.5
-    return np.asarray(weight / weight.sum())
+    return np.asarray(weight / max(weight.sum(), 1e-12))

@@ -22,10 +22,21 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader, Dataset
 
 from export.augment import augment
-from export.crops import Floats, Source, generator, load_source, paper_camera, sampling_weights, take, training_camera
+from export.crops import (
+    Floats,
+    Source,
+    generator,
+    is_resolved,
+    load_source,
+    paper_camera,
+    sampling_weights,
+    take,
+    training_camera,
+)
 from export.labels import Label, read_labels
 from export.network import TARGET_WIDTH, build, encode, specs
 from export.panoramas import DataError, Panorama, read_index
+from export.towns.dataset import LABELS
 from lighting.atomic import replacing
 from lighting.parameters import ModelSpec
 from lighting.photo import place
@@ -55,6 +66,8 @@ class TrainConfig:
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
     start: str = ""  # folder of an earlier run, whose averaged weights this one starts from; its crops are others
+    synthetic: str = ""  # folder of `python -m export synthesize`, mixed in
+    synthetic_share: float = 0.3  # of the crops, where there is such a folder
     workers: int = 2
     checkpoint_minutes: float = 4.0
 
@@ -70,9 +83,19 @@ class Batch(NamedTuple):
 class Crops(Dataset[Batch]):
     """Training crops by number: number i is the same crop in every run over the same panoramas."""
 
-    def __init__(self, sources: Sequence[Source], spec: ModelSpec, config: TrainConfig, *, tune: bool = False) -> None:
-        self.sources, self.spec, self.config, self.tune = sources, spec, config, tune
-        self.chances = np.cumsum(sampling_weights(sources))
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        spec: ModelSpec,
+        config: TrainConfig,
+        *,
+        synthetic: Sequence[Source] = (),
+        tune: bool = False,
+    ) -> None:
+        self.sources, self.spec, self.config, self.tune = [*sources, *synthetic], spec, config, tune
+        share = config.synthetic_share if synthetic else 0.0
+        parts = [(1 - share) * sampling_weights(sources), share * sampling_weights(synthetic)]
+        self.chances = np.cumsum(np.concatenate(parts))
         self.purpose = f"train from {config.start}" if config.start else "train"
 
     def __len__(self) -> int:
@@ -91,10 +114,13 @@ class Crops(Dataset[Batch]):
     def _batch(self, source: Source, index: int, purpose: str) -> Batch:
         rng = generator(source.panorama.name, index, purpose)
         camera = paper_camera(rng) if self.tune else training_camera(rng)
-        crop = take(source, camera, self.spec, rng.uniform(self.config.sharpness, 1.0))
+        sharpness = rng.uniform(self.config.sharpness, 1.0)
+        crop = take(source, camera, self.spec, sharpness)
         pixels, gain = augment(crop, rng)
         parameters = crop.parameters
         parameters[1] *= gain
+        if not is_resolved(source, camera, sharpness * pixels.shape[0]):
+            parameters[4] = math.nan  # the blur would tell it
         sun: Floats = np.zeros(0)
         if math.isfinite(crop.sun_elevation):
             width = math.hypot(crop.sun_uncertainty, self.config.target_width)
@@ -127,6 +153,13 @@ def labels_of(panoramas: Sequence[Panorama], labels: str | Path) -> list[Label]:
     if missing:
         raise DataError(f"{labels} has no label for {missing[0]}; run `python -m export label` again.")
     return [known[p.name] for p in panoramas]
+
+
+def synthetic_sources(config: TrainConfig) -> list[Source]:
+    """The rendered places that are mixed in, if any."""
+    if not config.synthetic:
+        return []
+    return load_sources(read_index(config.synthetic, "train"), Path(config.synthetic) / LABELS)
 
 
 def losses(sun: Tensor, raw: Tensor, batch: Batch) -> dict[str, Tensor]:
@@ -258,10 +291,12 @@ def train(config: TrainConfig) -> Path:
     record["panoramas"] = {"train": [p.name for p in kept], "tune": [p.name for p in held_out]}
     with replacing(out / "config.json") as path:
         path.write_text(json.dumps(record, indent=1))
-    dataset = Crops(load_sources(kept, config.labels), run.spec, config)
+    dataset = Crops(load_sources(kept, config.labels), run.spec, config, synthetic=synthetic_sources(config))
     tune = Crops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
     print(
-        f"{len(kept)} panoramas to train on, {len(held_out)} held out, from step {run.step} of {run.steps}", flush=True
+        f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out, "
+        f"from step {run.step} of {run.steps}",
+        flush=True,
     )
     _loop(run, dataset, tune)
     return run.checkpoint

@@ -9,9 +9,10 @@ from tqdm import tqdm
 
 from export.labels import Label, read_labels, write_labels
 from export.panoramas import INDEX
-from export.path_trace import Place
-from export.skies import Sky, random_sky
-from export.towns import EYE, Floats, place
+from export.towns.mesh import Floats
+from export.towns.path_trace import Place
+from export.towns.place import EYE, place
+from export.towns.sky import Sky, random_sky
 from lighting.atomic import replacing
 from lighting.exr import write_exr
 
@@ -87,7 +88,7 @@ def synthesize(folder: Path, count: int, height: int) -> None:
 def _row(rendered: Rendered, file: str) -> dict[str, str]:
     label = rendered.label
     sun = "none" if label.sun_source == "none" else "visible" if rendered.sun_visible else "inferred"
-    where = {} if sun == "none" else {"sun_azimuth": f"{label.sun_azimuth:.3f}", "sun_elevation": f"{label.sun_elevation:.3f}"}
+    angles = {"sun_azimuth": label.sun_azimuth, "sun_elevation": label.sun_elevation}
     return {
         "name": rendered.name,
         "file": file,
@@ -95,9 +96,7 @@ def _row(rendered: Rendered, file: str) -> dict[str, str]:
         "place": rendered.name,
         "split": "train",
         "sun": sun,
-        "sun_azimuth": "",
-        "sun_elevation": "",
-        **where,
+        **{name: "" if sun == "none" else f"{angle:.3f}" for name, angle in angles.items()},
         "sun_uncertainty": "" if sun == "none" else "1",
         "direct": label.direct,
         "scene": "rendered",

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.towns import EYE, Floats, Mesh
+from export.towns.mesh import Floats, Mesh
+from export.towns.place import EYE
 from lighting.geometry import direction
 
 SAMPLES = 12  # paths per pixel
@@ -70,8 +71,7 @@ class Place:
         import mitsuba as mi
 
         level = direction(np.linspace(-180, 180, 180, endpoint=False), np.zeros(180)).T.astype(np.float32)
-        near = mi.Ray3f(mi.Point3f(0, EYE, 0), mi.Vector3f(*level))
-        near.maxt = ARM
+        near = mi.Ray3f(mi.Point3f(0, EYE, 0), mi.Vector3f(*level), ARM, 0.0, [])
         return float(np.mean(np.array(self.scene.ray_test(near)))) < CROWDED
 
     def sunlit(self, sun: Floats, points: Floats) -> float:
@@ -93,6 +93,8 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     first = 4 * np.arange(count)[:, None]
     values = mi.traverse(made)
     values["vertex_positions"] = mesh.corners.ravel().astype(np.float32)
-    values["faces"] = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]).ravel().astype(np.uint32)
+    values["faces"] = (
+        np.concatenate([first + np.array(half) for half in ((0, 1, 2), (0, 2, 3))]).ravel().astype(np.uint32)
+    )
     values.update()
     return made

@@ -1,18 +1,8 @@
-"""Procedural places as coloured quads: streets, squares, courtyards, woods and open country, seeded.
-
-Lengths in m; the frame is that of lighting.geometry, with the camera at EYE above the origin.
-"""
-
-from dataclasses import dataclass
-from typing import Any
+"""What stands in a place: houses, trees, cars, people, walls, stones, roads and the ground, drawn at random."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
-
-EYE = 1.65  # m, the camera's height
-KINDS = ("street", "square", "courtyard", "wood", "country")
+from export.towns.mesh import Floats, Mesh, box, moved, turned
 
 STONE = (
     (0.55, 0.48, 0.4),
@@ -33,34 +23,6 @@ GROUND = (
 )
 BARK = (0.12, 0.09, 0.07)
 GLASS = (0.05, 0.06, 0.08)
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """Quads with one colour each: corners (Q, 4, 3) and linear albedos (Q, 3)."""
-
-    corners: Floats
-    albedo: Floats
-
-
-def join(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one."""
-    return Mesh(np.concatenate([m.corners for m in meshes]), np.concatenate([m.albedo for m in meshes]))
-
-
-def box(centre: Floats, size: Floats, yaw: float, colour: Floats) -> Mesh:
-    """A box standing on the ground at `centre` (x, z), turned by `yaw` [deg]."""
-    x, y, z = np.array([[-1, 1, 1, -1], [0, 0, 0, 0], [-1, -1, 1, 1]], float) / 2
-    low, high = np.stack([x, y, z], 1), np.stack([x, y + 1, z], 1)
-    sides = [np.stack([low[i], low[(i + 1) % 4], high[(i + 1) % 4], high[i]]) for i in range(4)]
-    corners = np.stack([*sides, high]) * size
-    return Mesh(turned(corners, yaw) + [centre[0], 0.0, centre[1]], np.tile(colour, (5, 1)))
-
-
-def turned(points: Floats, yaw: float) -> Floats:
-    """Points (..., 3) turned about +Y by `yaw` [deg]."""
-    s, c = np.sin(np.radians(yaw)), np.cos(np.radians(yaw))
-    return np.asarray(points @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T)
 
 
 def house(rng: np.random.Generator, centre: Floats, yaw: float) -> list[Mesh]:
@@ -90,7 +52,7 @@ def windows(rng: np.random.Generator, size: Floats, yaw: float, centre: Floats, 
                 quads.append(turned(turned(flat, 90.0 * side), yaw))
     if not quads:
         return Mesh(np.zeros((0, 4, 3)), np.zeros((0, 3)))
-    corners = np.stack(quads) + [centre[0], 0.0, centre[1]]
+    corners = moved(np.stack(quads), centre)
     return Mesh(corners, np.tile(GLASS, (len(corners), 1)))
 
 
@@ -101,7 +63,7 @@ def roof(size: Floats, rise: float, yaw: float, centre: Floats, tint: Floats) ->
     front = [[-w, base - 0.2, d], [w, base - 0.2, d], ridge[1], ridge[0]]
     back = [[w, base - 0.2, -d], [-w, base - 0.2, -d], ridge[0], ridge[1]]
     gables = [[[x, base, -d], [x, base, d], [x, base + rise, 0], [x, base + rise, 0]] for x in (-w + 0.4, w - 0.4)]
-    corners = turned(np.array([front, back, *gables], float), yaw) + [centre[0], 0.0, centre[1]]
+    corners = moved(turned(np.array([front, back, *gables], float), yaw), centre)
     return Mesh(corners, np.tile(tint, (4, 1)))
 
 
@@ -110,14 +72,14 @@ def tree(rng: np.random.Generator, centre: Floats) -> list[Mesh]:
     height = rng.uniform(3, 14)
     crown, foot = height * rng.uniform(0.2, 0.4), height * rng.uniform(0.1, 0.35)
     leaves = int(rng.uniform(700, 2500))
-    spot = rng.normal(size=(leaves, 3))
-    spot *= (rng.random(leaves) ** (1 / 3) / np.linalg.norm(spot, axis=1))[:, None]
+    middle = rng.normal(size=(leaves, 3))
+    middle *= (rng.random(leaves) ** (1 / 3) / np.linalg.norm(middle, axis=1))[:, None]
     if rng.random() < 0.35:
-        spot[:, [0, 2]] *= (0.5 - spot[:, 1:2] / 2) * 1.3
-    spot = spot * [crown, (height - foot) / 2, crown] + [centre[0], (height + foot) / 2, centre[1]]
+        middle[:, [0, 2]] *= (0.5 - middle[:, 1:2] / 2) * 1.3
+    middle = middle * [crown, (height - foot) / 2, crown] + [centre[0], (height + foot) / 2, centre[1]]
     size = rng.uniform(0.08, 0.2) * height**0.5
     a, b = rng.normal(size=(2, leaves, 3)) * size / 2
-    corners = np.stack([spot - a - b, spot + a - b, spot + a + b, spot - a + b], axis=1)
+    corners = np.stack([middle - a - b, middle + a - b, middle + a + b, middle - a + b], axis=1)
     tint = colour(rng, LEAVES) * np.exp(rng.normal(0, 0.25, (leaves, 1)))
     thick = 0.05 * height**0.7 + 0.08
     trunk = box(centre, np.array([thick, (height + foot) / 2, thick]), rng.uniform(0, 90), np.array(BARK))
@@ -146,7 +108,8 @@ def person(rng: np.random.Generator, centre: Floats) -> list[Mesh]:
 
 def colour(rng: np.random.Generator, palette: tuple[tuple[float, ...], ...]) -> Floats:
     """One of the palette's albedos, varied."""
-    return np.clip(np.array(palette[rng.integers(len(palette))]) * np.exp(rng.normal(0, (0.15, 0.1, 0.15))), 0.02, 0.85)
+    albedo = np.array(palette[rng.integers(len(palette))]) * np.exp(rng.normal(0, (0.15, 0.1, 0.15)))
+    return np.asarray(np.clip(albedo, 0.02, 0.85))
 
 
 def ground(rng: np.random.Generator) -> Mesh:
@@ -187,57 +150,19 @@ def road(rng: np.random.Generator, yaw: float, offset: float) -> Mesh:
     return Mesh(turned(np.array([strip, *dash], float), yaw), np.array([dark, *[white] * len(dash)]))
 
 
-def place(rng: np.random.Generator) -> tuple[Mesh, Mesh]:
-    """Matte and glossy things of one random place of one of KINDS."""
-    kind, yaw = str(rng.choice(KINDS)), rng.uniform(0, 360)
-    matte, glossy = [ground(rng)], [box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(GLASS))]
-    if kind in ("street", "square") or rng.random() < 0.4:
-        matte.append(road(rng, yaw, rng.uniform(-4, 4)))
-    for spot, facing in _plots(rng, kind, yaw):
-        matte += house(rng, spot, facing)
-    for _ in range(int(rng.integers(0, {"wood": 60, "country": 30}.get(kind, 14)))):
-        matte += tree(rng, _spot(rng, 3.5, 80))
-    for _ in range(int(rng.integers(0, 9 if kind != "wood" else 2))):
-        glossy += car(rng, _spot(rng, 3.5, 35), yaw + rng.normal(0, 3))
-    for _ in range(int(rng.integers(0, 12))):
-        matte += person(rng, _spot(rng, 2, 25))
-    for _ in range(int(rng.integers(0, 12))):
-        thin = rng.uniform(0.08, 0.25)
-        matte.append(box(_spot(rng, 2, 30), np.array([thin, rng.uniform(1, 8), thin]), 0, colour(rng, STONE)))
-    for _ in range(int(rng.integers(0, 6))):
-        matte.append(wall(rng, yaw))
-    for _ in range(int(rng.integers(0, 30))):
-        matte.append(rock(rng))
-    return join(matte), join(glossy)
-
-
 def wall(rng: np.random.Generator, yaw: float) -> Mesh:
     """A low wall or a hedge, along the street or across it."""
     size = np.array([rng.uniform(2, 20), rng.uniform(0.5, 2.2), rng.uniform(0.15, 0.8)])
     tint = colour(rng, STONE if rng.random() < 0.6 else LEAVES)
-    return box(_spot(rng, 5, 30), size, yaw + rng.choice([0.0, 90.0, rng.uniform(0, 180)]), tint)
+    return box(spot(rng, 5, 30), size, yaw + rng.choice([0.0, 90.0, rng.uniform(0, 180)]), tint)
 
 
 def rock(rng: np.random.Generator) -> Mesh:
     """A stone, a bin, a box: something small that throws a shadow."""
-    return box(_spot(rng, 1.5, 20), rng.uniform(0.1, 1.1, 3), rng.uniform(0, 90), colour(rng, STONE + GROUND))
+    return box(spot(rng, 1.5, 20), rng.uniform(0.1, 1.1, 3), rng.uniform(0, 90), colour(rng, STONE + GROUND))
 
 
-def _plots(rng: np.random.Generator, kind: str, yaw: float) -> list[tuple[Floats, float]]:
-    """Where houses stand (x, z) and how they face."""
-    if kind in ("country", "wood"):
-        return [(_spot(rng, 30, 120), rng.uniform(0, 360)) for _ in range(rng.integers(0, 4))]
-    if kind == "street":
-        along, apart = np.arange(-110, 110, rng.uniform(10, 22)), rng.uniform(12, 26)
-        sides = [(a, side * (apart + rng.uniform(0, 3))) for a in along for side in (-1, 1) if rng.random() < 0.85]
-        return [(turned(np.array([a, 0, b]), yaw)[[0, 2]], yaw) for a, b in sides]
-    radius = rng.uniform(15, 24) if kind == "courtyard" else rng.uniform(24, 50)
-    angles = np.arange(0, 360, np.degrees(rng.uniform(11, 20) / radius))
-    return [
-        (radius * np.array([np.sin(np.radians(a)), np.cos(np.radians(a))]), a) for a in angles if rng.random() < 0.8
-    ]
-
-
-def _spot(rng: np.random.Generator, near: float, far: float) -> Floats:
+def spot(rng: np.random.Generator, near: float, far: float) -> Floats:
+    """Where a thing stands (x, z), more often near than far."""
     azimuth, distance = rng.uniform(0, 2 * np.pi), near + (far - near) * rng.random() ** 1.5
-    return distance * np.array([np.sin(azimuth), np.cos(azimuth)])
+    return np.asarray(distance * np.array([np.sin(azimuth), np.cos(azimuth)]))
