@@ -38,15 +38,14 @@ def render_place(number: int, height: int) -> Rendered:
     """Place `number`, the same in every run."""
     rng = np.random.default_rng([8, number])
     sky = random_sky(rng)
-    scene = Place(*place(rng), sky.radiance)
+    scene = Place(*place(rng), sky)
     while not scene.is_clear():
-        scene = Place(*place(rng), sky.radiance)
-    sun = sky.lighting.sun_direction
+        scene = Place(*place(rng), sky)
     around = rng.uniform(-1, 1, (GROUND_POINTS, 3)) * [GROUND_RADIUS, 0, GROUND_RADIUS] + [0, 0.3, 0]
-    lit = scene.sunlit(sun, around) * sky.sunlight
-    visible = scene.sunlit(sun, np.array([[0.0, EYE, 0.0]])) * sky.sunlight > TRUE_SKY
+    lit = scene.sunlit(around) * sky.sunlight
+    visible = scene.sunlit(np.array([[0.0, EYE, 0.0]])) * sky.sunlight > TRUE_SKY
     name = f"town_{number:05d}"
-    return Rendered(name, scene.panorama(height, number), _label(name, sky, lit), visible)
+    return Rendered(name, scene.panorama(height, 2 * number), _label(name, sky, lit), visible)
 
 
 def _label(name: str, sky: Sky, lit: float) -> Label:

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from export.towns.mesh import Floats, Mesh
 from export.towns.place import EYE
+from export.towns.sky import Sky
 from lighting.geometry import direction
 
-SAMPLES = 12  # paths per pixel
+SKY_SAMPLES, SUN_SAMPLES = 12, 4  # paths per pixel
 BOUNCES = 2
 ARM, CROWDED = 1.2, 0.1  # m, and the share of the horizon that may be so near
-BAND = 24  # rows traced at once: bounds the memory
 
 _PAINTED = {"type": "mesh_attribute", "name": "vertex_color"}
 _MATTE = {"type": "diffuse", "reflectance": _PAINTED}
@@ -25,62 +25,83 @@ _LACQUER = {
 
 
 class Place:
-    """A place under a sky, ready to be looked at."""
+    """A place under a sky, ready to be looked at.
 
-    def __init__(self, matte: Mesh, glossy: Mesh, sky: NDArray[np.float32]) -> None:
+    Sunlight and skylight are traced one after the other: sampled together, the sun would leave few paths to the sky
+    and the shade would be noise.
+    """
+
+    def __init__(self, matte: Mesh, glossy: Mesh, sky: Sky) -> None:
         import mitsuba as mi
 
         mi.set_variant("llvm_ad_rgb")
+        things = {"matte": _mesh(mi, matte, _MATTE), "glossy": _mesh(mi, glossy, _LACQUER)}
         turn = mi.ScalarTransform4f().rotate([0, 1, 0], 180)
-        self.scene = mi.load_dict(
-            {
-                "type": "scene",
-                "sky": {"type": "envmap", "bitmap": mi.Bitmap(sky), "to_world": turn},
-                "matte": _mesh(mi, matte, _MATTE),
-                "glossy": _mesh(mi, glossy, _LACQUER),
-            }
-        )
+        light = {"type": "envmap", "bitmap": mi.Bitmap(sky.radiance), "to_world": turn}
+        beam = {
+            "type": "directional",
+            "direction": [float(-v) for v in sky.lighting.sun_direction],
+            "irradiance": {"type": "rgb", "value": [float(v) for v in sky.sun_irradiance]},
+        }
+        self.sky = sky
+        self.scene = mi.load_dict({"type": "scene", "light": light, **things})
+        self.sunny = mi.load_dict({"type": "scene", "light": beam, **things})
 
     def panorama(self, height: int, seed: int) -> NDArray[np.float32]:
         """What is seen from EYE: (height, 2 height, 3) linear, in the sky's unit."""
-        return np.concatenate(
-            [self._band(top, min(BAND, height - top), height, seed + top) for top in range(0, height, BAND)]
-        )
+        image = self._trace(self.scene, SKY_SAMPLES, height, seed)
+        if self.sky.is_overcast:
+            return image
+        image += self._trace(self.sunny, SUN_SAMPLES, height, seed + 1)
+        return image + self.sky.disc(height) if self.sunlit(np.array([[0.0, EYE, 0.0]])) else image
 
-    def _band(self, top: int, rows: int, height: int, seed: int) -> NDArray[np.float32]:
+    def _trace(self, scene: Any, samples: int, height: int, seed: int) -> NDArray[np.float32]:
         import drjit as dr
         import mitsuba as mi
 
-        sampler = mi.load_dict({"type": "independent"})
-        count = 2 * height * rows * SAMPLES
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
+        sampler.set_samples_per_wavefront(samples)
+        count = 2 * height * height * samples
         sampler.seed(seed, count)
-        pixel = dr.arange(mi.UInt32, count) // SAMPLES
+        pixel = dr.arange(mi.UInt32, count) // samples
         jitter = sampler.next_2d()
         azimuth = ((pixel % (2 * height) + jitter.x) / height - 1) * dr.pi
-        elevation = (0.5 - (dr.opaque(mi.UInt32, top) + pixel // (2 * height) + jitter.y) / height) * dr.pi
+        elevation = (0.5 - (pixel // (2 * height) + jitter.y) / height) * dr.pi
         flat = dr.cos(elevation)
         towards = mi.Vector3f(dr.sin(azimuth) * flat, dr.sin(elevation), -dr.cos(azimuth) * flat)
         ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(0, EYE, 0), towards))
         integrator = mi.load_dict({"type": "path", "max_depth": BOUNCES + 1})
-        radiance, _, _ = integrator.sample(self.scene, sampler, ray)
-        mean = [np.array(dr.block_sum(c, SAMPLES)) / SAMPLES for c in (radiance.x, radiance.y, radiance.z)]
-        return np.asarray(np.stack(mean, -1).reshape(rows, 2 * height, 3), dtype=np.float32)
+        radiance, _, _ = integrator.sample(scene, sampler, ray)
+        mean = [np.array(dr.block_sum(c, samples)) / samples for c in (radiance.x, radiance.y, radiance.z)]
+        return despeckle(np.stack(mean, -1).reshape(height, 2 * height, 3).astype(np.float32))
 
     def is_clear(self) -> bool:
         """Whether the camera stands free: little of what is level with it is nearer than an arm."""
+        import drjit as dr
         import mitsuba as mi
 
         level = direction(np.linspace(-180, 180, 180, endpoint=False), np.zeros(180)).T.astype(np.float32)
-        near = mi.Ray3f(mi.Point3f(0, EYE, 0), mi.Vector3f(*level), ARM, 0.0, [])
+        near = mi.Ray3f(mi.Ray3f(mi.Point3f(0, EYE, 0), mi.Vector3f(*level)), dr.auto.ad.Float(ARM))
         return float(np.mean(np.array(self.scene.ray_test(near)))) < CROWDED
 
-    def sunlit(self, sun: Floats, points: Floats) -> float:
-        """Share of points (N, 3) from which nothing hides the sun."""
+    def sunlit(self, points: Floats) -> float:
+        """Share of points (N, 3) from which no thing hides the sun."""
         import mitsuba as mi
 
         origin = mi.Point3f(*np.asarray(points.T, dtype=np.float32))
-        hidden = self.scene.ray_test(mi.Ray3f(origin, mi.Vector3f(*(float(v) for v in sun))))
+        hidden = self.scene.ray_test(
+            mi.Ray3f(origin, mi.Vector3f(*(float(v) for v in self.sky.lighting.sun_direction)))
+        )
         return 1.0 - float(np.mean(np.array(hidden)))
+
+
+def despeckle(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values (H, W, C) held between the third lowest and the third highest of their neighbourhood of nine."""
+    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    height, width = image.shape[:2]
+    around = np.stack([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)])
+    around.partition((2, 6), axis=0)
+    return np.clip(image, around[2], around[6])
 
 
 def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:

@@ -10,6 +10,7 @@ from lighting.colour import luminance
 from lighting.envmap import render
 from lighting.geometry import latlong_directions
 from lighting.parameters import Lighting
+from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
 
 Floats = NDArray[np.floating[Any]]
 
@@ -22,9 +23,9 @@ OPACITY = 4.0  # a cloud hides the sun more than it hides the sky
 
 @dataclass(frozen=True)
 class Sky:
-    """A map of radiance and what is true of it."""
+    """The light over a place and what is true of it."""
 
-    radiance: NDArray[np.float32]  # (HEIGHT, 2 HEIGHT, 3)
+    radiance: NDArray[np.float32]  # (HEIGHT, 2 HEIGHT, 3) without the sun, black below the horizon
     lighting: Lighting
     sunlight: float  # share of the sun's light that the clouds let through, 0 to 1
 
@@ -32,6 +33,19 @@ class Sky:
     def is_overcast(self) -> bool:
         """Whether no sun can be told from the sky."""
         return self.sunlight < 0.03
+
+    @property
+    def sun_irradiance(self) -> Floats:
+        """Of the sunlight that comes through (3,), on a plane that faces the sun."""
+        lighting = self.lighting
+        radiance = sun_radiance(lighting.sun_direction, lighting.turbidity)
+        return np.asarray(radiance * (SUN_SOLID_ANGLE * lighting.exposure * self.sunlight))
+
+    def disc(self, height: int) -> NDArray[np.float32]:
+        """The sun alone, as it shines through the clouds: (height, 2 height, 3)."""
+        sun = render(self.lighting, height, sun=True) - render(self.lighting, height, sun=False)
+        sun[height // 2 :] = 0.0
+        return np.asarray(sun * self.sunlight, dtype=np.float32)
 
 
 def random_sky(rng: np.random.Generator) -> Sky:
@@ -45,17 +59,18 @@ def random_sky(rng: np.random.Generator) -> Sky:
     draw = rng.random()
     if draw < OVERCAST:
         return Sky(overcast(lighting, rng), lighting, 0.0)
-    clear = render(lighting, HEIGHT, sun=True)
+    clear = render(lighting, HEIGHT, sun=False)
+    clear[HEIGHT // 2 :] = 0.0
     return cloudy(clear, lighting, rng) if draw < OVERCAST + CLOUDY else Sky(clear, lighting, 1.0)
 
 
 def overcast(lighting: Lighting, rng: np.random.Generator) -> NDArray[np.float32]:
-    """The CIE overcast sky, brighter towards the hidden sun at times, over dark ground."""
+    """The CIE overcast sky, brighter towards the hidden sun at times."""
     towards = latlong_directions(HEIGHT)
     up = towards[..., 1:2]
     glow = rng.uniform(0, 0.4) * np.exp(4 * (towards @ lighting.sun_direction - 1))[..., None]
     waves = 1 + rng.uniform(0, 0.25) * (noise(rng, up) - 0.5)
-    dome = np.where(up > 0, ((1 + 2 * up) / 3 + glow) * waves, 0.1) * np.exp(rng.normal(0, (0.05, 0.02, 0.06)))
+    dome = np.where(up > 0, ((1 + 2 * up) / 3 + glow) * waves, 0.0) * np.exp(rng.normal(0, (0.05, 0.02, 0.06)))
     return dome.astype(np.float32)
 
 
@@ -70,9 +85,7 @@ def cloudy(clear: NDArray[np.float32], lighting: Lighting, rng: np.random.Genera
     cloud = white * (1 + 2.5 * np.exp(6 * (cosine - 1))) * (1 - rng.uniform(0, 0.5) * alpha**2)
     row, column = np.unravel_index(int(np.argmax(cosine)), cosine.shape[:2])
     sunlight = float((1 - alpha[row, column, 0]) ** OPACITY)
-    near = cosine > np.cos(np.radians(1.0))
-    through = np.where(near, sunlight, 1 - alpha)
-    return Sky((clear * through + cloud * alpha).astype(np.float32), lighting, sunlight)
+    return Sky((clear * (1 - alpha) + cloud * alpha).astype(np.float32), lighting, sunlight)
 
 
 def noise(rng: np.random.Generator, up: Floats) -> Floats:

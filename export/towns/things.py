@@ -129,7 +129,7 @@ def ground(rng: np.random.Generator) -> Mesh:
         axis=1
     )
     albedo = np.where((patch > rng.uniform(-1.5, 1.5))[:, None], first, second)
-    return Mesh(corners, np.clip(albedo * np.exp(rng.normal(0, rng.uniform(0.05, 0.35), (len(albedo), 1))), 0.01, 0.85))
+    return Mesh(corners, np.clip(albedo * np.exp(rng.normal(0, rng.uniform(0.02, 0.2), (len(albedo), 1))), 0.01, 0.85))
 
 
 def road(rng: np.random.Generator, yaw: float, offset: float) -> Mesh:
