@@ -10,7 +10,6 @@ process of its own, its peak memory, and what it imports.
 
 import argparse
 import io
-import os
 import re
 import subprocess
 import sys
@@ -27,6 +26,8 @@ from common import TWELVE_MEGAPIXELS, machine, make_photo, milliseconds, peak_me
 from numpy.typing import NDArray
 from PIL import Image
 
+from export.panoramas import DataError
+from export.towns.llvm import find_llvm
 from lighting.envmap import render
 from lighting.exr import write_exr
 from lighting.geometry import latlong_directions
@@ -35,7 +36,6 @@ from lighting.parameters import Lighting, lighting_from
 from lighting.photo import TARGET, read_photo, to_tensor
 
 PARTS = ("decode", "network", "sky and sun", "EXR")
-MIN_LLVM = 15
 
 
 def decode_alone(path: Path) -> Image.Image:
@@ -78,16 +78,13 @@ def mitsuba_sky(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callabl
 
 def _mitsuba_variant() -> str | None:
     """LLVM's, where Mitsuba is there with an LLVM that it can use; without one, it takes one direction a call."""
-    libraries = map(str, Path("/usr/lib").glob("*/libLLVM*.so*"))
-    versions = {int(found[1]): path for path in libraries if (found := re.search(r"LLVM(?:-|\.so\.)(\d+)", path))}
-    if "DRJIT_LIBLLVM_PATH" not in os.environ and versions and max(versions) >= MIN_LLVM:
-        os.environ["DRJIT_LIBLLVM_PATH"] = versions[max(versions)]
     try:
-        import mitsuba
-    except ImportError:
+        find_llvm()
+    except DataError:
         return None
-    usable = "DRJIT_LIBLLVM_PATH" in os.environ and "llvm_ad_rgb" in mitsuba.variants()
-    return "llvm_ad_rgb" if usable else None
+    import mitsuba
+
+    return "llvm_ad_rgb" if "llvm_ad_rgb" in mitsuba.variants() else None
 
 
 def _z_up(vector: Any) -> NDArray[Any]:

@@ -81,19 +81,19 @@ def train(
 
 
 @cli.command()
-@click.argument("run", type=FOLDER)
+@click.argument("runs", type=FOLDER, nargs=-1, required=True)
 @click.option("--out", type=FOLDER, default=None, help="File to write. [RUN/NAME-VERSION.onnx]")
 @click.option(
     "--temperature", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="Of the sun's softmax."
 )
 @click.option("--version", help="Of the network, where it is not the run's: another temperature makes another one.")
-def onnx(run: Path, out: Path | None, temperature: float | None, version: str | None) -> None:
-    """Write a run's averaged network as ONNX and compare it with torch, number by number."""
+def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float | None, version: str | None) -> None:
+    """Write the averaged network of a run, or of several that answer together, as ONNX; compare it with torch."""
     from export.to_onnx import export, read_spec
 
-    spec = read_spec(run)
-    target = out or run / f"{spec.name}-{version or spec.version}.onnx"
-    difference = export(run, target, temperature=temperature, version=version)
+    spec = read_spec(runs[0])
+    target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
+    difference = export(runs, target, temperature=temperature, version=version)
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 

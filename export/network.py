@@ -6,6 +6,7 @@ lighting.model.PARAMETERS.
 """
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
@@ -67,16 +68,18 @@ def decode(raw: Tensor) -> Tensor:
 
 
 class Served(nn.Module):
-    """A network with the outputs that users get: sun probabilities (B, G) and parameters (B, 6)."""
+    """Networks with the outputs that users get: sun probabilities (B, G) and parameters (B, 6), averaged over them."""
 
-    def __init__(self, network: nn.Module, temperature: float = 1.0) -> None:
+    def __init__(self, networks: Sequence[nn.Module], temperature: float = 1.0) -> None:
         super().__init__()
-        self.network = network
+        self.networks = nn.ModuleList(networks)
         self.temperature = temperature
 
     def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
-        sun, raw = self.network(photo)
-        return (sun.float() / self.temperature).softmax(dim=1), decode(raw.float())
+        said = [network(photo) for network in self.networks]
+        sun = [(logits.float() / self.temperature).softmax(dim=1) for logits, _ in said]
+        raw = [values.float() for _, values in said]
+        return torch.stack(sun).mean(dim=0), decode(torch.stack(raw).mean(dim=0))
 
 
 def convolution(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Sequential:

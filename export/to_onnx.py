@@ -1,8 +1,13 @@
-"""A checkpoint's averaged weights as one ONNX file that describes itself, compared number by number with torch."""
+"""The averaged weights of one run or several as one ONNX file that describes itself, compared with torch by number.
+
+Several networks answer together: the file holds them all and averages their probabilities and values. Weights are
+stored in half precision and computed with in single precision, which halves the file and moves no answer visibly.
+"""
 
 import json
 import logging
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +28,8 @@ from lighting.parameters import ModelSpec
 OPSET = 18
 TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
+ROUNDED = 1e-2  # the same with weights in half precision
+HALVED = 256  # elements from which a tensor of weights is stored in half precision
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -46,19 +53,27 @@ def read_network(folder: Path) -> nn.Module:
     return network.eval()
 
 
-def fit_temperature(network: nn.Module, crops: Crops, batch: int = 32) -> float:
-    """The divisor of the sun's logits that makes held-out crops likeliest (Guo et al., ICML 2017); 1 without any."""
+def fit_temperature(networks: Sequence[nn.Module], crops: Crops, batch: int = 32) -> float:
+    """The divisor of the suns' logits that makes held-out crops likeliest (Guo et al., ICML 2017); 1 without any.
+
+    That of several networks is fitted to the mean of their probabilities.
+    """
     logits, targets = [], []
     with torch.inference_mode():
         for part in DataLoader(crops, batch_size=batch):
             known = part.sun.sum(dim=1) > 0.5
-            logits.append(network(part.photo)[0][known])
+            logits.append(torch.stack([network(part.photo)[0][known] for network in networks]))
             targets.append(part.sun[known])
     if not sum(len(part) for part in targets):
         return 1.0
-    sun, target = torch.cat(logits), torch.cat(targets)
-    costs = {t: float(-(target * (sun / t).log_softmax(dim=1)).sum(dim=1).mean()) for t in TEMPERATURES}
+    sun, target = torch.cat(logits, dim=1), torch.cat(targets)
+    costs = {t: float(-(target * _mixture(sun / t).log()).sum(dim=1).mean()) for t in TEMPERATURES}
     return min(costs, key=costs.__getitem__)
+
+
+def _mixture(logits: torch.Tensor) -> torch.Tensor:
+    """Mean probabilities (B, G) of logits (N, B, G)."""
+    return logits.softmax(dim=2).mean(dim=0).clamp_min(1e-30)
 
 
 def held_out_crops(folder: Path) -> Crops:
@@ -70,28 +85,57 @@ def held_out_crops(folder: Path) -> Crops:
     return Crops(load_sources(panoramas, config.labels), read_spec(folder), config, tune=True)
 
 
-def export(folder: Path, target: Path, *, temperature: float | None = None, version: str | None = None) -> float:
-    """Write `target` from a training folder; returns the parity (see `parity`), ModelError over TOLERANCE.
+def export(
+    folders: Sequence[Path], target: Path, *, temperature: float | None = None, version: str | None = None
+) -> float:
+    """Write `target` from training folders; returns the difference to torch (see `parity`).
 
-    Without a temperature it is fitted on the training places that the run held out; the version is the run's unless
-    another is given.
+    Without a temperature it is fitted on the training places that the first run held out; the version is the first
+    run's unless another is given. DataError if the runs' networks expect different photos, ModelError if the file
+    answers otherwise than torch: by more than TOLERANCE, or than ROUNDED once its weights are halved.
     """
-    record = read_record(folder)
-    network = read_network(folder)
-    divisor = fit_temperature(network, held_out_crops(folder)) if temperature is None else temperature
-    served = Served(network, divisor).eval()
-    spec = replace(read_spec(folder), training_data=describe_data(record))
+    records, networks = [read_record(f) for f in folders], [read_network(f) for f in folders]
+    expected = [replace(read_spec(f), version="") for f in folders]
+    if any(spec != expected[0] for spec in expected):
+        raise DataError("The runs' networks do not expect the same photos, so they cannot answer together.")
+    divisor = fit_temperature(networks, held_out_crops(folders[0])) if temperature is None else temperature
+    served = Served(networks, divisor).eval()
+    spec = replace(read_spec(folders[0]), training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
     spec = replace(spec, version=version or spec.version)
-    known = {"commit": record["commit"], "temperature": f"{divisor:.3f}"}
+    commits = ", ".join(dict.fromkeys(r["commit"] for r in records))
+    known = {"commit": commits, "temperature": f"{divisor:.3f}", "networks": str(len(folders))}
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
         model = trace(served, spec)
         save(model, {"spec": spec.to_json(), **_plain(spec), **known}, path)
-        difference = parity(served, path)
-        if difference > TOLERANCE:
-            raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {TOLERANCE:.0e}.")
+        _check(parity(served, path), TOLERANCE)
+        halve(model)
+        save(model, {}, path)
+        difference = _check(parity(served, path), ROUNDED)
         save(model, {"parity": f"{difference:.2e}"}, path)
     return difference
+
+
+def _check(difference: float, allowed: float) -> float:
+    if difference > allowed:
+        raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {allowed:.0e}.")
+    return difference
+
+
+def halve(model: Any) -> None:
+    """Store all large tensors of weights in half precision; onnxruntime widens them when it loads the file."""
+    import onnx
+
+    casts = []
+    for tensor in model.graph.initializer:
+        weights = onnx.numpy_helper.to_array(tensor)
+        if weights.dtype == np.float32 and weights.size >= HALVED:
+            name, stored = tensor.name, f"{tensor.name}.half"
+            tensor.CopyFrom(onnx.numpy_helper.from_array(weights.astype(np.float16), stored))
+            casts.append(onnx.helper.make_node("Cast", [stored], [name], to=onnx.TensorProto.FLOAT))
+    nodes = [*casts, *model.graph.node]
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)
 
 
 def describe_data(record: dict[str, Any]) -> str:
@@ -99,7 +143,8 @@ def describe_data(record: dict[str, Any]) -> str:
     config, names = record["config"], record["panoramas"]["train"]
     which = "permissively licensed panoramas" if config["licensed_only"] else "panoramas, most with no stated licence"
     start = "from ImageNet weights, " if config["pretrained"] else ""
-    return f"{start}{config['crops']} crops of {len(names)} outdoor {which}"
+    rendered = ", a share of them of rendered places" if config.get("synthetic") else ""
+    return f"{start}{config['crops']} crops of {len(names)} outdoor {which}{rendered}"
 
 
 def trace(served: Served, spec: ModelSpec) -> Any:

@@ -13,7 +13,7 @@ SPECS = specs("0")
 @pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
 def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
     spec = SPECS[name]
-    served = Served(build(spec)).eval()
+    served = Served([build(spec)]).eval()
     with torch.inference_mode():
         probability, parameters = served(torch.zeros(2, 3, spec.height, spec.width))
     assert probability.shape == (2, len(grid_directions(spec.sun_grid)))
@@ -41,9 +41,21 @@ def test_temperature_widens_the_distribution() -> None:
     network = build(SPECS["outdoor"]).eval()
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
-        sharp, soft = Served(network, 0.5)(photo)[0], Served(network, 2.0)(photo)[0]
+        sharp, soft = Served([network], 0.5)(photo)[0], Served([network], 2.0)(photo)[0]
     assert sharp.max() > soft.max()
     assert sharp.argmax() == soft.argmax()
+
+
+def test_networks_together_answer_their_mean() -> None:
+    torch.manual_seed(3)
+    networks = [build(SPECS["outdoor"]).eval() for _ in range(2)]
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        alone = [Served([network], 1.4)(photo) for network in networks]
+        both = Served(networks, 1.4)(photo)
+    torch.testing.assert_close(both[0], (alone[0][0] + alone[1][0]) / 2)
+    torch.testing.assert_close(both[1][:, 2:5], (alone[0][1] + alone[1][1])[:, 2:5] / 2)
+    torch.testing.assert_close(both[1][:, :2], (alone[0][1] * alone[1][1])[:, :2].sqrt())  # turbidity and exposure
 
 
 def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:

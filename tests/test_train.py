@@ -1,6 +1,7 @@
 """The training loop on tiny rendered panoramas: it learns, it resumes, it keeps places apart; then ONNX and figures."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from export.labels import label_panorama, write_labels
 from export.network import Served, encode
 from export.panoramas import DataError, Panorama, read_index
 from export.synthetic import write_dataset
-from export.to_onnx import TOLERANCE, export, fit_temperature, held_out_crops, parity, read_network
+from export.to_onnx import HALVED, ROUNDED, export, fit_temperature, held_out_crops, parity, read_network
 from export.train import (
     Batch,
     Crops,
@@ -57,7 +58,7 @@ def trained(config: TrainConfig) -> Path:
 @pytest.fixture(scope="module")
 def network(trained: Path) -> Path:
     target = trained / "outdoor.onnx"
-    export(trained, target, temperature=1.3)
+    export([trained], target, temperature=1.3)
     return target
 
 
@@ -154,13 +155,39 @@ def test_the_learning_rate_rises_and_falls_to_zero() -> None:
 def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
     model = Model.load(network)
     metadata = model.session.get_modelmeta().custom_metadata_map
-    assert parity(Served(read_network(trained), 1.3).eval(), network) < TOLERANCE
-    assert float(metadata["parity"]) < TOLERANCE
+    assert parity(Served([read_network(trained)], 1.3).eval(), network) < ROUNDED
+    assert float(metadata["parity"]) < ROUNDED
     assert metadata["license"] == "Apache-2.0"
     assert "16 crops" in model.spec.training_data
     for count in (1, 3):
         answers = model.predict(np.zeros((count, 3, model.spec.height, model.spec.width), np.float32))
         assert [a.sun_probability.sum() for a in answers] == pytest.approx([1.0] * count, rel=1e-5)
+
+
+def test_two_runs_answer_together_in_one_file(trained: Path, network: Path, tmp_path: Path) -> None:
+    """The same run twice says what it says alone, in a file about twice as large; its weights are stored as halves."""
+    target = tmp_path / "two.onnx"
+    export([trained, trained], target, temperature=1.3, version="2.0.0")
+    one, two = Model.load(network), Model.load(target)
+    photo = np.random.default_rng(0).normal(size=(2, 3, 224, 224)).astype(np.float32)
+    for a, b in zip(one.predict(photo), two.predict(photo), strict=True):
+        np.testing.assert_allclose(a.sun_probability, b.sun_probability, rtol=1e-3)
+    assert two.spec.version == "2.0.0"
+    assert target.stat().st_size > 1.8 * network.stat().st_size
+    kinds = {t.data_type for t in onnx.load(target).graph.initializer if np.prod(t.dims) >= HALVED}
+    assert onnx.TensorProto.FLOAT16 in kinds
+    assert onnx.TensorProto.FLOAT not in kinds
+
+
+def test_runs_of_different_networks_do_not_answer_together(trained: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(trained, other)
+    record = json.loads((other / "config.json").read_text())
+    record["spec"]["mean"] = [0.1, 0.2, 0.3]
+    (other / "config.json").write_text(json.dumps(record))
+    with pytest.raises(LightingError, match="do not expect the same photos"):
+        export([trained, other], tmp_path / "x.onnx", temperature=1.0)
+    assert not (tmp_path / "x.onnx").exists()
 
 
 def test_the_temperature_undoes_overconfidence(trained: Path) -> None:
@@ -173,7 +200,7 @@ def test_the_temperature_undoes_overconfidence(trained: Path) -> None:
             targets = torch.stack([crops[i].sun for i in range(len(crops))])
             return (2.5 * (targets + 1e-9).log())[: len(photo)], None
 
-    assert fit_temperature(Loud(), crops, batch=len(crops)) == pytest.approx(2.5, rel=0.03)
+    assert fit_temperature([Loud(), Loud()], crops, batch=len(crops)) == pytest.approx(2.5, rel=0.03)
 
 
 def test_a_wrong_export_is_refused(
@@ -184,7 +211,7 @@ def test_a_wrong_export_is_refused(
     model.ClearField("metadata_props")
     monkeypatch.setattr("export.to_onnx.trace", lambda *_: model)
     with pytest.raises(LightingError, match="differ"):
-        export(trained, tmp_path / "x.onnx", temperature=3.0)
+        export([trained], tmp_path / "x.onnx", temperature=3.0)
     assert list(tmp_path.iterdir()) == []
 
 

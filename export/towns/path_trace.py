@@ -1,10 +1,11 @@
-"""HDR panoramas of coloured quads under a sky, path traced by Mitsuba 3 (LLVM; set DRJIT_LIBLLVM_PATH if it asks)."""
+"""HDR panoramas of coloured quads under a sky, path traced by Mitsuba 3."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from export.towns.llvm import find_llvm
 from export.towns.mesh import Floats, Mesh
 from export.towns.place import EYE
 from export.towns.sky import Sky
@@ -32,6 +33,7 @@ class Place:
     """
 
     def __init__(self, matte: Mesh, glossy: Mesh, sky: Sky) -> None:
+        find_llvm()
         import mitsuba as mi
 
         mi.set_variant("llvm_ad_rgb")
