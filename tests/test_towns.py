@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from export.__main__ import cli
 from export.crops import Camera, load_source, take
 from export.labels import find_sun, read_labels
 from export.network import specs
 from export.panoramas import DataError, read_index
-from export.towns import dataset, place
+from export.towns import dataset, place, samples
 from export.towns.llvm import VARIABLE, find_llvm
 from export.towns.mesh import Mesh, box, join, moved, turned
 from export.towns.path_trace import Place, despeckle
@@ -185,6 +186,21 @@ def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
     assert again.label.sun_elevation == pytest.approx(labels[1].sun_elevation, rel=1e-5)
     crop = take(load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), specs("0")["outdoor"])
     assert np.isfinite(crop.linear).all()
+
+
+@pytest.mark.usefixtures("llvm")
+def test_samples_are_one_crop_of_each_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(samples, "DOWN", 1)
+    dataset.synthesize(tmp_path / "towns", 8, 16)
+    samples.write_samples(tmp_path / "towns", tmp_path / "samples.jpg")
+    with Image.open(tmp_path / "samples.jpg") as picture:
+        assert picture.size == (8 * 224, 168)
+        tiles = np.asarray(picture, float).reshape(168, 8, 224, 3).mean(axis=(0, 2, 3))
+    assert len(np.unique(np.round(tiles))) > 4
+    monkeypatch.setattr(samples, "DOWN", 2)
+    with pytest.raises(DataError, match="holds 8 places; the picture shows 16"):
+        samples.write_samples(tmp_path / "towns", tmp_path / "more.jpg")
+    assert not (tmp_path / "more.jpg").exists()
 
 
 @pytest.mark.usefixtures("llvm")
