@@ -104,6 +104,7 @@ def export(
     spec = replace(spec, version=version or spec.version)
     commits = ", ".join(dict.fromkeys(r["commit"] for r in records))
     known = {"commit": commits, "temperature": f"{divisor:.3f}", "networks": str(len(folders))}
+    known["training"] = json.dumps([settings(r) for r in records])
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
         model = trace(served, spec)
@@ -136,6 +137,12 @@ def halve(model: Any) -> None:
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
+
+
+def settings(record: dict[str, Any]) -> dict[str, Any]:
+    """What reproduces a run, but for where its files lay and which panoramas the folder held."""
+    config = {k: v for k, v in record["config"].items() if k not in ("data", "labels", "out")}
+    return {**config, "commit": record["commit"], "torch": record["torch"]}
 
 
 def describe_data(record: dict[str, Any]) -> str:

@@ -159,6 +159,9 @@ def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
     assert float(metadata["parity"]) < ROUNDED
     assert metadata["license"] == "Apache-2.0"
     assert "16 crops" in model.spec.training_data
+    settings = json.loads(metadata["training"])
+    assert [(run["crops"], run["learning_rate"], run["commit"]) for run in settings] == [(16, 8e-4, metadata["commit"])]
+    assert str(trained) not in metadata["training"]
     for count in (1, 3):
         answers = model.predict(np.zeros((count, 3, model.spec.height, model.spec.width), np.float32))
         assert [a.sun_probability.sum() for a in answers] == pytest.approx([1.0] * count, rel=1e-5)
