@@ -1,4 +1,4 @@
-"""`python -m export label|train|evaluate|onnx`: from a folder of panoramas to the network that ships."""
+"""`python -m export label|synthesize|train|merge|onnx|evaluate`: from panoramas to the network that ships."""
 
 import sys
 from pathlib import Path
@@ -82,6 +82,16 @@ def train(
     given |= {"data": str(data), "labels": str(labels), "out": str(out or Path("runs") / network), "network": network}
     given |= {"start": str(start or ""), "synthetic": str(synthetic or "")}
     run(TrainConfig(**given, target_width=TARGET_WIDTH[network], pretrained=not scratch))
+
+
+@cli.command()
+@click.argument("runs", type=FOLDER, nargs=-1, required=True)
+@click.option("--out", type=FOLDER, required=True, help="Folder to write, of a run like any other.")
+def merge(runs: tuple[Path, ...], out: Path) -> None:
+    """Average the weights of runs that continue one another."""
+    from export.soup import merge as run
+
+    run(runs, out)
 
 
 @cli.command()

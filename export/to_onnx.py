@@ -102,9 +102,9 @@ def export(
     served = Served(networks, divisor).eval()
     spec = replace(read_spec(folders[0]), training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
     spec = replace(spec, version=version or spec.version)
-    commits = ", ".join(dict.fromkeys(r["commit"] for r in records))
+    commits = ", ".join(dict.fromkeys(run["commit"] for r in records for run in history(r)))
     known = {"commit": commits, "temperature": f"{divisor:.3f}", "networks": str(len(folders))}
-    known["training"] = json.dumps([settings(r) for r in records])
+    known["training"] = json.dumps([history(r) for r in records])
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
         model = trace(served, spec)
@@ -139,10 +139,12 @@ def halve(model: Any) -> None:
     model.graph.node.extend(nodes)
 
 
-def settings(record: dict[str, Any]) -> dict[str, Any]:
-    """What reproduces a run, but for where its files lay and which panoramas the folder held."""
+def history(record: dict[str, Any]) -> list[dict[str, Any]]:
+    """What reproduces a run, or each of those it was merged from, but for where its files and panoramas lay."""
+    if "merged" in record:
+        return list(record["merged"])
     config = {k: v for k, v in record["config"].items() if k not in ("data", "labels", "out")}
-    return {**config, "commit": record["commit"], "torch": record["torch"]}
+    return [{**config, "commit": record["commit"], "torch": record["torch"]}]
 
 
 def describe_data(record: dict[str, Any]) -> str:

@@ -16,13 +16,25 @@ from export.evaluate import best_constant, evaluate
 from export.labels import label_panorama, write_labels
 from export.network import Served, encode
 from export.panoramas import DataError, Panorama, read_index
+from export.soup import merge
 from export.synthetic import write_dataset
-from export.to_onnx import HALVED, ROUNDED, export, fit_temperature, held_out_crops, parity, read_network
+from export.to_onnx import (
+    HALVED,
+    ROUNDED,
+    export,
+    fit_temperature,
+    held_out_crops,
+    history,
+    parity,
+    read_network,
+    read_record,
+)
 from export.train import (
     Batch,
     Crops,
     Run,
     TrainConfig,
+    averaged_weights,
     learning_rate,
     load_sources,
     losses,
@@ -159,7 +171,7 @@ def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
     assert float(metadata["parity"]) < ROUNDED
     assert metadata["license"] == "Apache-2.0"
     assert "16 crops" in model.spec.training_data
-    settings = json.loads(metadata["training"])
+    (settings,) = json.loads(metadata["training"])
     assert [(run["crops"], run["learning_rate"], run["commit"]) for run in settings] == [(16, 8e-4, metadata["commit"])]
     assert str(trained) not in metadata["training"]
     for count in (1, 3):
@@ -182,6 +194,25 @@ def test_two_runs_answer_together_in_one_file(trained: Path, network: Path, tmp_
     assert onnx.TensorProto.FLOAT not in kinds
 
 
+def test_merged_runs_have_the_mean_of_their_weights(trained: Path, tmp_path: Path) -> None:
+    other, merged = tmp_path / "other", tmp_path / "merged"
+    shutil.copytree(trained, other)
+    state = torch.load(other / "checkpoint.pt", weights_only=True)
+    for name, value in state["average"].items():
+        if value.is_floating_point():
+            state["average"][name] = value + 2.0
+    torch.save(state, other / "checkpoint.pt")
+    merge([trained, other], merged)
+    one, mean = averaged_weights(trained), averaged_weights(merged)
+    assert one.keys() == mean.keys()
+    for name, value in one.items():
+        torch.testing.assert_close(mean[name], value + 1.0 if value.is_floating_point() else value)
+    assert [run["crops"] for run in history(read_record(merged))] == [16, 16]
+    assert read_record(merged)["config"]["crops"] == 32
+    with pytest.raises(LightingError, match="already holds a run"):
+        merge([trained, other], merged)
+
+
 def test_runs_of_different_networks_do_not_answer_together(trained: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(trained, other)
@@ -191,6 +222,9 @@ def test_runs_of_different_networks_do_not_answer_together(trained: Path, tmp_pa
     with pytest.raises(LightingError, match="do not expect the same photos"):
         export([trained, other], tmp_path / "x.onnx", temperature=1.0)
     assert not (tmp_path / "x.onnx").exists()
+    with pytest.raises(LightingError, match="have no mean"):
+        merge([trained, other], tmp_path / "merged")
+    assert not (tmp_path / "merged").exists()
 
 
 def test_the_temperature_undoes_overconfidence(trained: Path) -> None:

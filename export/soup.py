@@ -1,0 +1,41 @@
+"""The mean of the weights of runs that continue one another: one network, often better than each.
+
+Wortsman et al., Model soups (ICML 2022).
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from export.panoramas import DataError
+from export.to_onnx import history, read_record, read_spec
+from export.train import averaged_weights
+from lighting.atomic import replacing
+
+
+def merge(folders: Sequence[Path], out: Path) -> None:
+    """Write `out` as the folder of a run whose weights are the mean of those of `folders`.
+
+    The runs must share their beginning (`train --start`), or the mean is no network. DataError if their networks differ
+    or if `out` already holds a run.
+    """
+    if any(replace(read_spec(f), version="") != replace(read_spec(folders[0]), version="") for f in folders):
+        raise DataError("The runs' networks differ, so their weights have no mean.")
+    if (out / "checkpoint.pt").exists():
+        raise DataError(f"{out} already holds a run.")
+    records = [read_record(f) for f in folders]
+    weights = [averaged_weights(f) for f in folders]
+    mean = {
+        f"module.{name}": torch.stack([w[name] for w in weights]).mean(dim=0) if value.is_floating_point() else value
+        for name, value in weights[0].items()
+    }
+    config = {**records[0]["config"], "crops": sum(r["config"]["crops"] for r in records)}
+    record = {**records[0], "config": config, "merged": [run for r in records for run in history(r)]}
+    out.mkdir(parents=True, exist_ok=True)
+    with replacing(out / "config.json") as path:
+        path.write_text(json.dumps(record, indent=1))
+    with replacing(out / "checkpoint.pt") as path:
+        torch.save({"average": mean}, path)
