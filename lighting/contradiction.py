@@ -17,7 +17,7 @@ from lighting.geometry import angles
 from lighting.parameters import Prediction
 from lighting.sun_grid import grid_directions
 
-ELEVATION_TAIL = 0.008
+ELEVATION_TAIL = 0.007
 HEADING_TAIL = 0.010
 LENS_RATIO = 1.9  # of focal lengths
 
