@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+ATTEMPTS = 3
+_END = 'data-script="ended"'
 _PICTURE = re.compile(r'<img class="drawn" alt="(\w+)" src="data:image/png;base64,([^"]+)"')
 
 
@@ -25,6 +27,18 @@ def drawings(page: Path, script: str, width: int, height: int) -> dict[str, NDAr
         pytest.skip("Chromium is not installed")
     waiting = _WAITING.replace("SCRIPT", script).replace("SIZE", str([width, height]))
     page.write_text(page.read_text(encoding="utf-8").replace("</html>", waiting))
+    found = next(filter(None, (_finished(program, page, width, height) for _ in range(ATTEMPTS))), None)
+    assert found is not None, "The page's script did not come to its end."
+    return {
+        name: np.asarray(Image.open(BytesIO(base64.b64decode(data))).convert("RGB")) for name, data in found.items()
+    }
+
+
+def _finished(program: str, page: Path, width: int, height: int) -> dict[str, str] | None:
+    """The pictures by name, as PNG in base64; None if the browser's own clock ran out before the script did.
+
+    That clock stands still for downloads but not for what other threads decode, which a busy machine does late.
+    """
     with tempfile.TemporaryDirectory() as profile:
         command = [
             program, "--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking",
@@ -34,10 +48,7 @@ def drawings(page: Path, script: str, width: int, height: int) -> dict[str, NDAr
             "--dump-dom", page.as_uri(),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-    found = dict(_PICTURE.findall(done.stdout))
-    return {
-        name: np.asarray(Image.open(BytesIO(base64.b64decode(data))).convert("RGB")) for name, data in found.items()
-    }
+    return dict(_PICTURE.findall(done.stdout)) if _END in done.stdout else None
 
 
 _WAITING = """
@@ -53,6 +64,7 @@ const waiting = setInterval(async () => {
   [innerWidth, innerHeight] = SIZE; // the window's own frame takes some of it
   lightingScene.draw();
   SCRIPT
+  document.body.dataset.script = "ended";
 }, 100);
 </script>
 </html>
