@@ -31,9 +31,7 @@ def label(data: Path, out: Path, workers: int) -> None:
 
 
 @cli.command()
-@click.option(
-    "--out", type=FOLDER, default="runs/synthetic", show_default=True, help="Folder to fill, or to go on with."
-)
+@click.option("--out", type=FOLDER, default="runs/towns", show_default=True, help="Folder to fill or to go on with.")
 @click.option("--count", type=click.IntRange(1), default=1000, show_default=True, help="Places in all.")
 @click.option("--height", type=click.IntRange(32), default=256, show_default=True, help="Rows of each panorama.")
 @click.option("--samples", type=FOLDER, default=None, help="JPEG to write: a crop each of the first 48 places.")

@@ -8,7 +8,7 @@ Given labels that turned out wrong are corrected by `labels_patch.csv`, also bes
 import csv
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.atomic import replacing
 from lighting.colour import srgb_decode
 from lighting.errors import LightingError
 
@@ -85,6 +86,14 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
     _check_places(panoramas)
     kept = (p for p in panoramas if split in (None, p.split))
     return [p for p in kept if not licensed_only or is_permissive(p.licence)]
+
+
+def write_index(rows: Sequence[Mapping[str, str]], folder: Path) -> None:
+    """Write the index of a folder, from rows that all have the first one's columns; it appears whole or not at all."""
+    with replacing(folder / INDEX) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def is_permissive(licence: str) -> bool:

@@ -5,13 +5,12 @@ Wortsman et al., Model soups (ICML 2022).
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import torch
 
 from export.panoramas import DataError
-from export.to_onnx import history, read_record, read_spec
+from export.to_onnx import differ, history, read_record
 from export.train import averaged_weights
 from lighting.atomic import replacing
 
@@ -22,7 +21,7 @@ def merge(folders: Sequence[Path], out: Path) -> None:
     The runs must share their beginning (`train --start`), or the mean is no network. DataError if their networks differ
     or if `out` already holds a run.
     """
-    if any(replace(read_spec(f), version="") != replace(read_spec(folders[0]), version="") for f in folders):
+    if differ(folders):
         raise DataError("The runs' networks differ, so their weights have no mean.")
     if (out / "checkpoint.pt").exists():
         raise DataError(f"{out} already holds a run.")

@@ -3,7 +3,6 @@
 Everything about them is known, so that labels can be checked and training can be tried without a single photo.
 """
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from export.panoramas import write_index
 from lighting.atomic import replacing
 from lighting.colour import luminance, tone_map
 from lighting.geometry import angle_between, angles, direction, latlong_directions, latlong_solid_angle
@@ -95,10 +95,7 @@ def write_dataset(folder: str | Path, count: int, height: int = 64, seed: int = 
         with replacing(root / row["file"]) as temporary:
             Image.fromarray(panorama.picture).save(temporary, lossless=True)
         rows.append(row)
-    with replacing(root / "panoramas.csv") as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+    write_index(rows, root)
 
 
 def _row(panorama: SyntheticPanorama, number: int) -> dict[str, str]:

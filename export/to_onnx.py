@@ -46,6 +46,11 @@ def read_spec(folder: Path) -> ModelSpec:
     return ModelSpec.from_json(json.dumps(read_record(folder)["spec"]))
 
 
+def differ(folders: Sequence[Path]) -> bool:
+    """Whether the networks of training folders expect different photos or give different answers."""
+    return len({replace(read_spec(folder), version="") for folder in folders}) > 1
+
+
 def read_network(folder: Path) -> nn.Module:
     """The averaged network of a training folder, ready to answer."""
     network = build(read_spec(folder))
@@ -95,8 +100,7 @@ def export(
     answers otherwise than torch: by more than TOLERANCE, or than ROUNDED once its weights are halved.
     """
     records, networks = [read_record(f) for f in folders], [read_network(f) for f in folders]
-    expected = [replace(read_spec(f), version="") for f in folders]
-    if any(spec != expected[0] for spec in expected):
+    if differ(folders):
         raise DataError("The runs' networks do not expect the same photos, so they cannot answer together.")
     divisor = fit_temperature(networks, held_out_crops(folders[0])) if temperature is None else temperature
     served = Served(networks, divisor).eval()

@@ -8,12 +8,11 @@ import numpy as np
 from tqdm import tqdm
 
 from export.labels import Label, read_labels, write_labels
-from export.panoramas import INDEX
+from export.panoramas import INDEX, write_index
 from export.towns.mesh import Floats
 from export.towns.path_trace import Place
-from export.towns.place import EYE, place
+from export.towns.place import place
 from export.towns.sky import Sky, random_sky
-from lighting.atomic import replacing
 from lighting.exr import write_exr
 
 LABELS = "labels.csv"
@@ -43,7 +42,7 @@ def render_place(number: int, height: int) -> Rendered:
         scene = Place(*place(rng), sky)
     around = rng.uniform(-1, 1, (GROUND_POINTS, 3)) * [GROUND_RADIUS, 0, GROUND_RADIUS] + [0, 0.3, 0]
     lit = scene.sunlit(around) * sky.sunlight
-    visible = scene.sunlit(np.array([[0.0, EYE, 0.0]])) * sky.sunlight > TRUE_SKY
+    visible = scene.sees_the_sun() and sky.sunlight > TRUE_SKY
     name = f"town_{number:05d}"
     return Rendered(name, scene.panorama(height, 2 * number), _label(name, sky, lit), visible)
 
@@ -80,7 +79,7 @@ def synthesize(folder: Path, count: int, height: int) -> None:
         labels.append(rendered.label)
         rows.append(_row(rendered, file))
         if number + 1 == count or (number + 1) % SAVE_EVERY == 0:
-            _write_rows(rows, folder / INDEX)
+            write_index(rows, folder)
             write_labels(labels, folder / LABELS)
 
 
@@ -109,10 +108,3 @@ def _read_rows(path: Path) -> list[dict[str, str]]:
         return []
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
-
-
-def _write_rows(rows: list[dict[str, str]], path: Path) -> None:
-    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)

@@ -55,7 +55,7 @@ class Place:
         if self.sky.is_overcast:
             return image
         image += self._trace(self.sunny, SUN_SAMPLES, height, seed + 1)
-        return image + self.sky.disc(height) if self.sunlit(np.array([[0.0, EYE, 0.0]])) else image
+        return image + self.sky.disc(height) if self.sees_the_sun() else image
 
     def _trace(self, scene: Any, samples: int, height: int, seed: int) -> NDArray[np.float32]:
         import drjit as dr
@@ -85,6 +85,10 @@ class Place:
         level = direction(np.linspace(-180, 180, 180, endpoint=False), np.zeros(180)).T.astype(np.float32)
         near = mi.Ray3f(mi.Ray3f(mi.Point3f(0, EYE, 0), mi.Vector3f(*level)), dr.auto.ad.Float(ARM))
         return float(np.mean(np.array(self.scene.ray_test(near)))) < CROWDED
+
+    def sees_the_sun(self) -> bool:
+        """Whether no thing hides the sun from EYE."""
+        return self.sunlit(np.array([[0.0, EYE, 0.0]])) == 1.0
 
     def sunlit(self, points: Floats) -> float:
         """Share of points (N, 3) from which no thing hides the sun."""

@@ -15,9 +15,8 @@ from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
 Floats = NDArray[np.floating[Any]]
 
 HEIGHT = 256  # rows of the map that lights a place
-EXPOSURE = 0.02  # of sky radiance, so that half floats hold the sun
+EXPOSURE = 0.02  # of sky radiance; crops are exposed anew
 OVERCAST, CLOUDY = 0.2, 0.4  # shares of the skies
-CLOUD_CELLS = 8  # of the coarsest noise, across the square that is seen
 OPACITY = 4.0  # a cloud hides the sun more than it hides the sky
 
 
@@ -95,7 +94,7 @@ def noise(rng: np.random.Generator, up: Floats) -> Floats:
     total, weight = np.zeros(towards.shape[:2]), 0.0
     for octave in range(5):
         share = 0.55**octave
-        total += share * _lattice(rng, plane * (2**octave * CLOUD_CELLS / 8))
+        total += share * _lattice(rng, plane * 2**octave)
         weight += share
     return np.asarray((total / weight)[..., None])
 
