@@ -61,6 +61,13 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @click.option("--start", type=FOLDER, default=None, help="Earlier run to start from. [ImageNet's weights]")
 @click.option("--synthetic", type=FOLDER, default=None, help="Folder of `synthesize`, mixed in.")
 @click.option("--synthetic-share", type=click.FloatRange(0, 1), default=0.3, show_default=True, help="Of the crops.")
+@click.option(
+    "--tune-share",
+    type=click.FloatRange(0, 1),
+    default=0.08,
+    show_default=True,
+    help="Of the places, held out for the log.",
+)
 @click.option("--workers", type=click.IntRange(0), default=2, show_default=True, help="Processes that cut crops.")
 def train(
     out: Path | None,

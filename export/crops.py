@@ -200,5 +200,5 @@ def sampling_weights(sources: Sequence[Source]) -> Floats:
     elevation = np.array([s.label.sun_elevation for s in sources])
     bins = np.where(np.isfinite(elevation), np.nan_to_num(np.maximum(elevation, 0)) // 15, -1)
     crowd = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
-    weight = size**-0.5 * crowd**-0.5
+    weight = size**-0.5 * crowd**-0.75
     return np.asarray(weight / max(weight.sum(), 1e-12))

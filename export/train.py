@@ -61,7 +61,7 @@ class TrainConfig:
     warmup: float = 0.03  # share of the run
     ema: float = 0.998  # per step, of the averaged weights that are kept in the end
     target_width: float = TARGET_WIDTH["outdoor"]  # deg per axis, in quadrature with each label's own uncertainty
-    tune_share: float = 0.08  # of the training places, held out for the log and the temperature
+    tune_share: float = 0.08  # of the training places, held out for the log
     sharpness: float = 0.45  # lowest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
