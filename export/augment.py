@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
 from export.crops import Crop
+from export.glare import in_picture
 from lighting.colour import luminance, tone_map
 from lighting.geometry import camera_directions, camera_pixel, direction
 
@@ -16,15 +17,26 @@ Floats = NDArray[np.floating[Any]]
 _BOX, _BICUBIC = Image.Resampling.BOX, Image.Resampling.BICUBIC
 
 
-def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], float]:
-    """A processed picture (h, w, 3) of the crop, and the gain its exposure was multiplied with."""
+def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], float, bool]:
+    """A processed picture (h, w, 3) of the crop, the gain its exposure was multiplied with, and whether a sun that it
+    showed is hidden."""
     gain = float(2.0 ** rng.uniform(-1.2, 1.0))
-    linear = _occlude(_recover(crop.linear) if gain < 1 else crop.linear, crop, rng)
-    linear = _hide_sky(linear, crop, rng) * (gain * _white_balance(rng)) * _vignette(linear.shape, rng)
+    recovered = _recover(crop.linear) if gain < 1 else crop.linear
+    shown = _hide_sky(_occlude(recovered, crop, rng), crop, rng)
+    hidden = _differ_at_the_sun(shown, recovered, crop)
+    linear = shown * (gain * _white_balance(rng)) * _vignette(shown.shape, rng)
     linear = _haze(_tone_locally(linear, rng), rng)
     linear = linear + rng.normal(0, 0.02 * rng.random() ** 2, linear.shape).astype(np.float32) * np.sqrt(linear + 0.02)
     picture = _tone(tone_map(np.maximum(linear, 0.0)), rng)
-    return _recompress(_sharpen(picture, rng), rng), gain
+    return _recompress(_sharpen(picture, rng), rng), gain, hidden
+
+
+def _differ_at_the_sun(one: NDArray[np.float32], other: NDArray[np.float32], crop: Crop) -> bool:
+    place = in_picture(crop)
+    if place is None:
+        return False
+    x, y = (min(int(value), size - 1) for value, size in zip(place, one.shape[1::-1], strict=True))
+    return not np.array_equal(one[y, x], other[y, x])
 
 
 def _recover(linear: NDArray[np.float32]) -> NDArray[np.float32]:

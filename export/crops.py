@@ -16,7 +16,7 @@ from PIL import Image
 from export.labels import Label
 from export.panoramas import Panorama, decode, read_picture
 from lighting.colour import luminance
-from lighting.geometry import camera_directions, direction, sample_latlong, wrap_azimuth
+from lighting.geometry import camera_directions, camera_pixel, direction, sample_latlong, wrap_azimuth
 from lighting.parameters import ModelSpec
 from lighting.photo import fit_size
 
@@ -121,6 +121,20 @@ def training_camera(rng: np.random.Generator) -> Camera:
         roll = float(np.clip(rng.normal(0, 2), -10, 10))
         camera = replace(paper_camera(rng), roll=roll, vertical_fov=rng.uniform(32, 75))
     return replace(camera, mirrored=bool(rng.random() < 0.5))
+
+
+def aimed_camera(rng: np.random.Generator, azimuth: float, elevation: float) -> Camera:
+    """A training camera turned until its picture holds a sun there [deg]; whatever it is after forty turns."""
+    sun = direction(azimuth, elevation)
+    for _ in range(40):
+        camera = training_camera(rng)
+        camera = replace(camera, azimuth=float(wrap_azimuth(azimuth + rng.uniform(-53, 53))))
+        x, y = camera_pixel(
+            sun, round(1000 * camera.aspect), 1000, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll
+        )
+        if 0 < x < 1000 * camera.aspect and 0 < y < 1000:
+            break
+    return camera
 
 
 PROTOCOLS: dict[str, Callable[[np.random.Generator], Camera]] = {

@@ -1,8 +1,9 @@
 """The two networks: ours on an ImageNet-pretrained EfficientNet-Lite0, and the CVPR 2017 one as the baseline.
 
-Both take the normalised canvas (B, 3, H, W) of `lighting.photo.place` and return two tensors: `sun` logits
-(B, G) over the cells of their grid, and `raw` values (B, 6) that `decode` turns into the columns of
-lighting.model.PARAMETERS.
+Both take the normalised canvas (B, 3, H, W) of `lighting.photo.place` and return three tensors: `sun` logits
+(B, G) over the cells of their grid, `raw` values (B, 6) that `decode` turns into the columns of
+lighting.model.PARAMETERS, and `seen` logits (B, 1 + cells) of where in the picture the sun is seen, the first for
+nowhere; (B, 0) from a network that does not say.
 """
 
 import math
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
+from export.glare import towards, with_the_seen
 from lighting.model import PARAMETERS
 from lighting.parameters import ModelSpec
 from lighting.sun_grid import grid_directions
@@ -43,12 +45,15 @@ def specs(version: str) -> dict[str, ModelSpec]:
     }
 
 
-def build(spec: ModelSpec, *, pretrained: bool = False) -> nn.Module:
-    """The network of `spec.name`; `pretrained` loads the ImageNet weights of the backbone where it has one."""
+def build(spec: ModelSpec, *, pretrained: bool = False, sees: bool = True) -> nn.Module:
+    """The network of `spec.name`; `pretrained` loads the ImageNet weights of the backbone where it has one.
+
+    Without `sees` ours does not say where in the picture the sun is, as before version 1.3.
+    """
     cells = len(grid_directions(spec.sun_grid))
     if spec.name == "cvpr2017":
         return DeepOutdoor(cells, spec.height, spec.width)
-    network = Outdoor(cells, spec.height, spec.width)
+    network = Outdoor(cells, spec.height, spec.width, sees=sees)
     if pretrained:
         load_imagenet(network.backbone)
     return network
@@ -68,18 +73,28 @@ def decode(raw: Tensor) -> Tensor:
 
 
 class Served(nn.Module):
-    """Networks with the outputs that users get: sun probabilities (B, G) and parameters (B, 6), averaged over them."""
+    """Networks with the outputs that users get: sun probabilities (B, G) and parameters (B, 6), averaged over them.
 
-    def __init__(self, networks: Sequence[nn.Module], temperature: float = 1.0) -> None:
+    Where they see the sun in the picture, it counts in the probabilities.
+    """
+
+    cells: Tensor
+
+    def __init__(self, networks: Sequence[nn.Module], sun_grid: str, temperature: float = 1.0) -> None:
         super().__init__()
         self.networks = nn.ModuleList(networks)
         self.temperature = temperature
+        self.register_buffer("cells", torch.tensor(grid_directions(sun_grid), dtype=torch.float32))
 
     def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
         said = [network(photo) for network in self.networks]
-        sun = [(logits.float() / self.temperature).softmax(dim=1) for logits, _ in said]
-        raw = [values.float() for _, values in said]
-        return torch.stack(sun).mean(dim=0), decode(torch.stack(raw).mean(dim=0))
+        sun = torch.stack([(logits.float() / self.temperature).softmax(dim=1) for logits, _, _ in said]).mean(dim=0)
+        parameters = decode(torch.stack([raw.float() for _, raw, _ in said]).mean(dim=0))
+        seen = [logits.float().softmax(dim=1) for _, _, logits in said if logits.shape[1]]
+        if not seen:
+            return sun, parameters
+        rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
+        return with_the_seen(sun, torch.stack(seen).mean(dim=0), rays, self.cells), parameters
 
 
 def convolution(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Sequential:
@@ -125,6 +140,7 @@ class Backbone(nn.Module):
     their large maps would take half of the training's time."""
 
     FROZEN = 3
+    MIDDLE = 11  # blocks after which the maps have a sixteenth of the picture's resolution
 
     def __init__(self, drop_path: float = 0.1) -> None:
         super().__init__()
@@ -150,27 +166,51 @@ class Backbone(nn.Module):
             layer.eval()
         return self
 
-    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """The last feature map (B, 320, H/32, W/32) of photos (B, 3, H, W), and 1280 globally pooled features."""
-        x = self.blocks(nn.functional.relu6(self.stem(x)))
-        return x, nn.functional.relu6(self.head(x)).mean(dim=(2, 3))
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Maps (B, 112, H/16, W/16) and (B, 320, H/32, W/32) of photos (B, 3, H, W), and 1280 pooled features."""
+        middle = self.blocks[: self.MIDDLE](nn.functional.relu6(self.stem(x)))
+        last = self.blocks[self.MIDDLE :](middle)
+        return middle, last, nn.functional.relu6(self.head(last)).mean(dim=(2, 3))
+
+
+class SeenSun(nn.Module):
+    """Where in the picture the sun is seen: a value for each cell of a map, and one for nowhere."""
+
+    def __init__(self, channels: int, features: int, hidden: int = 48) -> None:
+        super().__init__()
+        self.where = nn.Sequential(
+            convolution(channels, hidden, 1),
+            nn.ReLU6(),
+            convolution(hidden, hidden, 5, groups=hidden),
+            nn.ReLU6(),
+            nn.Conv2d(hidden, 1, 1),
+        )
+        self.nowhere = nn.Linear(features, 1)
+        nn.init.constant_(self.nowhere.bias, 6.0)  # most pictures show no sun
+
+    def forward(self, layout: Tensor, pooled: Tensor) -> Tensor:
+        return torch.cat([self.nowhere(pooled), self.where(layout).flatten(1)], dim=1)
 
 
 class Outdoor(nn.Module):
     """Ours: pooled features for what is seen, a small flattened map for where it is seen, one hidden layer a head."""
 
-    def __init__(self, cells: int, height: int, width: int, hidden: int = 384, drop: float = 0.3) -> None:
+    def __init__(
+        self, cells: int, height: int, width: int, *, hidden: int = 384, drop: float = 0.3, sees: bool = True
+    ) -> None:
         super().__init__()
         self.backbone = Backbone()
         self.where = nn.Sequential(nn.Conv2d(320, 48, 1, bias=False), nn.BatchNorm2d(48), nn.ReLU6(), nn.Flatten())
         features = 1280 + 48 * math.ceil(height / 32) * math.ceil(width / 32)
         self.sun = _head(features, hidden, cells, drop)
         self.values = _head(features, hidden, len(PARAMETERS), drop)
+        self.seen = SeenSun(112, 1280) if sees else None
 
-    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
-        layout, pooled = self.backbone(photo)
-        features = torch.cat([pooled, self.where(layout)], dim=1)
-        return self.sun(features), self.values(features)
+    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        middle, last, pooled = self.backbone(photo)
+        features = torch.cat([pooled, self.where(last)], dim=1)
+        seen = self.seen(middle, pooled) if self.seen else photo.new_zeros(len(photo), 0)
+        return self.sun(features), self.values(features), seen
 
 
 def _head(features: int, hidden: int, outputs: int, drop: float) -> nn.Sequential:
@@ -207,9 +247,16 @@ class DeepOutdoor(nn.Module):
         self.sun = nn.Linear(2048, cells)
         self.values = nn.Linear(2048, len(PARAMETERS))
 
-    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         shared = self.shared(self.convolutions(photo))
-        return self.sun(shared), self.values(shared)
+        return self.sun(shared), self.values(shared), photo.new_zeros(len(photo), 0)
+
+
+def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
+    """Load weights of a run into a network; what says where the sun is seen keeps its own where they lack it."""
+    missing, unknown = network.load_state_dict(weights, strict=False)
+    if unknown or not all(name.startswith("seen.") for name in missing):
+        raise ValueError(f"The weights do not fit this network: {[*missing, *unknown][:3]}.")
 
 
 def load_imagenet(backbone: Backbone) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
 from export.panoramas import DataError
 from export.to_onnx import differ, history, read_record
@@ -18,7 +19,8 @@ from lighting.atomic import replacing
 def merge(folders: Sequence[Path], out: Path) -> None:
     """Write `out` as the folder of a run whose weights are the mean of those of `folders`.
 
-    The runs must share their beginning (`train --start`), or the mean is no network. DataError if their networks differ
+    The runs must share their beginning (`train --start`), or the mean is no network. What only some of them have, such
+    as where the sun is seen, is the mean of those. DataError if their networks differ
     or if `out` already holds a run.
     """
     if differ(folders):
@@ -27,10 +29,7 @@ def merge(folders: Sequence[Path], out: Path) -> None:
         raise DataError(f"{out} already holds a run.")
     records = [read_record(f) for f in folders]
     weights = [averaged_weights(f) for f in folders]
-    mean = {
-        f"module.{name}": torch.stack([w[name] for w in weights]).mean(dim=0) if value.is_floating_point() else value
-        for name, value in weights[0].items()
-    }
+    mean = {f"module.{name}": _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
     config = {**records[0]["config"], "crops": sum(r["config"]["crops"] for r in records)}
     record = {**records[0], "config": config, "merged": [run for r in records for run in history(r)]}
     out.mkdir(parents=True, exist_ok=True)
@@ -38,3 +37,7 @@ def merge(folders: Sequence[Path], out: Path) -> None:
         path.write_text(json.dumps(record, indent=1))
     with replacing(out / "checkpoint.pt") as path:
         torch.save({"average": mean}, path)
+
+
+def _mean(values: Sequence[Tensor]) -> Tensor:
+    return torch.stack(list(values)).mean(dim=0) if values[0].is_floating_point() else values[0]

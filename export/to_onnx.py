@@ -53,8 +53,9 @@ def differ(folders: Sequence[Path]) -> bool:
 
 def read_network(folder: Path) -> nn.Module:
     """The averaged network of a training folder, ready to answer."""
-    network = build(read_spec(folder))
-    network.load_state_dict(averaged_weights(folder))
+    weights = averaged_weights(folder)
+    network = build(read_spec(folder), sees=any(name.startswith("seen.") for name in weights))
+    network.load_state_dict(weights)
     return network.eval()
 
 
@@ -103,8 +104,9 @@ def export(
     if differ(folders):
         raise DataError("The runs' networks do not expect the same photos, so they cannot answer together.")
     divisor = fit_temperature(networks, held_out_crops(folders[0])) if temperature is None else temperature
-    served = Served(networks, divisor).eval()
-    spec = replace(read_spec(folders[0]), training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
+    spec = read_spec(folders[0])
+    served = Served(networks, spec.sun_grid, divisor).eval()
+    spec = replace(spec, training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
     spec = replace(spec, version=version or spec.version)
     commits = ", ".join(dict.fromkeys(run["commit"] for r in records for run in history(r)))
     known = {"commit": commits, "temperature": f"{divisor:.3f}", "networks": str(len(folders))}

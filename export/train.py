@@ -23,8 +23,10 @@ from torch.utils.data import DataLoader, Dataset
 
 from export.augment import augment
 from export.crops import (
+    Camera,
     Floats,
     Source,
+    aimed_camera,
     generator,
     is_resolved,
     load_source,
@@ -33,8 +35,9 @@ from export.crops import (
     take,
     training_camera,
 )
+from export.glare import where_seen
 from export.labels import Label, read_labels
-from export.network import TARGET_WIDTH, build, encode, specs
+from export.network import TARGET_WIDTH, build, encode, load_weights, specs
 from export.panoramas import DataError, Panorama, read_index
 from export.towns.dataset import LABELS
 from lighting.atomic import replacing
@@ -62,6 +65,7 @@ class TrainConfig:
     ema: float = 0.998  # per step, of the averaged weights that are kept in the end
     target_width: float = TARGET_WIDTH["outdoor"]  # deg per axis, in quadrature with each label's own uncertainty
     tune_share: float = 0.08  # of the training places, held out for the log
+    aimed: float = 0.2  # of the crops of panoramas that show the sun, turned until they hold it
     sharpness: float = 0.45  # lowest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
@@ -78,6 +82,7 @@ class Batch(NamedTuple):
     photo: Tensor  # (B, 3, H, W)
     sun: Tensor  # (B, G)
     parameters: Tensor  # (B, 6)
+    seen: Tensor  # (B, 1 + cells) where in the picture the sun is seen, all zero where that is not known
 
 
 class Crops(Dataset[Batch]):
@@ -113,10 +118,10 @@ class Crops(Dataset[Batch]):
 
     def _batch(self, source: Source, index: int, purpose: str) -> Batch:
         rng = generator(source.panorama.name, index, purpose)
-        camera = paper_camera(rng) if self.tune else training_camera(rng)
+        camera = paper_camera(rng) if self.tune else self._camera(source, rng)
         sharpness = rng.uniform(self.config.sharpness, 1.0)
         crop = take(source, camera, self.spec, sharpness)
-        pixels, gain = augment(crop, rng)
+        pixels, gain, hidden = augment(crop, rng)
         parameters = crop.parameters
         parameters[1] *= gain
         if not is_resolved(source, camera, sharpness * pixels.shape[0]):
@@ -127,7 +132,15 @@ class Crops(Dataset[Batch]):
             sun = soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid)
         cells = torch.zeros(len(grid_directions(self.spec.sun_grid)))
         cells[: len(sun)] = torch.from_numpy(sun)
-        return Batch(torch.from_numpy(place(pixels, self.spec)), cells, torch.from_numpy(parameters))
+        visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
+        seen = torch.from_numpy(where_seen(crop, self.spec, visible)).float()
+        return Batch(torch.from_numpy(place(pixels, self.spec)), cells, torch.from_numpy(parameters), seen)
+
+    def _camera(self, source: Source, rng: np.random.Generator) -> Camera:
+        label = source.label
+        if source.panorama.sun == "visible" and rng.random() < self.config.aimed:
+            return aimed_camera(rng, label.sun_azimuth, label.sun_elevation)
+        return training_camera(rng)
 
 
 def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Panorama], list[Panorama]]:
@@ -162,21 +175,26 @@ def synthetic_sources(config: TrainConfig) -> list[Source]:
     return load_sources(read_index(config.synthetic, "train"), Path(config.synthetic) / LABELS)
 
 
-def losses(sun: Tensor, raw: Tensor, batch: Batch) -> dict[str, Tensor]:
-    """Mean losses of one batch by name, each over the crops that have the target."""
-    has_sun = batch.sun.sum(dim=1) > 0.5
-    cross_entropy = -(batch.sun * F.log_softmax(sun.float(), dim=1)).sum(dim=1)
+def losses(said: tuple[Tensor, Tensor, Tensor], batch: Batch) -> dict[str, Tensor]:
+    """Mean losses of one batch by name, each over the crops that have the target; `said` is what a network returns."""
+    sun, raw, seen = said
     target = torch.cat([encode(batch.parameters[:, :5]), batch.parameters[:, 5:]], dim=1)
     known = torch.isfinite(target)
     target = torch.where(known, target, torch.zeros_like(target))
     fit = F.smooth_l1_loss(raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
-    seen = F.binary_cross_entropy_with_logits(raw[:, 5].float(), target[:, 5], reduction="none")
+    shining = F.binary_cross_entropy_with_logits(raw[:, 5].float(), target[:, 5], reduction="none")
     by_parameter = _masked_mean(fit, known[:, :5])
-    return {
-        "sun": _masked_mean(cross_entropy, has_sun),
+    parts = {
+        "sun": _cross_entropy(sun, batch.sun),
         "parameters": (by_parameter * by_parameter.new_tensor(PARAMETER_WEIGHTS)).sum(),
-        "visibility": _masked_mean(seen, known[:, 5]),
+        "visibility": _masked_mean(shining, known[:, 5]),
     }
+    return parts | ({"seen": _cross_entropy(seen, batch.seen)} if seen.shape[1] else {})
+
+
+def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
+    cost = -(target * F.log_softmax(logits.float(), dim=1)).sum(dim=1)
+    return _masked_mean(cost, target.sum(dim=1) > 0.5)
 
 
 def _masked_mean(value: Tensor, mask: Tensor) -> Tensor:
@@ -201,7 +219,7 @@ class Run:
         torch.manual_seed(0)
         network = build(self.spec, pretrained=config.pretrained and not config.start)
         if config.start:
-            network.load_state_dict(averaged_weights(config.start))
+            load_weights(network, averaged_weights(config.start))
         self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         ema: Any = get_ema_multi_avg_fn  # not annotated by torch
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
@@ -229,8 +247,8 @@ class Run:
     def forward(self, network: nn.Module, batch: Batch) -> dict[str, Tensor]:
         """Losses of a batch that lies on the device, in bfloat16 where that is safe."""
         with torch.autocast(self.device.type, torch.bfloat16):
-            sun, raw = network(batch.photo)
-        return losses(sun, raw, batch)
+            said = network(batch.photo)
+        return losses(said, batch)
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """One step of the optimiser."""
@@ -257,7 +275,7 @@ class Run:
         )
         for batch in loader:
             photo = batch.photo.to(self.device, memory_format=torch.channels_last)
-            yield Batch(photo, batch.sun.to(self.device), batch.parameters.to(self.device))
+            yield Batch(photo, *(part.to(self.device) for part in batch[1:]))
 
     def tune_losses(self, dataset: Crops) -> dict[str, float]:
         """Losses of the averaged weights over the held-out training places."""

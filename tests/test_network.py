@@ -8,12 +8,13 @@ from export.network import Outdoor, Served, build, decode, encode, specs
 from lighting.sun_grid import grid_directions
 
 SPECS = specs("0")
+GRID = SPECS["outdoor"].sun_grid
 
 
 @pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
 def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
     spec = SPECS[name]
-    served = Served([build(spec)]).eval()
+    served = Served([build(spec)], spec.sun_grid).eval()
     with torch.inference_mode():
         probability, parameters = served(torch.zeros(2, 3, spec.height, spec.width))
     assert probability.shape == (2, len(grid_directions(spec.sun_grid)))
@@ -38,10 +39,10 @@ def test_encode_and_decode_are_inverse() -> None:
 
 
 def test_temperature_widens_the_distribution() -> None:
-    network = build(SPECS["outdoor"]).eval()
+    network = build(SPECS["outdoor"], sees=False).eval()
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
-        sharp, soft = Served([network], 0.5)(photo)[0], Served([network], 2.0)(photo)[0]
+        sharp, soft = Served([network], GRID, 0.5)(photo)[0], Served([network], GRID, 2.0)(photo)[0]
     assert sharp.max() > soft.max()
     assert sharp.argmax() == soft.argmax()
 
@@ -51,8 +52,8 @@ def test_networks_together_answer_their_mean() -> None:
     networks = [build(SPECS["outdoor"]).eval() for _ in range(2)]
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
-        alone = [Served([network], 1.4)(photo) for network in networks]
-        both = Served(networks, 1.4)(photo)
+        alone = [Served([network], GRID, 1.4)(photo) for network in networks]
+        both = Served(networks, GRID, 1.4)(photo)
     torch.testing.assert_close(both[0], (alone[0][0] + alone[1][0]) / 2)
     torch.testing.assert_close(both[1][:, 2:5], (alone[0][1] + alone[1][1])[:, 2:5] / 2)
     torch.testing.assert_close(both[1][:, :2], (alone[0][1] * alone[1][1])[:, :2].sqrt())  # turbidity and exposure
@@ -65,7 +66,7 @@ def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
     assert isinstance(network, Outdoor)
     smooth = torch.linspace(-1, 1, 224).expand(1, 3, 224, 224)
     with torch.inference_mode():
-        pooled = network.backbone(torch.cat([smooth, torch.randn(1, 3, 224, 224)]))[1]
+        pooled = network.backbone(torch.cat([smooth, torch.randn(1, 3, 224, 224)]))[2]
     assert 0.05 < float(pooled.mean()) < 2.0
     assert float((pooled[0] - pooled[1]).abs().mean()) > 0.1
 
@@ -76,8 +77,8 @@ def test_frozen_layers_do_not_learn() -> None:
     frozen = [p for p in network.backbone.parameters() if not p.requires_grad]
     before = [p.clone() for p in network.backbone.stem.parameters()]
     statistics = network.backbone.stem.state_dict()["2.running_mean"].clone()
-    sun, raw = network(torch.randn(2, 3, 224, 224))
-    (sun.sum() + raw.sum()).backward()
+    sun, raw, seen = network(torch.randn(2, 3, 224, 224))
+    (sun.sum() + raw.sum() + seen.sum()).backward()
     assert frozen
     assert all(p.grad is None for p in frozen)
     assert all(p.grad is not None for p in network.parameters() if p.requires_grad)

@@ -28,6 +28,7 @@ from export.to_onnx import (
     parity,
     read_network,
     read_record,
+    read_spec,
 )
 from export.train import (
     Batch,
@@ -138,9 +139,12 @@ def test_unknown_targets_cost_nothing() -> None:
     raw[0, :2] = 100.0
     raw.requires_grad_()
     logits = torch.tensor([[50.0, -50.0], [1.0, 1.0]])
-    parts = losses(logits, raw, Batch(torch.zeros(2, 3, 1, 1), sun, parameters))
+    batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, seen=sun)
+    parts = losses((logits, raw, logits), batch)
     found = {name: part.item() for name, part in parts.items()}
-    assert found == pytest.approx({"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2)}, abs=1e-6)
+    expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert "seen" not in losses((logits, raw, logits[:, :0]), batch)
     torch.autograd.backward(sum(parts.values(), torch.zeros(())))
     assert raw.grad is not None
     assert torch.isfinite(raw.grad).all()
@@ -167,7 +171,7 @@ def test_the_learning_rate_rises_and_falls_to_zero() -> None:
 def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
     model = Model.load(network)
     metadata = model.session.get_modelmeta().custom_metadata_map
-    assert parity(Served([read_network(trained)], 1.3).eval(), network) < ROUNDED
+    assert parity(Served([read_network(trained)], read_spec(trained).sun_grid, 1.3).eval(), network) < ROUNDED
     assert float(metadata["parity"]) < ROUNDED
     assert metadata["license"] == "Apache-2.0"
     assert "16 crops" in model.spec.training_data
