@@ -209,7 +209,7 @@ class Outdoor(nn.Module):
     def forward(self, photo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         middle, last, pooled = self.backbone(photo)
         features = torch.cat([pooled, self.where(last)], dim=1)
-        seen = self.seen(middle, pooled) if self.seen else photo.new_zeros(len(photo), 0)
+        seen = self.seen(middle, pooled) if self.seen else photo[:, 0, 0, :0]
         return self.sun(features), self.values(features), seen
 
 
@@ -249,7 +249,7 @@ class DeepOutdoor(nn.Module):
 
     def forward(self, photo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         shared = self.shared(self.convolutions(photo))
-        return self.sun(shared), self.values(shared), photo.new_zeros(len(photo), 0)
+        return self.sun(shared), self.values(shared), photo[:, 0, 0, :0]
 
 
 def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
