@@ -28,7 +28,7 @@ from lighting.parameters import ModelSpec
 OPSET = 18
 TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
-ROUNDED = 1e-2  # the same with weights in half precision
+ROUNDED = 3e-2  # the same with weights in half precision, which move the camera and with it where a seen sun stands
 HALVED = 256  # elements from which a tensor of weights is stored in half precision
 
 
