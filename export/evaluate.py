@@ -3,22 +3,22 @@
 import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from export import suncompass
-from export.crops import PROTOCOLS, Camera, Crop, Source, generator, take
+from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, generator, take
 from export.evidence import evidence_report
 from export.groups import groups_report
 from export.honesty import Judged, honesty_sections
 from export.labels import Label
-from export.metrics import Answers, Floats, Truth, answers, median, sun_error
+from export.metrics import Answers, Floats, Truth, answers, median, select, sun_error
 from export.mirror import mirror_averaged
 from export.panoramas import Panorama, read_index
 from export.photos import photo_report, photo_seers
-from export.report import report
+from export.report import in_view_report, report
 from export.simulated import take_metadata
 from export.train import labels_of, load_sources
 from lighting.atomic import replacing
@@ -32,6 +32,7 @@ from lighting.sun_grid import density
 CONSTANT = "constant direction"
 CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # per panorama and protocol, at azimuths spread evenly
+AIMED_EACH = 4  # per panorama that shows its sun
 MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
 SKY_SHARE = 0.1  # of a crop's pixels above the horizon, under which there is "no sky"
 
@@ -54,6 +55,17 @@ def cameras(sources: Sequence[Source], protocol: str) -> Scene:
             azimuth = (start + index * 360 / CROPS_EACH + 180) % 360 - 180
             taken.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
     return Scene(list(sources), taken)
+
+
+def aimed(sources: Sequence[Source]) -> Scene:
+    """AIMED_EACH cameras per panorama that shows its sun, turned until the picture holds it."""
+    shown = [source for source in sources if source.panorama.sun == "visible"]
+    taken = []
+    for source in shown:
+        for index in range(AIMED_EACH):
+            rng = generator(source.panorama.name, index, "sun in view")
+            taken.append((source, aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)))
+    return Scene(shown, [(source, replace(camera, mirrored=False)) for source, camera in taken])
 
 
 def see(model: Model, scene: Scene, *, mirrored: bool = False, batch: int = 16) -> tuple[Truth, list[Prediction]]:
@@ -196,6 +208,7 @@ def evaluate(
             judged[protocol] = Judged(scene.crops, truth, predictions, said[ours], said[CONSTANT])
         if with_metadata and truth.scored.any():
             further += metadata_sections(protocol, scene, truth, predictions)
+    sections += sun_in_view(sources, loaded)
     if (data / "photos.csv").exists():
         sections.append(photo_report(data / "photos.csv", photo_seers(loaded, peer, middle)))
     sections += honesty_sections(judged, out, failures=failures)
@@ -203,6 +216,18 @@ def evaluate(
     with replacing(out / "report.md") as path:
         path.write_text(text)
     return text
+
+
+def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str]:
+    """The section about crops that hold the sun; none without panoramas that show theirs."""
+    scene = aimed(sources)
+    if not scene.crops:
+        return []
+    seen = {name: see(model, scene) for name, model in models.items()}
+    truth = next(iter(seen.values()))[0]
+    chosen = truth.scored & (truth.in_view == "sun in view")
+    said = {name: select(interpret(predictions, truth.sun), chosen) for name, (_, predictions) in seen.items()}
+    return [in_view_report(select(truth, chosen), said)] if chosen.any() else []
 
 
 def by_name(models: Sequence[Model]) -> dict[str, Model]:

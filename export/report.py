@@ -51,6 +51,23 @@ def report(protocol: str, truth: Truth, said: dict[str, Answers], ours: str) -> 
     )
 
 
+def in_view_report(truth: Truth, said: dict[str, Answers]) -> str:
+    """The tables of crops that hold the sun: each method's, then ours, which is the first, by true elevation."""
+    ours = next(iter(said))
+    counts = f"{len(truth.sun)} crops of {len(np.unique(truth.panorama))} panoramas"
+    rows = {name: sun_figures(truth, a) for name, a in said.items()}
+    heights = {name: figures for name, figures in breakdown(truth, said[ours]).items() if name not in IN_VIEW}
+    return "\n\n".join(
+        [
+            f"## Sun in the picture: {counts} [deg, nat]",
+            "Views as in training, half of them near `paper` and half as in `phone`, turned until they hold the sun.",
+            figures_table(rows),
+            f"`{ours}` by true sun elevation",
+            figures_table(heights),
+        ]
+    )
+
+
 def figures_table(rows: dict[str, dict[str, float]]) -> str:
     """One row a method or a group, one column a figure."""
     columns = list(next(iter(rows.values())))

@@ -271,6 +271,7 @@ def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tm
         "## Temperature",
         "## Turbidity, protocol `paper`",
         "## Where it fails",
+        "## Sun in the picture: ",
     ):
         assert part in report
     for name in ("reliability.png", "failures.png"):
