@@ -62,6 +62,14 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @click.option("--synthetic", type=FOLDER, default=None, help="Folder of `synthesize`, mixed in.")
 @click.option("--synthetic-share", type=click.FloatRange(0, 1), default=0.3, show_default=True, help="Of the crops.")
 @click.option(
+    "--aimed",
+    type=click.FloatRange(0, 1),
+    default=0.2,
+    show_default=True,
+    help="Of the crops of panoramas that show the sun, turned until they hold it.",
+)
+@click.option("--only-seen", is_flag=True, help="Train alone what says where in the picture the sun is seen.")
+@click.option(
     "--tune-share",
     type=click.FloatRange(0, 1),
     default=0.08,
@@ -108,7 +116,8 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 @click.option("--version", help="Of the network, where it is not the run's: another temperature makes another one.")
 def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float | None, version: str | None) -> None:
     """Write the averaged network of a run, or of several that answer together, as ONNX; compare it with torch."""
-    from export.to_onnx import export, read_spec
+    from export.records import read_spec
+    from export.to_onnx import export
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"

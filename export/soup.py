@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from export.panoramas import DataError
-from export.to_onnx import differ, history, read_record
+from export.records import RECORD, history, read_record
+from export.to_onnx import differ
 from export.train import averaged_weights
 from lighting.atomic import replacing
 
@@ -30,10 +31,11 @@ def merge(folders: Sequence[Path], out: Path) -> None:
     records = [read_record(f) for f in folders]
     weights = [averaged_weights(f) for f in folders]
     mean = {f"module.{name}": _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
-    config = {**records[0]["config"], "crops": sum(r["config"]["crops"] for r in records)}
-    record = {**records[0], "config": config, "merged": [run for r in records for run in history(r)]}
+    names = dict.fromkeys(name for r in records for name in r["panoramas"]["train"])
+    held_out = [name for name in records[0]["panoramas"]["tune"] if name not in names]
+    record = {**records[0], "panoramas": {"train": list(names), "tune": held_out}, "merged": history(*records)}
     out.mkdir(parents=True, exist_ok=True)
-    with replacing(out / "config.json") as path:
+    with replacing(out / RECORD) as path:
         path.write_text(json.dumps(record, indent=1))
     with replacing(out / "checkpoint.pt") as path:
         torch.save({"average": mean}, path)

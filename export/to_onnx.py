@@ -19,6 +19,7 @@ from torch.utils.data import DataLoader
 
 from export.network import Served, build
 from export.panoramas import DataError, read_index
+from export.records import describe_data, history, read_record, read_spec
 from export.train import Crops, TrainConfig, averaged_weights, load_sources
 from lighting.atomic import replacing
 from lighting.errors import ModelError
@@ -30,20 +31,6 @@ TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 ROUNDED = 3e-2  # the same with weights in half precision, which move the camera and with it where a seen sun stands
 HALVED = 256  # elements from which a tensor of weights is stored in half precision
-
-
-def read_record(folder: Path) -> dict[str, Any]:
-    """What a training folder says of its run; DataError if it holds none."""
-    try:
-        record: dict[str, Any] = json.loads((folder / "config.json").read_text())
-    except (OSError, ValueError) as error:
-        raise DataError(f"{folder} is not the folder of a training run: {error}.") from error
-    return record
-
-
-def read_spec(folder: Path) -> ModelSpec:
-    """What the network of a training folder expects."""
-    return ModelSpec.from_json(json.dumps(read_record(folder)["spec"]))
 
 
 def differ(folders: Sequence[Path]) -> bool:
@@ -108,7 +95,7 @@ def export(
     served = Served(networks, spec.sun_grid, divisor).eval()
     spec = replace(spec, training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
     spec = replace(spec, version=version or spec.version)
-    commits = ", ".join(dict.fromkeys(run["commit"] for r in records for run in history(r)))
+    commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
     known = {"commit": commits, "temperature": f"{divisor:.3f}", "networks": str(len(folders))}
     known["training"] = json.dumps([history(r) for r in records])
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -143,23 +130,6 @@ def halve(model: Any) -> None:
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
-
-
-def history(record: dict[str, Any]) -> list[dict[str, Any]]:
-    """What reproduces a run, or each of those it was merged from, but for where its files and panoramas lay."""
-    if "merged" in record:
-        return list(record["merged"])
-    config = {k: v for k, v in record["config"].items() if k not in ("data", "labels", "out")}
-    return [{**config, "commit": record["commit"], "torch": record["torch"]}]
-
-
-def describe_data(record: dict[str, Any]) -> str:
-    """One sentence on what the network saw."""
-    config, names = record["config"], record["panoramas"]["train"]
-    which = "permissively licensed panoramas" if config["licensed_only"] else "panoramas, most with no stated licence"
-    start = "from ImageNet weights, " if config["pretrained"] else ""
-    rendered = ", a share of them of rendered places" if config.get("synthetic") else ""
-    return f"{start}{config['crops']} crops of {len(names)} outdoor {which}{rendered}"
 
 
 def trace(served: Served, spec: ModelSpec) -> Any:

@@ -39,6 +39,7 @@ from export.glare import where_seen
 from export.labels import Label, read_labels
 from export.network import TARGET_WIDTH, build, encode, load_weights, specs
 from export.panoramas import DataError, Panorama, read_index
+from export.records import RECORD, history, read_record
 from export.towns.dataset import LABELS
 from lighting.atomic import replacing
 from lighting.parameters import ModelSpec
@@ -69,6 +70,7 @@ class TrainConfig:
     sharpness: float = 0.45  # lowest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
+    only_seen: bool = False  # train what says where in the picture the sun is seen, and leave the rest as it is
     start: str = ""  # folder of an earlier run, whose averaged weights this one starts from; its crops are others
     synthetic: str = ""  # folder of `python -m export synthesize`, mixed in
     synthetic_share: float = 0.3  # of the crops, where there is such a folder
@@ -220,6 +222,9 @@ class Run:
         network = build(self.spec, pretrained=config.pretrained and not config.start)
         if config.start:
             load_weights(network, averaged_weights(config.start))
+        if config.only_seen:
+            network.requires_grad_(False)
+            network.get_submodule("seen").requires_grad_(True)
         self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         ema: Any = get_ema_multi_avg_fn  # not annotated by torch
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
@@ -228,6 +233,12 @@ class Run:
         self.steps = config.crops // config.batch
         self.step = 0
         self.checkpoint = Path(config.out) / "checkpoint.pt"
+
+    def train_mode(self) -> None:
+        """Set the layers that learn to training, the others to what they do when they answer."""
+        self.network.train(not self.config.only_seen)
+        if self.config.only_seen:
+            self.network.get_submodule("seen").train()
 
     def resume(self) -> None:
         """Continue from the folder's checkpoint if it has one."""
@@ -255,6 +266,8 @@ class Run:
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * learning_rate(self.step, self.steps, self.config.warmup)
         parts = self.forward(self.network, batch)
+        if self.config.only_seen:
+            parts = {"seen": parts["seen"]}
         torch.autograd.backward(torch.stack(list(parts.values())).sum())
         nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
         self.optimizer.step()
@@ -305,9 +318,15 @@ def train(config: TrainConfig) -> Path:
         raise DataError(f"There is no panorama to train on in {config.data}.")
     run = Run(config)
     run.resume()
-    record = {"config": asdict(config), "spec": asdict(run.spec), "commit": commit(), "torch": torch.__version__}
+    record: dict[str, Any] = {
+        "config": asdict(config),
+        "spec": asdict(run.spec),
+        "commit": commit(),
+        "torch": torch.__version__,
+    }
+    record["before"] = history(read_record(Path(config.start))) if config.start else []
     record["panoramas"] = {"train": [p.name for p in kept], "tune": [p.name for p in held_out]}
-    with replacing(out / "config.json") as path:
+    with replacing(out / RECORD) as path:
         path.write_text(json.dumps(record, indent=1))
     dataset = Crops(load_sources(kept, config.labels), run.spec, config, synthetic=synthetic_sources(config))
     tune = Crops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
@@ -323,7 +342,7 @@ def train(config: TrainConfig) -> Path:
 def _loop(run: Run, dataset: Crops, tune: Crops | None) -> None:
     started = saved = time.monotonic()
     window: list[dict[str, Tensor]] = []
-    run.network.train()
+    run.train_mode()
     for batch in run.batches(dataset, run.step * run.config.batch):
         window.append(run.update(batch))
         last = run.step == run.steps

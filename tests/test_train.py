@@ -16,6 +16,7 @@ from export.evaluate import best_constant, evaluate
 from export.labels import label_panorama, write_labels
 from export.network import Served, encode
 from export.panoramas import DataError, Panorama, read_index
+from export.records import describe_data, history, read_record, read_spec
 from export.soup import merge
 from export.synthetic import write_dataset
 from export.to_onnx import (
@@ -24,11 +25,8 @@ from export.to_onnx import (
     export,
     fit_temperature,
     held_out_crops,
-    history,
     parity,
     read_network,
-    read_record,
-    read_spec,
 )
 from export.train import (
     Batch,
@@ -123,6 +121,15 @@ def test_a_run_starts_from_the_averaged_weights_of_another_and_sees_other_crops(
     assert not torch.equal(*photos)
 
 
+def test_where_the_sun_is_seen_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    train(replace(config, out=str(tmp_path), start=str(trained), only_seen=True, aimed=1.0, crops=8))
+    before, after = averaged_weights(trained), averaged_weights(tmp_path)
+    changed = {name for name, value in before.items() if not torch.equal(value, after[name])}
+    assert changed
+    assert all(name.startswith("seen.") for name in changed)
+    assert [run["crops"] for run in history(read_record(tmp_path))] == [16, 8]
+
+
 def test_a_crop_number_is_the_same_crop_every_time(config: TrainConfig) -> None:
     sources = load_sources(read_index(config.data, "train"), config.labels)
     spec = Run(config).spec
@@ -206,13 +213,17 @@ def test_merged_runs_have_the_mean_of_their_weights(trained: Path, tmp_path: Pat
         if value.is_floating_point():
             state["average"][name] = value + 2.0
     torch.save(state, other / "checkpoint.pt")
+    record = read_record(other)
+    record["config"]["crops"] = 32
+    (other / "config.json").write_text(json.dumps(record))
     merge([trained, other], merged)
     one, mean = averaged_weights(trained), averaged_weights(merged)
     assert one.keys() == mean.keys()
     for name, value in one.items():
         torch.testing.assert_close(mean[name], value + 1.0 if value.is_floating_point() else value)
-    assert [run["crops"] for run in history(read_record(merged))] == [16, 16]
-    assert read_record(merged)["config"]["crops"] == 32
+    assert [run["crops"] for run in history(read_record(merged))] == [16, 32]
+    assert [run["crops"] for run in history(read_record(merged), read_record(other))] == [16, 32]
+    assert "48 crops" in describe_data(read_record(merged))
     with pytest.raises(LightingError, match="already holds a run"):
         merge([trained, other], merged)
 
