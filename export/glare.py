@@ -14,6 +14,7 @@ from lighting.parameters import ModelSpec
 
 CELL = 16  # pixels of the canvas along one side of a cell
 TARGET_SPREAD = 0.7  # cells, standard deviation of the target around the sun
+RARER = 1.5  # nats; suns are rarer in photos than in the crops, most turned towards one, that teach to see them
 DIRECTION_SPREAD = 5.0  # deg per axis of the directions that a cell stands for; what the camera's estimate errs by
 
 
@@ -45,6 +46,11 @@ def in_picture(crop: Crop) -> tuple[float, float] | None:
     c = crop.camera
     x, y = camera_pixel(crop.sun_direction, width, height, c.vertical_fov, 0.0, c.elevation, c.roll)
     return (float(x), float(y)) if 0 <= x <= width and 0 <= y <= height else None
+
+
+def seen_probability(logits: Tensor) -> Tensor:
+    """Probabilities (B, 1 + cells) that the sun is seen nowhere, or in each cell, of the network's logits."""
+    return (logits - RARER * (torch.arange(logits.shape[1], device=logits.device) > 0)).softmax(dim=1)
 
 
 def towards(photo: Tensor, elevation: Tensor, roll: Tensor, fov: Tensor) -> Tensor:

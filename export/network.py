@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from export.glare import towards, with_the_seen
+from export.glare import seen_probability, towards, with_the_seen
 from lighting.model import PARAMETERS
 from lighting.parameters import ModelSpec
 from lighting.sun_grid import grid_directions
@@ -90,7 +90,7 @@ class Served(nn.Module):
         said = [network(photo) for network in self.networks]
         sun = torch.stack([(logits.float() / self.temperature).softmax(dim=1) for logits, _, _ in said]).mean(dim=0)
         parameters = decode(torch.stack([raw.float() for _, raw, _ in said]).mean(dim=0))
-        seen = [logits.float().softmax(dim=1) for _, _, logits in said if logits.shape[1]]
+        seen = [seen_probability(logits.float()) for _, _, logits in said if logits.shape[1]]
         if not seen:
             return sun, parameters
         rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])

@@ -8,7 +8,7 @@ import torch
 
 from export.augment import augment
 from export.crops import Camera, Crop, aimed_camera
-from export.glare import CELL, in_picture, towards, where_seen, with_the_seen
+from export.glare import CELL, RARER, in_picture, seen_probability, towards, where_seen, with_the_seen
 from export.network import build, load_weights, specs
 from lighting.colour import tone_map
 from lighting.geometry import angle_between, camera_directions, direction
@@ -69,6 +69,14 @@ def test_what_is_not_seen_changes_nothing_and_half_a_doubt_counts_half() -> None
     torch.testing.assert_close(with_the_seen(sun, nowhere, rays(one), CELLS), sun)
     half = with_the_seen(sun, (nowhere + seen) / 2, rays(one), CELLS)
     torch.testing.assert_close(half, (sun + with_the_seen(sun, seen, rays(one), CELLS)) / 2)
+
+
+def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> None:
+    """Of even odds in training: they fall by RARER, and the cells keep theirs among each other."""
+    logits = torch.tensor([[2.0, *np.log([0.1, 0.3, 0.6]) + 2.0]], dtype=torch.float32)
+    nowhere, *cells = seen_probability(logits)[0].tolist()
+    assert sum(cells) / nowhere == pytest.approx(np.exp(-RARER), rel=1e-5)
+    assert cells == pytest.approx(np.array([0.1, 0.3, 0.6]) * (1 - nowhere), rel=1e-5)
 
 
 def test_a_sun_outside_the_picture_is_seen_nowhere_and_an_unknown_one_asks_nothing() -> None:
