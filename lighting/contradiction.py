@@ -18,7 +18,7 @@ from lighting.parameters import Prediction
 from lighting.sun_grid import grid_directions
 
 ELEVATION_TAIL = 0.007
-HEADING_TAIL = 0.010
+HEADING_TAIL = 0.008
 LENS_RATIO = 1.9  # of focal lengths
 
 _CELL_SPREAD = 2.2  # deg, scale of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
