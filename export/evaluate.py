@@ -11,6 +11,7 @@ import numpy as np
 from export import suncompass
 from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, generator, take
 from export.evidence import evidence_report
+from export.glare import in_picture
 from export.groups import groups_report
 from export.honesty import Judged, honesty_sections
 from export.labels import Label
@@ -23,7 +24,7 @@ from export.simulated import take_metadata
 from export.train import labels_of, load_sources
 from lighting.atomic import replacing
 from lighting.colour import tone_map
-from lighting.geometry import angle_between, camera_directions, camera_pixel, direction
+from lighting.geometry import angle_between, camera_directions, direction
 from lighting.model import Model
 from lighting.parameters import Prediction, lighting_from
 from lighting.photo import place
@@ -102,11 +103,9 @@ def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
 
 def what_is_in_view(panorama: Panorama, crop: Crop) -> str:
     """By geometry: the frame holds a visible sun; or more than SKY_SHARE of it looks above the horizon; or neither."""
-    height, width = crop.linear.shape[:2]
-    c = crop.camera
-    x, y = camera_pixel(crop.sun_direction, width, height, c.vertical_fov, 0.0, c.elevation, c.roll)
-    if panorama.sun == "visible" and 0 <= x <= width and 0 <= y <= height:
+    if panorama.sun == "visible" and in_picture(crop):
         return "sun in view"
+    c = crop.camera
     rays = camera_directions(32, 24, c.vertical_fov, 0.0, c.elevation, c.roll)
     return "sky in view" if np.mean(rays[..., 1] > 0) > SKY_SHARE else "no sky"
 
