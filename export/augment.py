@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
 from export.crops import Crop
-from export.glare import in_picture
 from lighting.colour import luminance, tone_map
-from lighting.geometry import camera_directions, camera_pixel, direction
+from lighting.geometry import camera_directions
 
 Floats = NDArray[np.floating[Any]]
 
@@ -32,7 +31,7 @@ def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], fl
 
 
 def _differ_at_the_sun(one: NDArray[np.float32], other: NDArray[np.float32], crop: Crop) -> bool:
-    place = in_picture(crop)
+    place = crop.sun_pixel
     if place is None:
         return False
     x, y = (min(int(value), size - 1) for value, size in zip(place, one.shape[1::-1], strict=True))
@@ -52,11 +51,9 @@ def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) 
     height, width = linear.shape[:2]
     centre: Floats = rng.uniform((0, 0), (width, height))
     if draw < 0.2:
-        c = crop.camera
-        to_sun = direction(crop.sun_azimuth, crop.sun_elevation)
-        centre = camera_pixel(to_sun, width, height, c.vertical_fov, 0.0, c.elevation, c.roll)
-        if not (np.all(centre > 0) and np.all(centre < (width, height))):
+        if crop.sun_pixel is None:
             return linear
+        centre = np.array(crop.sun_pixel)
     half = rng.uniform(0.06, 0.2, 2) * max(width, height)
     x0, y0 = np.maximum(centre - half * rng.uniform(0.7, 1.3, 2), 0).astype(int)
     x1, y1 = np.minimum(centre + half * rng.uniform(0.7, 1.3, 2), (width, height)).astype(int)

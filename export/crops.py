@@ -72,6 +72,12 @@ class Crop:
         return direction(self.sun_azimuth, self.sun_elevation)
 
     @property
+    def sun_pixel(self) -> tuple[float, float] | None:
+        """Where (x, y) in the picture the sun lies, None if there is none or elsewhere."""
+        height, width = self.linear.shape[:2]
+        return pixel_of(self.camera, self.sun_azimuth, self.sun_elevation, width, height)
+
+    @property
     def parameters(self) -> Floats:
         """Targets (6,) in the order of lighting.model.PARAMETERS."""
         c = self.camera
@@ -125,16 +131,19 @@ def training_camera(rng: np.random.Generator) -> Camera:
 
 def aimed_camera(rng: np.random.Generator, azimuth: float, elevation: float) -> Camera:
     """A training camera turned until its picture holds a sun there [deg]; whatever it is after forty turns."""
-    sun = direction(azimuth, elevation)
     for _ in range(40):
         camera = training_camera(rng)
         camera = replace(camera, azimuth=float(wrap_azimuth(azimuth + rng.uniform(-53, 53))))
-        x, y = camera_pixel(
-            sun, round(1000 * camera.aspect), 1000, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll
-        )
-        if 0 < x < 1000 * camera.aspect and 0 < y < 1000:
+        if pixel_of(camera, azimuth - camera.azimuth, elevation, round(1000 * camera.aspect), 1000):
             break
     return camera
+
+
+def pixel_of(camera: Camera, azimuth: float, elevation: float, width: int, height: int) -> tuple[float, float] | None:
+    """Pixel (x, y) of a picture where a direction [deg] lies, its azimuth relative to the camera; None if outside."""
+    towards = direction(azimuth, elevation)
+    x, y = camera_pixel(towards, width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll)
+    return (float(x), float(y)) if 0 <= x <= width and 0 <= y <= height else None
 
 
 PROTOCOLS: dict[str, Callable[[np.random.Generator], Camera]] = {

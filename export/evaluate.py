@@ -11,7 +11,6 @@ import numpy as np
 from export import suncompass
 from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, generator, take
 from export.evidence import evidence_report
-from export.glare import in_picture
 from export.groups import groups_report
 from export.honesty import Judged, honesty_sections
 from export.labels import Label
@@ -65,8 +64,9 @@ def aimed(sources: Sequence[Source]) -> Scene:
     for source in shown:
         for index in range(AIMED_EACH):
             rng = generator(source.panorama.name, index, "sun in view")
-            taken.append((source, aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)))
-    return Scene(shown, [(source, replace(camera, mirrored=False)) for source, camera in taken])
+            drawn = aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)
+            taken.append((source, replace(drawn, mirrored=False)))
+    return Scene(shown, taken)
 
 
 def see(model: Model, scene: Scene, *, mirrored: bool = False, batch: int = 16) -> tuple[Truth, list[Prediction]]:
@@ -103,7 +103,7 @@ def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
 
 def what_is_in_view(panorama: Panorama, crop: Crop) -> str:
     """By geometry: the frame holds a visible sun; or more than SKY_SHARE of it looks above the horizon; or neither."""
-    if panorama.sun == "visible" and in_picture(crop):
+    if panorama.sun == "visible" and crop.sun_pixel:
         return "sun in view"
     c = crop.camera
     rays = camera_directions(32, 24, c.vertical_fov, 0.0, c.elevation, c.roll)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from export.crops import Crop
-from lighting.geometry import Floats, camera_pixel
+from lighting.geometry import Floats
 from lighting.parameters import ModelSpec
 
 CELL = 16  # pixels of the canvas along one side of a cell
@@ -27,7 +27,7 @@ def where_seen(crop: Crop, spec: ModelSpec, visible: bool | None) -> Floats:
     probability: Floats = np.zeros(1 + rows * columns)
     if visible is None:
         return probability
-    place = in_picture(crop) if visible else None
+    place = crop.sun_pixel if visible else None
     if place is None:
         probability[0] = 1.0
         return probability
@@ -38,14 +38,6 @@ def where_seen(crop: Crop, spec: ModelSpec, visible: bool | None) -> Floats:
     bell = np.exp(-distance / (2 * TARGET_SPREAD**2)).ravel()
     probability[1:] = bell / bell.sum()
     return probability
-
-
-def in_picture(crop: Crop) -> tuple[float, float] | None:
-    """Pixel (x, y) of the crop's sun, None if it has none or looks elsewhere."""
-    height, width = crop.linear.shape[:2]
-    c = crop.camera
-    x, y = camera_pixel(crop.sun_direction, width, height, c.vertical_fov, 0.0, c.elevation, c.roll)
-    return (float(x), float(y)) if 0 <= x <= width and 0 <= y <= height else None
 
 
 def seen_probability(logits: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ import torch
 
 from export.augment import augment
 from export.crops import Camera, Crop, aimed_camera
-from export.glare import CELL, RARER, in_picture, seen_probability, towards, where_seen, with_the_seen
+from export.glare import CELL, RARER, seen_probability, towards, where_seen, with_the_seen
 from export.network import build, load_weights, specs
 from lighting.colour import tone_map
 from lighting.geometry import angle_between, camera_directions, direction
@@ -53,7 +53,7 @@ def test_cells_look_where_the_cameras_pixels_do(camera: Camera) -> None:
 def test_a_target_that_the_network_meets_points_at_the_sun(camera: Camera) -> None:
     """From the pixel of the sun to the cells and back to a direction, whatever the camera's angles."""
     one = crop(camera, 8.0, 17.0)
-    assert in_picture(one)
+    assert one.sun_pixel
     wanted = torch.from_numpy(where_seen(one, SPEC, True)).float()[None]
     uniform = torch.full((1, len(CELLS)), 1 / len(CELLS))
     answer = with_the_seen(uniform, wanted, rays(one), CELLS)
@@ -88,7 +88,7 @@ def test_a_sun_outside_the_picture_is_seen_nowhere_and_an_unknown_one_asks_nothi
 def test_augmentation_tells_when_it_hides_the_sun() -> None:
     """A white spot stands where the sun is; it is gone from the picture exactly when it is said to be."""
     one = crop(replace(VIEWS[2], roll=0.0), 0.0, 20.0)
-    x, y = map(int, in_picture(one) or (0, 0))
+    x, y = map(int, one.sun_pixel or (0, 0))
     one.linear[y - 6 : y + 7, x - 6 : x + 7] = 1.0
     rng = np.random.default_rng(5)
     drawn = [augment(one, rng) for _ in range(80)]
@@ -106,7 +106,7 @@ def test_aimed_cameras_hold_the_sun() -> None:
     for azimuth, elevation in [(0.0, 5.0), (100.0, 30.0), (-170.0, 45.0)]:
         for _ in range(20):
             camera = aimed_camera(rng, azimuth, elevation)
-            held += in_picture(crop(camera, azimuth - camera.azimuth, elevation)) is not None
+            held += crop(camera, azimuth - camera.azimuth, elevation).sun_pixel is not None
     assert held > 55
 
 
