@@ -41,7 +41,6 @@ SKY_SHARE = 0.1  # of a crop's pixels above the horizon, under which there is "n
 class Scene:
     """The crops of one protocol, taken once and shown to every network."""
 
-    sources: list[Source]
     crops: list[tuple[Source, Camera]]
 
 
@@ -54,19 +53,18 @@ def cameras(sources: Sequence[Source], protocol: str) -> Scene:
             drawn = PROTOCOLS[protocol](generator(source.panorama.name, index, protocol))
             azimuth = (start + index * 360 / CROPS_EACH + 180) % 360 - 180
             taken.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
-    return Scene(list(sources), taken)
+    return Scene(taken)
 
 
 def aimed(sources: Sequence[Source]) -> Scene:
     """AIMED_EACH cameras per panorama that shows its sun, turned until the picture holds it."""
-    shown = [source for source in sources if source.panorama.sun == "visible"]
     taken = []
-    for source in shown:
+    for source in (source for source in sources if source.panorama.sun == "visible"):
         for index in range(AIMED_EACH):
             rng = generator(source.panorama.name, index, "sun in view")
             drawn = aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)
             taken.append((source, replace(drawn, mirrored=False)))
-    return Scene(shown, taken)
+    return Scene(taken)
 
 
 def see(model: Model, scene: Scene, *, mirrored: bool = False, batch: int = 16) -> tuple[Truth, list[Prediction]]:
