@@ -14,7 +14,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     The suffix is kept, since writers read the format from it. Raises OSError where the folder cannot be written.
     """
     final = Path(target)
-    handle, name = tempfile.mkstemp(prefix=f".{final.stem}.", suffix=final.suffix, dir=final.parent)
+    handle, name = tempfile.mkstemp(prefix=".", suffix=final.suffix, dir=final.parent)
     os.close(handle)
     temporary = Path(name)
     try:

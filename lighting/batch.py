@@ -5,6 +5,7 @@ which they were finished; and with maps `NAME.exr` under each photo's own relati
 on where it was; one that was asked for something else refuses the folder.
 """
 
+import errno
 import glob
 import hashlib
 import json
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lighting.atomic import replacing
-from lighting.errors import BatchError, ModelError, PhotoError
+from lighting.errors import BatchError, EnvironmentMapError, ModelError, PhotoError
 from lighting.journal import Journal, open_journal
 from lighting.lines import json_line, reason
 from lighting.workers import work_through
@@ -159,7 +160,12 @@ def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
         if isinstance(light, str):
             return json_line(name, error=light), True
         if job.maps:
-            _write_map(Path(job.out, f"{name}.exr"), light, job.maps)
+            try:
+                _write_map(Path(job.out, f"{name}.exr"), light, job.maps)
+            except EnvironmentMapError as error:
+                if not _name_is_too_long(error.__cause__):
+                    raise
+                return json_line(name, error="The photo's name is too long for a map of that name."), True
         return json_line(name, lighting=light.to_dict()), False
 
     return work
@@ -181,6 +187,10 @@ def light_of(estimator: "Estimator", source: "Source") -> "Lighting | str":
         return estimator(read_photo(source))
     except (PhotoError, ModelError, OSError) as error:
         return reason(error)
+
+
+def _name_is_too_long(cause: BaseException | None) -> bool:
+    return isinstance(cause, OSError) and cause.errno == errno.ENAMETOOLONG
 
 
 def _write_map(path: Path, light: "Lighting", maps: Maps) -> None:

@@ -1,5 +1,6 @@
 """How far a compass needle points away from true north, by the World Magnetic Model."""
 
+import threading
 from datetime import datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ if TYPE_CHECKING:
 TYPICAL_DECLINATION = 17.0  # deg, root mean square over the latitudes up to 65 deg in 2022
 
 _EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
+_CALCULATING = threading.Lock()  # a model keeps what it computes with in itself
 _WEAK = 6000.0  # nT of horizontal field, under which the model's authors call compasses unreliable
 
 
@@ -19,7 +21,8 @@ def declination(latitude: float, longitude: float, time: datetime) -> float | No
     if epoch not in _EPOCHS:
         return None
     year = time.year + (time.timetuple().tm_yday - 1) / 366
-    field = _model(epoch).calculate(glat=latitude, glon=longitude, alt=0.0, time=year)
+    with _CALCULATING:
+        field = _model(epoch).calculate(glat=latitude, glon=longitude, alt=0.0, time=year)
     return float(field.d) if field.h >= _WEAK else None
 
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any, Literal, TypeVar
 
 from PIL import ExifTags, Image
@@ -19,6 +20,10 @@ Fact = TypeVar("Fact")
 
 _FULL_FRAME = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
 _VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; other values are taken for these
+_TIMES = (  # local times, the better one first, with their offsets from UTC
+    (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
+    (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
+)
 _SAME_ASPECT = 0.02  # relative difference up to which a picture counts as uncropped
 
 
@@ -40,8 +45,7 @@ class PhotoFacts:
 def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
     """The facts in an image's EXIF block; `width` and `height` are those of the upright photo. Never raises."""
     camera, position = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
-    local_time = _fact(_local_time, camera)
-    utc_offset = _fact(_utc_offset, camera)
+    local_time, utc_offset = _clock(camera)
     place = _fact(_place, position)
     focal_length = _fact(_focal_length, camera)
     whole = _fact(lambda tags: _is_whole(tags, width / height), camera)
@@ -84,9 +88,16 @@ def _fact(read: Callable[[Tags], Fact | None], tags: Tags) -> Fact | None:
         return None
 
 
-def _local_time(tags: Tags) -> datetime | None:
-    text = tags.get(ExifTags.Base.DateTimeOriginal) or tags[ExifTags.Base.DateTimeDigitized]
-    year, month, day, hour, minute, second = map(int, re.findall(r"\d+", _text(text))[:6])
+def _clock(tags: Tags) -> tuple[datetime | None, float | None]:
+    """The first local time that can be read, and the offset of that time: of the picture's, or of its scan's."""
+    times = [(_fact(partial(_local_time, time), tags), offset) for time, offset in _TIMES]
+    first = next((time for time, _ in times if time is not None), None)
+    offsets = (_fact(partial(_utc_offset, offset), tags) for time, offset in times if time == first)
+    return first, next((offset for offset in offsets if offset is not None), None)
+
+
+def _local_time(tag: int, tags: Tags) -> datetime | None:
+    year, month, day, hour, minute, second = map(int, re.findall(r"\d+", _text(tags[tag]))[:6])
     return _datable(datetime(year, month, day, hour, minute, second))
 
 
@@ -94,8 +105,8 @@ def _datable(time: datetime) -> datetime | None:
     return time if YEARS[0] <= time.year <= YEARS[1] else None
 
 
-def _utc_offset(tags: Tags) -> float:
-    return read_offset(_text(tags.get(ExifTags.Base.OffsetTimeOriginal) or tags[ExifTags.Base.OffsetTimeDigitized]))
+def _utc_offset(tag: int, tags: Tags) -> float:
+    return read_offset(_text(tags[tag]))
 
 
 def _gps_time(tags: Tags) -> datetime | None:

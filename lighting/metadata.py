@@ -21,6 +21,7 @@ GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from
 
 # Hours from UTC that clocks follow somewhere, summer times included.
 ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
+CLOCK_ERROR = 0.1  # h, by which a camera's clock may differ from the satellites' and still tell the zone
 ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
 
 _IN_TWILIGHT = "the answer is the sky of a sun on the horizon, brighter than this one, without direct sunlight."
@@ -69,6 +70,7 @@ class Known:
     evidence: Evidence = field(default_factory=Evidence)
     warnings: tuple[str, ...] = ()
     sun_is_up: bool = True  # False where time and place say that no direct sunlight reaches the photo
+    is_night: bool = False  # its time and place are of a night too dark for these skies, and were not used
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer
 
 
@@ -91,7 +93,23 @@ def known(facts: PhotoFacts, given: Given) -> Known:
         **_compass(merged, given),
     )
     sun_is_up = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS
-    return Known(evidence, warnings, sun_is_up, _place(merged) if given.keep_location else None)
+    location = _place(merged) if given.keep_location else None
+    return Known(evidence, warnings, sun_is_up, bool(candidates) and highest < CIVIL_TWILIGHT, location)
+
+
+def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
+    """The same of photos of one place and light; where one says that it was night, no time is believed."""
+    there = of_one_place(facts)
+    found = [known(fact, given) for fact in (there if given.utc_offset is not None else _by_one_clock(there))]
+    return [_timeless(k) for k in found] if any(k.is_night for k in found) else found
+
+
+def _timeless(known: Known) -> Known:
+    if not known.evidence.candidates:
+        return known
+    warning = "Another photo taken with it says that it was night: time and place were not used."
+    evidence = replace(known.evidence, candidates=())
+    return replace(known, evidence=evidence, warnings=(*known.warnings, warning), sun_is_up=True)
 
 
 def _place(facts: PhotoFacts) -> tuple[float, float] | None:
@@ -123,8 +141,23 @@ def of_one_place(facts: Sequence[PhotoFacts]) -> list[PhotoFacts]:
     """The facts of photos taken together: the place is that of the first that has one, and so is the zone."""
     place = next((f for f in facts if f.latitude is not None), PhotoFacts())
     there = [replace(f, latitude=place.latitude, longitude=place.longitude) for f in facts]
-    offset = next((f.utc_offset for f in facts if f.utc_offset is not None), None)
+    offset = next((hours for f in facts if (hours := _zone_of(f)) is not None), None)
     return there if offset is None else [_in_zone(f, offset) for f in there]
+
+
+def _by_one_clock(facts: list[PhotoFacts]) -> list[PhotoFacts]:
+    """The facts without local times of no known zone, where another photo's time has one: its moment is surer."""
+    surer = any(f.utc_time is not None for f in facts)
+    return [replace(f, local_time=None) if surer and f.utc_time is None else f for f in facts]
+
+
+def _zone_of(facts: PhotoFacts) -> float | None:
+    """Hours from UTC, as stated or as the clock differs from the satellites' time; None where that is no zone's."""
+    if facts.utc_offset is not None or facts.local_time is None or facts.utc_time is None:
+        return facts.utc_offset
+    ahead = (facts.local_time - facts.utc_time.replace(tzinfo=None)).total_seconds() / 3600
+    nearest = round(4 * ahead) / 4
+    return nearest if nearest in ZONES and abs(ahead - nearest) < CLOCK_ERROR else None
 
 
 def _in_zone(facts: PhotoFacts, utc_offset: float) -> PhotoFacts:

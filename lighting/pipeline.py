@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from lighting.fusion import Fused, fuse
-from lighting.metadata import Given, Known, known, lighting_of, of_one_place
+from lighting.metadata import Given, Known, known, known_together, lighting_of
 from lighting.model import Model
 from lighting.parameters import Lighting, Prediction
 from lighting.photo import Photo, Source, read_photo, to_tensor
@@ -33,7 +33,7 @@ class Estimator:
         self, photos: Sequence[Photo], given: Given = NOTHING_GIVEN, headings: Sequence[float] | None = None
     ) -> list[tuple[Fused, Known]]:
         """The same for photos of one place and light; `headings` [deg] are theirs from any common direction."""
-        facts = [known(fact, given) for fact in of_one_place([photo.facts for photo in photos])]
+        facts = known_together([photo.facts for photo in photos], given)
         answers = together([self.predict(photo) for photo in photos], [fact.evidence for fact in facts], headings)
         return list(zip(answers, facts, strict=True))
 

@@ -16,9 +16,10 @@ ROWS = 8192  # held in memory at once, and of a row group
 
 def row(name: str, light: Lighting | str) -> dict[str, Any]:
     """The row of a photo: its light, or why there is none."""
+    file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
     if isinstance(light, str):
-        return {"file": name, "error": light, **dict.fromkeys(field.name for field in fields(Lighting))}
-    return {"file": name, "error": None, **asdict(light)}
+        return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting))}
+    return {"file": file, "error": None, **asdict(light)}
 
 
 def write_parquet(target: Path, records: Iterable[Mapping[str, Any]]) -> None:

@@ -74,12 +74,13 @@ class Rate:
 
     def seconds_to_wait(self, client: str) -> int:
         """0, and the request counts; or the seconds until the client may ask again."""
-        waits = [self._wait(limit, client) for limit in self.limits]
+        waits = [self._wait(limit, client) for limit in self.limits if not self._windows.test(limit, client)]
+        if not waits:
+            for limit in self.limits:
+                self._windows.hit(limit, client)
         return max(waits, default=0)
 
     def _wait(self, limit: RateLimitItem, client: str) -> int:
-        if self._windows.hit(limit, client):
-            return 0
         return max(1, round(self._windows.get_window_stats(limit, client).reset_time - time.time()))
 
 
@@ -104,8 +105,12 @@ async def unhurried(request: Request) -> None:
 
 def client_name(request: Request) -> str:
     """The network address that a client is known by; IPv6 clients own the 64 bits behind theirs."""
+    host = request.client.host if request.client else ""
+    if host.count(":") == 1:  # some proxies add the port
+        host = host.partition(":")[0]
     try:
-        address = ip_address(request.client.host if request.client else "")
+        address = ip_address(host)
     except ValueError:
         return "unknown"
+    address = getattr(address, "ipv4_mapped", None) or address
     return str(ip_network((address, 64), strict=False) if address.version == 6 else address)

@@ -7,10 +7,15 @@ from limits import RateLimitItem, parse_many
 from pydantic import BeforeValidator, Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from lighting.errors import LightingError
 from lighting.model import available_cpus
 from lighting.photo import MAX_BYTES, MAX_PIXELS
 
 PREFIX = "LIGHTING_"
+
+
+class SettingsError(LightingError):
+    """A setting that cannot be followed."""
 
 
 def _words(value: object) -> object:
@@ -18,8 +23,16 @@ def _words(value: object) -> object:
     return tuple(value.replace(",", " ").split()) if isinstance(value, str) else value
 
 
+def _keys(value: object) -> object:
+    """The same of keys; ValueError for a text without any, which would leave the service open."""
+    words = _words(value)
+    if value and not words:
+        raise ValueError("There is no key in it; leave it out to let everybody call.")
+    return words
+
+
 Words = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_words)]
-Keys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_words)]
+Keys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_keys)]
 
 
 class Settings(BaseSettings):
@@ -63,7 +76,17 @@ class Settings(BaseSettings):
         return parse_many(self.rate_limit) if self.rate_limit else []
 
     def all_keys(self) -> tuple[str, ...]:
-        """The keys of the environment and of the file; raises OSError where the file cannot be read."""
-        lines = self.api_keys_file.read_text(encoding="utf-8").splitlines() if self.api_keys_file else []
-        in_file = [key for line in lines if (key := line.partition("#")[0].strip())]
+        """The keys of the environment and of the file; raises OSError or SettingsError where the file holds none."""
+        in_file = _keys_in(self.api_keys_file) if self.api_keys_file else []
         return (*(key.get_secret_value() for key in self.api_keys), *in_file)
+
+
+def _keys_in(path: Path) -> list[str]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path} is not a text file of API keys.") from error
+    keys = [key for line in lines if (key := line.partition("#")[0].strip())]
+    if not keys:
+        raise SettingsError(f"{path} holds no API key; leave the file out to let everybody call.")
+    return keys

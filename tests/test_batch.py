@@ -151,6 +151,28 @@ def test_parquet_holds_the_same_numbers(photos: Path, tmp_path: Path, network: P
     assert rows == {}
 
 
+def test_a_name_too_long_for_its_map_fails_alone(tmp_path: Path, network: Path) -> None:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    names = ["a.jpg", "m" * 244 + ".jpg", "n" * 248 + ".jpg"]  # with .exr the second just fits a name of 255
+    for name in names:
+        (folder / name).write_bytes(encode(scene(64, 64)))
+    result = run(folder, tmp_path / "out", "--envmap", "--height", 16, "--model", network)
+    assert result.exit_code == 1
+    failed = {record["file"]: record.get("error") for record in records(tmp_path / "out")}
+    assert failed == dict(zip(names, [None, None, "The photo's name is too long for a map of that name."], strict=True))
+    assert len(list(tmp_path.glob("out/*.exr"))) == 2
+
+
+def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -> None:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    (folder / os.fsdecode(b"caf\xe9.jpg")).write_bytes(encode(scene(64, 64)))
+    assert run(folder, tmp_path / "out", "--parquet", "--model", network).exit_code == 0
+    (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
+    assert row["file"] == "caf\\udce9.jpg"
+
+
 def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     result = run(photos, tmp_path / "out", "--parquet")

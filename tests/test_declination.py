@@ -1,5 +1,6 @@
 """The compass needle against published values of the World Magnetic Model."""
 
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 
 import pytest
@@ -35,3 +36,11 @@ def test_known_to_the_last_day(time: datetime) -> None:
 
 def test_unknown_where_compasses_fail() -> None:
     assert declination(86.5, 160.0, datetime(2022, 1, 1)) is None
+
+
+def test_threads_do_not_disturb_each_other() -> None:
+    places = [(-60.0 + i % 120, -180.0 + 3 * (i % 120)) for i in range(1200)]
+    time = datetime(2024, 6, 1)
+    alone = [declination(*place, time) for place in places]
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(lambda place: declination(*place, time), places)) == alone

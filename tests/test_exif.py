@@ -76,6 +76,20 @@ def test_the_day_a_film_was_scanned_counts_if_nothing_better_does() -> None:
     assert facts.local_time == datetime(1998, 4, 5, 16, 20)
 
 
+def test_the_offset_of_a_scan_is_not_that_of_the_picture() -> None:
+    scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
+    facts = facts_of(munich(OffsetTimeOriginal=None, **scan))
+    assert (facts.local_time, facts.utc_offset, facts.utc_time) == (datetime(2024, 6, 1, 9, 10), None, None)
+    same = {"DateTimeDigitized": "2024:06:01 09:10:00", "OffsetTimeDigitized": "+02:00"}
+    assert facts_of(munich(OffsetTimeOriginal=None, **same)).utc_offset == 2.0
+
+
+def test_a_blank_time_hides_no_good_one() -> None:
+    scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
+    facts = facts_of(munich(DateTimeOriginal="    :  :     :  :  ", **scan))
+    assert (facts.local_time, facts.utc_offset) == (datetime(2023, 2, 3, 12, 0), -8.0)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "lost"),
     [

@@ -15,7 +15,7 @@ from lighting.ephemeris import sun_position
 from lighting.errors import ParameterError
 from lighting.exif import PhotoFacts
 from lighting.fusion import COMPASS_SPREAD, Evidence, fuse
-from lighting.metadata import GIVEN_HEADING_SPREAD, Given, known, lighting_of, of_one_place, zones
+from lighting.metadata import GIVEN_HEADING_SPREAD, Given, known, known_together, lighting_of, of_one_place, zones
 from lighting.parameters import Lighting, Prediction
 from lighting.sun_grid import grid_directions, soft_label
 from tests.conftest import TINY
@@ -259,6 +259,32 @@ def test_photos_together_share_place_and_zone() -> None:
     facts = [replace(ZONELESS, latitude=None, longitude=None), FACTS, replace(ZONELESS, latitude=1.0)]
     for fact in of_one_place(facts):
         assert (fact.latitude, fact.longitude, fact.utc_time) == (FACTS.latitude, FACTS.longitude, MORNING)
+
+
+def test_a_clock_beside_the_satellites_time_tells_the_zone() -> None:
+    by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(seconds=40))
+    later = replace(ZONELESS, local_time=FACTS.local_time + timedelta(hours=1))
+    assert [fact.utc_time for fact in of_one_place([by_satellite, later])] == [
+        MORNING + timedelta(seconds=40),
+        MORNING + timedelta(hours=1),
+    ]
+
+
+def test_a_clock_that_runs_wrong_tells_no_zone_and_refuses_nothing() -> None:
+    by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(minutes=23))
+    sure, unsure = (k.evidence for k in known_together([by_satellite, ZONELESS], Given()))
+    assert len(sure.candidates) == 1
+    assert unsure.candidates == ()  # takes the other's
+    _, said = (k.evidence for k in known_together([by_satellite, ZONELESS], Given(utc_offset=2.0)))
+    assert len(said.candidates) == 1
+
+
+def test_a_photo_of_night_leaves_no_time_to_the_others() -> None:
+    day, night = known_together([FACTS, replace(FACTS, utc_time=NIGHT)], Given())
+    assert day.evidence.candidates == night.evidence.candidates == ()
+    assert "says that it was night" in day.warnings[-1]
+    assert "below the horizon" in night.warnings[-1]
+    assert [k.is_night for k in known_together([FACTS, FACTS], Given())] == [False, False]
 
 
 def test_photos_that_know_nothing_stay_as_they_are() -> None:

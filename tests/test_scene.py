@@ -136,6 +136,20 @@ def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "scene.xml").is_file()
 
 
+def test_the_folder_may_be_the_current_one_or_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    write_scene(known_scene(), "gltf", ".")
+    assert list(here.iterdir())
+    other, link = tmp_path / "other", tmp_path / "link"
+    other.mkdir()
+    link.symlink_to(other)
+    write_scene(known_scene(), "gltf", link)
+    assert link.is_symlink()
+    assert sorted(p.name for p in other.iterdir()) == sorted(p.name for p in here.iterdir())
+
+
 def test_what_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_scene: Scene, folder: Path) -> None:
         (folder / "half").write_text("written")

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from dataclasses import replace
 from importlib import resources
 from io import BytesIO
 from pathlib import Path
@@ -97,6 +98,21 @@ def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
     dark = np.maximum(0.85 - light / light.max(), 0)
     assert dark.max() > 0.2
     return float(expected + (dark * turn).sum() / dark.sum())
+
+
+def test_text_of_a_record_stays_text(tmp_path: Path) -> None:
+    scene, hostile = known_scene(), "</script><script>alert(1)</script><!--"
+    threejs.write(scene, tmp_path)
+    harmless = (tmp_path / threejs.PAGE).read_text()
+    threejs.write(replace(scene, lighting=replace(scene.lighting, warnings=(hostile,))), tmp_path)
+    page = (tmp_path / threejs.PAGE).read_text()
+    assert "alert(1)" in page
+    assert [page.count(mark) for mark in ("<script", "</script", "<!--")] == [
+        harmless.count(mark) for mark in ("<script", "</script", "<!--")
+    ]
+    described = re.search(r'<script id="scene" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert described is not None
+    assert json.loads(described[1])["lighting"]["warnings"] == [hostile]
 
 
 @pytest.mark.slow

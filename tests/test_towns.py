@@ -9,7 +9,7 @@ from PIL import Image
 
 from export.__main__ import cli
 from export.crops import Camera, load_source, take
-from export.labels import find_sun, read_labels
+from export.labels import find_sun, read_labels, write_labels
 from export.network import specs
 from export.panoramas import DataError, read_index
 from export.towns import dataset, place, samples
@@ -182,6 +182,9 @@ def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
     assert (folder / "panoramas" / "town_00000.exr").stat().st_mtime_ns == before
     panoramas, labels = read_index(folder, "train"), read_labels(folder / dataset.LABELS)
     assert [p.name for p in panoramas] == [label.name for label in labels] == [f"town_{i:05d}" for i in range(4)]
+    write_labels(labels[:2], folder / dataset.LABELS)  # as if killed between the index and the labels
+    assert run(cli, [*command, "4"]).exit_code == 0
+    assert len(read_index(folder, "train")) == len(read_labels(folder / dataset.LABELS)) == 4
     again = dataset.render_place(1, 32)
     assert again.label.sun_elevation == pytest.approx(labels[1].sun_elevation, rel=1e-5)
     crop = take(load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), specs("0")["outdoor"])

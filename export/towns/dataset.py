@@ -71,7 +71,7 @@ def synthesize(folder: Path, count: int, height: int) -> None:
     """Render places until the folder holds `count`; goes on where an earlier call stopped."""
     (folder / "panoramas").mkdir(parents=True, exist_ok=True)
     labels = read_labels(folder / LABELS) if (folder / LABELS).exists() else []
-    rows = _read_rows(folder / INDEX)
+    rows = _read_rows(folder / INDEX)[: len(labels)]  # the index is written first: it may hold more
     for number in tqdm(range(len(labels), count), initial=len(labels), total=count, unit="place"):
         rendered = render_place(number, height)
         file = f"panoramas/{rendered.name}.exr"

@@ -27,12 +27,12 @@ def write_scene(
     Overwriting replaces the files that the scene consists of and leaves all others in the folder alone. `options` go
     to the tool's `write`. Raises SceneError for another tool and for a folder that cannot be written.
     """
-    target = Path(folder)
+    target = Path(folder).resolve()
     check_target(target, overwrite=overwrite)
     try:
         with _beside(target) as built:
             _write(scene, tool, built, options)
-            if target.is_dir() and any(target.iterdir()):
+            if target.is_dir():
                 _replace_files(built, target)
             else:
                 built.replace(target)
@@ -100,7 +100,7 @@ def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> 
 @contextmanager
 def _beside(target: Path) -> Iterator[Path]:
     """A temporary folder in the same place, gone at the end unless it was renamed."""
-    name = tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.absolute().parent)
+    name = tempfile.mkdtemp(prefix=".", dir=target.parent)
     built = Path(name)
     built.chmod(0o755)
     try:

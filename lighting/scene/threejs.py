@@ -33,7 +33,7 @@ def write(scene: Scene, folder: Folder) -> None:
     data = files("lighting") / "scene" / "data"
     page = Template((data / "viewer.html").read_text(encoding="utf-8"))
     parts = {
-        "scene": json.dumps(_description(scene)),
+        "scene": json.dumps(_description(scene)).replace("<", "\\u003c"),  # no text in it ends the script
         "three": (data / "three.min.js").read_text(encoding="utf-8"),
         "viewer": (data / "viewer.js").read_text(encoding="utf-8"),
     }

@@ -9,7 +9,7 @@ from starlette.testclient import TestClient
 
 from lighting.pipeline import Estimator
 from server.security import HEADERS, Keys, Rate, client_name
-from server.settings import Settings
+from server.settings import Settings, SettingsError
 from tests.server.conftest import SKY, client_of
 from tests.server.test_problems import problem
 
@@ -111,9 +111,35 @@ def test_several_limits_apply_together() -> None:
     assert rate.seconds_to_wait("you") == 0
 
 
+def test_a_refused_request_counts_for_no_limit() -> None:
+    rate = Rate(Settings(rate_limit="1/minute; 3/hour").rate_limits)
+    waits = [rate.seconds_to_wait("me") for _ in range(9)]
+    assert waits[0] == 0
+    assert all(0 < wait <= 60 for wait in waits[1:])
+
+
+@pytest.mark.parametrize("text", ["", "# keys go here\n", "\n \n"])
+def test_a_file_without_keys_does_not_open_the_service(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "keys"
+    file.write_text(text)
+    with pytest.raises(SettingsError, match="holds no API key"):
+        Settings(api_keys_file=file).all_keys()
+    file.write_bytes(b"\xff\xfe")
+    with pytest.raises(SettingsError, match="is not a text file"):
+        Settings(api_keys_file=file).all_keys()
+
+
+def test_an_empty_list_of_keys_does_not_open_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LIGHTING_API_KEYS", " , ")
+    with pytest.raises(ValueError, match="no key in it"):
+        Settings()
+
+
 @pytest.mark.parametrize(
     ("host", "name"),
     [
+        ("::ffff:192.0.2.1", "192.0.2.1"),
+        ("192.0.2.1:5678", "192.0.2.1"),
         ("192.0.2.1", "192.0.2.1"),
         ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
         ("2001:db8:1:2::9", "2001:db8:1:2::/64"),
