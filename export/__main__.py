@@ -114,7 +114,7 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
     "--temperature", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="Of the sun's softmax."
 )
 @click.option("--version", help="Of the network, where it is not the run's: another temperature makes another one.")
-def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float | None, version: str | None) -> None:
+def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float, version: str | None) -> None:
     """Write the averaged network of a run, or of several that answer together, as ONNX; compare it with torch."""
     from export.records import read_spec
     from export.to_onnx import export

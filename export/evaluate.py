@@ -16,7 +16,7 @@ from export.honesty import Judged, honesty_sections
 from export.labels import Label
 from export.metrics import Answers, Floats, Truth, answers, median, select, sun_error
 from export.mirror import mirror_averaged
-from export.panoramas import Panorama, read_index
+from export.panoramas import DataError, Panorama, read_index
 from export.photos import photo_report, photo_seers
 from export.report import in_view_report, report
 from export.simulated import take_metadata
@@ -228,12 +228,16 @@ def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str
 
 
 def by_name(models: Sequence[Model]) -> dict[str, Model]:
-    """Networks by name, with the version where two share one."""
+    """Networks by name, with the version where two share one; DataError where two share both."""
     names = [model.spec.name for model in models]
-    return {
-        name if names.count(name) == 1 else f"{name} {model.spec.version}": model
+    labels = [
+        name if names.count(name) == 1 else f"{name} {model.spec.version}"
         for name, model in zip(names, models, strict=True)
-    }
+    ]
+    twice = next((label for label in labels if labels.count(label) > 1), None)
+    if twice:
+        raise DataError(f"Two of the networks are {twice}; `python -m export onnx --version` tells them apart.")
+    return dict(zip(labels, models, strict=True))
 
 
 def metadata_sections(protocol: str, scene: Scene, truth: Truth, said: Sequence[Prediction]) -> list[str]:

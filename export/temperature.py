@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from export.correlation import halves_of
 from export.metrics import Bools, Truth, answers, select, sun_figures
 from export.report import figures_table
-from export.to_onnx import TEMPERATURES
 from lighting.geometry import direction
 from lighting.parameters import Prediction, sun_of
 from lighting.sun_grid import density, grid_directions, grid_solid_angle
 
+TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 FLOOR = 1e-9  # 1/sr, least density counted; as in evaluate
 COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
 MEANING = fill(

@@ -15,19 +15,17 @@ from typing import Any
 import numpy as np
 import torch
 from torch import nn
-from torch.utils.data import DataLoader
 
 from export.network import Served, build
-from export.panoramas import DataError, read_index
+from export.panoramas import DataError
 from export.records import describe_data, history, read_record, read_spec
-from export.train import Crops, TrainConfig, averaged_weights, load_sources
+from export.train import averaged_weights
 from lighting.atomic import replacing
 from lighting.errors import ModelError
 from lighting.model import OUTPUTS, Model
 from lighting.parameters import ModelSpec
 
 OPSET = 18
-TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 ROUNDED = 3e-2  # the same with weights in half precision, which move the camera and with it where a seen sun stands
 HALVED = 256  # elements from which a tensor of weights is stored in half precision
@@ -46,57 +44,22 @@ def read_network(folder: Path) -> nn.Module:
     return network.eval()
 
 
-def fit_temperature(networks: Sequence[nn.Module], crops: Crops, batch: int = 32) -> float:
-    """The divisor of the suns' logits that makes held-out crops likeliest (Guo et al., ICML 2017); 1 without any.
-
-    That of several networks is fitted to the mean of their probabilities.
-    """
-    logits, targets = [], []
-    with torch.inference_mode():
-        for part in DataLoader(crops, batch_size=batch):
-            known = part.sun.sum(dim=1) > 0.5
-            logits.append(torch.stack([network(part.photo)[0][known] for network in networks]))
-            targets.append(part.sun[known])
-    if not sum(len(part) for part in targets):
-        return 1.0
-    sun, target = torch.cat(logits, dim=1), torch.cat(targets)
-    costs = {t: float(-(target * _mixture(sun / t).log()).sum(dim=1).mean()) for t in TEMPERATURES}
-    return min(costs, key=costs.__getitem__)
-
-
-def _mixture(logits: torch.Tensor) -> torch.Tensor:
-    """Mean probabilities (B, G) of logits (N, B, G)."""
-    return logits.softmax(dim=2).mean(dim=0).clamp_min(1e-30)
-
-
-def held_out_crops(folder: Path) -> Crops:
-    """The crops of the training places that the run held out."""
-    record = read_record(folder)
-    config = TrainConfig(**record["config"])
-    names = set(record["panoramas"]["tune"])
-    panoramas = [p for p in read_index(config.data, "train") if p.name in names]
-    return Crops(load_sources(panoramas, config.labels), read_spec(folder), config, tune=True)
-
-
-def export(
-    folders: Sequence[Path], target: Path, *, temperature: float | None = None, version: str | None = None
-) -> float:
+def export(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, version: str | None = None) -> float:
     """Write `target` from training folders; returns the difference to torch (see `parity`).
 
-    Without a temperature it is fitted on the training places that the first run held out; the version is the first
-    run's unless another is given. DataError if the runs' networks expect different photos, ModelError if the file
+    The suns' logits are divided by the temperature (Guo et al., ICML 2017). The version is the first run's unless
+    another is given. DataError if the runs' networks expect different photos, ModelError if the file
     answers otherwise than torch: by more than TOLERANCE, or than ROUNDED once its weights are halved.
     """
     records, networks = [read_record(f) for f in folders], [read_network(f) for f in folders]
     if differ(folders):
         raise DataError("The runs' networks do not expect the same photos, so they cannot answer together.")
-    divisor = fit_temperature(networks, held_out_crops(folders[0])) if temperature is None else temperature
     spec = read_spec(folders[0])
-    served = Served(networks, spec.sun_grid, divisor).eval()
+    served = Served(networks, spec.sun_grid, temperature).eval()
     spec = replace(spec, training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
     spec = replace(spec, version=version or spec.version)
     commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
-    known = {"commit": commits, "temperature": f"{divisor:.3f}", "networks": str(len(folders))}
+    known = {"commit": commits, "temperature": f"{temperature:.3f}", "networks": str(len(folders))}
     known["training"] = json.dumps([history(r) for r in records])
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:

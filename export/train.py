@@ -46,6 +46,7 @@ from lighting.parameters import ModelSpec
 from lighting.photo import place
 from lighting.sun_grid import grid_directions, soft_label
 
+MAY_CHANGE = ("workers", "checkpoint_minutes")  # settings that a run may be resumed with
 PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view
 
 
@@ -317,11 +318,12 @@ def train(config: TrainConfig) -> Path:
     if not kept:
         raise DataError(f"There is no panorama to train on in {config.data}.")
     run = Run(config)
+    before = _same_run(out, config) if run.checkpoint.exists() else []
     run.resume()
     record: dict[str, Any] = {
         "config": asdict(config),
         "spec": asdict(run.spec),
-        "commit": commit(),
+        "commit": ", ".join(dict.fromkeys([*before, commit()])),
         "torch": torch.__version__,
     }
     record["before"] = history(read_record(Path(config.start))) if config.start else []
@@ -337,6 +339,16 @@ def train(config: TrainConfig) -> Path:
     )
     _loop(run, dataset, tune)
     return run.checkpoint
+
+
+def _same_run(out: Path, config: TrainConfig) -> list[str]:
+    """The commits that the run in a folder was made with so far; DataError where its settings were others."""
+    record = read_record(out)
+    now = asdict(config)
+    changed = [name for name in now if name not in MAY_CHANGE and record["config"].get(name) != now[name]]
+    if changed:
+        raise DataError(f"{out} holds a run with another {' and '.join(changed)}; choose another --out.")
+    return str(record["commit"]).split(", ")
 
 
 def _loop(run: Run, dataset: Crops, tune: Crops | None) -> None:

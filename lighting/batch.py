@@ -2,7 +2,7 @@
 
 The folder of results holds `batch.json`, what the batch was asked for; `lighting.jsonl`, a line a photo in the order in
 which they were finished; and with maps `NAME.exr` under each photo's own relative name. A batch that was stopped goes
-on where it was; one that was asked for something else refuses the folder.
+on where it was, and tries again what failed; one that was asked for something else refuses the folder.
 """
 
 import errno
@@ -12,18 +12,19 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lighting.atomic import replacing
-from lighting.errors import BatchError, EnvironmentMapError, ModelError, PhotoError
+from lighting.errors import BatchError, EnvironmentMapError, ModelError, ParameterError, PhotoError
 from lighting.journal import Journal, open_journal
 from lighting.lines import json_line, reason
 from lighting.workers import work_through
 
 if TYPE_CHECKING:
+    from lighting.metadata import Given
     from lighting.parameters import Lighting
     from lighting.photo import Source
     from lighting.pipeline import Estimator
@@ -51,6 +52,7 @@ class Job:
     model: str | None = None  # a network's file, by default the one in this package
     maps: Maps | None = None  # none are written by default
     engine: str = "pool"  # or "ray"
+    given: dict[str, Any] = field(default_factory=dict)  # what is known of all photos, as metadata.Given takes it
 
 
 def find_photos(pattern: str) -> tuple[str, list[str]]:
@@ -124,6 +126,7 @@ def settings(job: Job) -> dict[str, object]:
         "network": network.name,
         "sha256": hashlib.sha256(network.read_bytes()).hexdigest(),
         "maps": asdict(job.maps) if job.maps else None,
+        "metadata": job.given or None,
     }
 
 
@@ -153,10 +156,12 @@ def run_pool(job: Job, names: Sequence[str], journal: Journal, workers: int) -> 
 
 def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
     """The work on one photo, with a network loaded: from its name to its line, and whether that tells of a failure."""
-    estimator = load_estimator(job.model)
+    from lighting.metadata import Given
+
+    estimator, given = load_estimator(job.model), Given(**job.given)
 
     def work(name: str) -> tuple[str, bool]:
-        light = light_of(estimator, Path(job.source, name))
+        light = light_of(estimator, Path(job.source, name), given)
         if isinstance(light, str):
             return json_line(name, error=light), True
         if job.maps:
@@ -179,13 +184,13 @@ def load_estimator(model: str | None) -> "Estimator":
     return Estimator(Model.load(model, threads=1))
 
 
-def light_of(estimator: "Estimator", source: "Source") -> "Lighting | str":
+def light_of(estimator: "Estimator", source: "Source", given: "Given") -> "Lighting | str":
     """The light of a photo, or the reason why there is none; an error that is not the photo's is raised."""
     from lighting.photo import read_photo
 
     try:
-        return estimator(read_photo(source))
-    except (PhotoError, ModelError, OSError) as error:
+        return estimator(read_photo(source), given)
+    except (PhotoError, ParameterError, ModelError, OSError) as error:
         return reason(error)
 
 

@@ -56,13 +56,15 @@ class PhotoActor:
     """One estimator, from the bytes of photos to rows of the table."""
 
     def __init__(self, job: Job) -> None:
+        from lighting.metadata import Given
+
         self.job = job
-        self.estimator = load_estimator(job.model)
+        self.estimator, self.given = load_estimator(job.model), Given(**job.given)
         self.base = _place(job.source)[1]
 
     def __call__(self, photo: dict[str, Any]) -> dict[str, Any]:
         name = posixpath.relpath(photo["path"], self.base)
-        light = light_of(self.estimator, photo["bytes"])
+        light = light_of(self.estimator, photo["bytes"], self.given)
         if self.job.maps and not isinstance(light, str):
             _write_map(self.job, name, light)
         return row(name, light)

@@ -27,7 +27,7 @@ Target = str | os.PathLike[str] | BinaryIO
 SOFTWARE = f"outdoor-lighting {__version__}"
 CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # Rec.709 red, green, blue and D65, as x and y
 
-_MAGIC = b"v/1\x01"
+MAGIC = b"v/1\x01"
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
 
 
@@ -144,7 +144,7 @@ def _is_whole(data: bytes) -> bool:
 
     The library would write about a missing chunk to the terminal, and fill some of them with nothing.
     """
-    if not data.startswith(_MAGIC):
+    if not data.startswith(MAGIC):
         raise EnvironmentMapError("The file is not an OpenEXR image.")
     try:
         (version,) = struct.unpack_from("<I", data, 4)

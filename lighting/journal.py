@@ -3,15 +3,16 @@
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from lighting.atomic import replacing
 from lighting.errors import BatchError
 
 
 class Journal:
-    """The names of the photos that are done, in a file of lines opened for reading and appending."""
+    """The names of the photos that are done, in a file of lines of light opened for reading and appending."""
 
     def __init__(self, file: BinaryIO) -> None:
         """Cuts off what follows the last whole line, which a kill leaves; those photos count as not done."""
@@ -19,11 +20,8 @@ class Journal:
         self.failed = 0
         self._file = file
         whole = 0
-        for line in file:
-            record = _record(line)
-            if record is None:
-                break
-            self._count(record["file"], "error" in record)
+        for record, line in _whole_lines(file):
+            self.done.add(record["file"])
             whole += len(line)
         file.truncate(whole)
 
@@ -31,7 +29,8 @@ class Journal:
         """Add the line of a photo; it is with the system when this returns, so that a kill does not lose it."""
         self._file.write(line.encode() + b"\n")
         self._file.flush()
-        self._count(name, failed)
+        self.done.add(name)
+        self.failed += failed
 
     def clear(self) -> None:
         """Forget everything, in the file too."""
@@ -39,18 +38,44 @@ class Journal:
         self.done.clear()
         self.failed = 0
 
-    def _count(self, name: str, failed: bool) -> None:
-        self.done.add(name)
-        self.failed += failed
-
 
 @contextmanager
 def open_journal(path: Path) -> Iterator[Journal]:
-    """The journal in a file, which is made if there is none; BatchError while another process has it open."""
+    """The journal in a file, which is made if there is none; BatchError while another process has it open.
+
+    Photos that failed before are forgotten, so that they are tried again.
+    """
     with path.open("a+b") as file:
         _lock(file, path)
         file.seek(0)
-        yield Journal(file)
+        if not any("error" in record for record, _ in _whole_lines(file)):
+            file.seek(0)
+            yield Journal(file)
+            return
+        with _without_failures(file, path) as rest:
+            yield Journal(rest)
+
+
+@contextmanager
+def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
+    """The file's lines of light in a new file that has taken its place, locked before it does."""
+    file.seek(0)
+    with ExitStack() as stack:
+        with replacing(path) as temporary:
+            rest = stack.enter_context(temporary.open("a+b"))
+            _lock(rest, path)
+            rest.writelines(line for record, line in _whole_lines(file) if "error" not in record)
+            rest.flush()
+        rest.seek(0)
+        yield rest
+
+
+def _whole_lines(file: BinaryIO) -> Iterator[tuple[dict[str, Any], bytes]]:
+    """The records of a file with their lines, up to the first that is not whole."""
+    for line in file:
+        if (record := _record(line)) is None:
+            return
+        yield record, line
 
 
 def read_records(path: Path) -> Iterator[dict[str, Any]]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -51,6 +51,10 @@ class Given:
         if (self.latitude is None) != (self.longitude is None):
             raise ParameterError("A latitude needs a longitude and the other way round.")
         self._check_time()
+
+    def said(self) -> dict[str, Any]:
+        """What it says, by name, without what is unsaid."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) != f.default}
 
     def _check_time(self) -> None:
         if self.time is not None and not YEARS[0] <= self.time.year <= YEARS[1]:

@@ -29,12 +29,14 @@ Source = str | os.PathLike[str] | bytes | BinaryIO
 
 MAX_BYTES = 64_000_000
 MAX_PIXELS = 128_000_000  # lets the 108-megapixel photos of phones pass
+MOST_PIXELS = 178_000_000  # that Pillow opens at all
 TARGET = 448  # pixels along the longer side, twice what the network sees
 MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
 _CHUNK = 1 << 22  # bytes read at once; a buffer as large as the limit would take longer to make than to fill
+_STRIP = 1 << 22  # pixels converted at once
 _MID_GREY = (128, 128, 128, 255)
 _UPRIGHT = {  # EXIF orientation: what makes the picture upright
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -64,7 +66,7 @@ def read_photo(
     """The photo in a file, in bytes or in a binary stream.
 
     Its longer side keeps at least `target` pixels if it has them, and rarely twice as many; None keeps them all.
-    Raises PhotoTooLargeError over `max_bytes` or `max_pixels` (Pillow itself stops at 178 million), PhotoError for
+    Raises PhotoTooLargeError over `max_bytes` or `max_pixels` (at most MOST_PIXELS), PhotoError for
     what is not a photo of at least 32 pixels each way and of an aspect ratio up to 8:1, OSError for a file that
     cannot be opened.
     """
@@ -115,7 +117,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     except UnidentifiedImageError as error:
         raise PhotoError("The file is not a JPEG, PNG, WebP or HEIC photo that can be read.") from error
     except Image.DecompressionBombError as error:
-        raise PhotoTooLargeError("The photo has more than 178 million pixels.") from error
+        raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
     _check_size(*image.size, max_pixels)
     return image
 
@@ -130,11 +132,13 @@ def _heif_format() -> str:
     return "HEIF"
 
 
+def _too_many(photo: str, limit: int) -> str:
+    return f"{photo} has more than the limit of {limit / 1e6:g} million pixels."
+
+
 def _check_size(width: int, height: int, max_pixels: int) -> None:
     if width * height > max_pixels:
-        raise PhotoTooLargeError(
-            f"The photo is {width} x {height} pixels; the limit is {max_pixels / 1e6:g} million pixels."
-        )
+        raise PhotoTooLargeError(_too_many(f"The photo of {width} x {height} pixels", max_pixels))
     if min(width, height) < MIN_SIDE:
         raise PhotoError(f"The photo is {width} x {height} pixels; each side must have at least {MIN_SIDE}.")
     if max(width, height) > MAX_ASPECT * min(width, height):
@@ -147,9 +151,7 @@ def _decode(image: Image.Image, target: int) -> tuple[NDArray[np.uint8], bool]:
     image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
     image.load()
     orientation = _orientation(image)
-    plain = _eight_bits(image)
-    factor = max(plain.size) // target
-    small = plain.reduce(factor) if factor > 1 else plain
+    small = _reduced(image, max(image.size) // target)
     opaque = _over_grey(small) if small.mode == "RGBA" else small
     rgb = _srgb(opaque, image.info.get("icc_profile"))
     upright = rgb.transpose(_UPRIGHT[orientation]) if orientation in _UPRIGHT else rgb
@@ -163,6 +165,24 @@ def _orientation(image: Image.Image) -> object:
             return value if isinstance(value, int) else None
     except Exception:  # EXIF is hostile input
         return None
+
+
+def _reduced(image: Image.Image, factor: int) -> Image.Image:
+    """The picture in `_eight_bits`, each side divided by the factor and rounded up.
+
+    Strip by strip: conversions of a whole large picture would take several times its memory.
+    """
+    if factor <= 1:
+        return _eight_bits(image)
+    rows = factor * max(1, _STRIP // (factor * image.width))
+    edges = range(0, image.height, rows)
+    strips = [
+        _eight_bits(image.crop((0, top, image.width, min(top + rows, image.height)))).reduce(factor) for top in edges
+    ]
+    whole = Image.new(strips[0].mode, (strips[0].width, ceil(image.height / factor)))
+    for top, strip in zip(edges, strips, strict=True):
+        whole.paste(strip, (0, top // factor))
+    return whole
 
 
 def _eight_bits(image: Image.Image) -> Image.Image:

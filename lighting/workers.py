@@ -143,4 +143,5 @@ def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
     except (EOFError, ConnectionError):
         return
     except Exception as error:
-        connection.send(error)
+        with suppress(OSError):  # whom it would tell may have gone meanwhile
+            connection.send(error)

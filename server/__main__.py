@@ -1,8 +1,11 @@
 """Start the service: `python -m server`, or `lighting-server`."""
 
 import sys
-from typing import Any
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from typing import Any, NoReturn
 
+from lighting import __version__
 from lighting.errors import LightingError
 from server.process import prepare, share_compression
 
@@ -11,9 +14,28 @@ def main() -> None:
     """Serve until SIGTERM or SIGINT; running requests then have `shutdown_seconds` to finish."""
     prepare()
     try:
+        if sys.argv[1:]:
+            refuse(sys.argv[1:])
         serve()
     except ModuleNotFoundError as error:
         sys.exit(f"The service needs {error.name}: pip install 'outdoor-lighting[server]'.")
+
+
+def refuse(arguments: Sequence[str]) -> NoReturn:
+    """Help or the version where they are asked for; status 2 for any other argument, since there is none."""
+    from server.settings import PREFIX, Settings
+
+    fields = Settings.model_fields.items()
+    listed = "\n".join(f"  {PREFIX + name.upper():26}{field.description}" for name, field in fields)
+    parser = ArgumentParser(
+        prog="lighting-server",
+        description="Serve the light of outdoor photos over HTTP. What may be chosen is read from the environment:",
+        epilog=listed,
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=__version__)
+    parser.parse_args(arguments)
+    parser.error("there are no arguments but these")
 
 
 def serve() -> None:

@@ -16,8 +16,6 @@ from server.queries import LightingQuery, Query
 from server.schemas import MEDIA_TYPES, Format
 from server.service import Estimate, Service
 
-DIGITS = 6  # of probabilities and grid angles
-
 
 def estimates(found: Sequence[Estimate], query: LightingQuery, root: str) -> dict[str, Any]:
     """The JSON of one estimate, or of several in a list."""

@@ -16,7 +16,7 @@ class BusyError(Exception):
 
 
 class Limiter:
-    """Places for requests: one is admitted before its body is read, which bounds memory too, and runs in a thread."""
+    """Places for requests, which run in threads; one is admitted before its body is read, which bounds the bodies."""
 
     def __init__(self, places: int, queue: int) -> None:
         self.places = places

@@ -2,6 +2,7 @@
 
 from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
+from pydantic_core import from_json
 
 from lighting.parameters import Lighting
 from server import problems
@@ -10,11 +11,17 @@ from server.schemas import LightingRecord
 
 
 def lighting_of(data: bytes) -> Lighting:
-    """The light in a JSON record; raises ProblemError for what is not JSON, RequestValidationError for wrong fields."""
+    """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
+
+    Raises ProblemError for what is not JSON, RequestValidationError for wrong fields.
+    """
     try:
-        return LightingRecord.model_validate_json(data).lighting()
+        record = from_json(data)
+    except ValueError as error:
+        raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
+    inner = record.get("lighting", record) if isinstance(record, dict) else record
+    try:
+        return LightingRecord.model_validate(inner).lighting()
     except ValidationError as error:
         found = error.errors(include_url=False)
-        if found[0]["type"] == "json_invalid":
-            raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {found[0]['msg']}.") from error
         raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in found]) from error

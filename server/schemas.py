@@ -83,7 +83,7 @@ Height = Annotated[
 SunAzimuth = Annotated[float, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)]
 SunElevation = Annotated[float, named("sun_elevation", "deg above the horizon", 33.0)]
 Turbidity = Annotated[float, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)]
-Exposure = Annotated[float, named("exposure", "factor from sky radiance to the photo's linear values", 0.021)]
+Exposure = Annotated[float, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)]
 GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
 
 

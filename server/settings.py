@@ -9,7 +9,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from lighting.errors import LightingError
 from lighting.model import available_cpus
-from lighting.photo import MAX_BYTES, MAX_PIXELS
+from lighting.photo import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
 
 PREFIX = "LIGHTING_"
 
@@ -47,7 +47,9 @@ class Settings(BaseSettings):
     threads: int = Field(1, ge=1, le=1024, description="threads of onnxruntime for one photo")
     queue: int = Field(64, ge=0, description="requests that may wait beside those; the next is answered 503")
     max_bytes: int = Field(MAX_BYTES, ge=1, description="largest body")
-    max_pixels: int = Field(MAX_PIXELS, ge=1, description="most pixels of a photo, looked at before it is decoded")
+    max_pixels: int = Field(
+        MAX_PIXELS, ge=1, le=MOST_PIXELS, description="most pixels of a photo, looked at before it is decoded"
+    )
     max_photos: int = Field(8, ge=1, le=64, description="most photos of one place in one request")
     upload_seconds: float = Field(60.0, gt=0, description="longest time a body may take to arrive")
     shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM")

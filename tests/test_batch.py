@@ -173,6 +173,31 @@ def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -
     assert row["file"] == "caf\\udce9.jpg"
 
 
+def test_what_failed_is_tried_again(photos: Path, tmp_path: Path, network: Path) -> None:
+    arguments = (photos, tmp_path / "out", "--model", network)
+    assert run(*arguments).exit_code == 1
+    before = records(tmp_path / "out")
+    assert run(*arguments).exit_code == 1
+    assert sorted(map(str, records(tmp_path / "out"))) == sorted(map(str, before))
+    (photos / "bad.jpg").write_bytes(encode(scene(64, 64)))
+    assert run(*arguments).exit_code == 0
+    assert {r["file"] for r in records(tmp_path / "out") if "lighting" in r} == {r["file"] for r in before}
+    assert len(records(tmp_path / "out")) == len(before)
+
+
+def test_what_is_known_of_all_photos_counts_and_is_kept(photos: Path, tmp_path: Path, network: Path) -> None:
+    out = tmp_path / "out"
+    said = (photos / "a.jpg", out, "--model", network, "--fov", 44, "--no-exif")
+    assert run(*said).exit_code == 0
+    (record,) = records(out)
+    assert record["lighting"]["camera"]["vertical_fov"] == 44.0
+    assert json.loads((out / "batch.json").read_text())["metadata"] == {"use_exif": False, "vertical_fov": 44.0}
+    assert run(*said[:-2], 45, "--no-exif").stderr.endswith(
+        "another metadata; choose another folder, or --overwrite.\n"
+    )
+    assert run(*said[:-1], "--lat", 91, "--lon", 0).exit_code == 2
+
+
 def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     result = run(photos, tmp_path / "out", "--parquet")

@@ -31,6 +31,7 @@ from lighting.pipeline import Estimator
 from tests.conftest import TINY, encode, scene
 
 LIGHTING = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.021, sun_visibility=0.9)
+METADATA = ["local_time", "utc_offset", "utc_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
 COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
 
 
@@ -338,7 +339,7 @@ def test_inputs_are_never_overwritten(network: Path, tmp_path: Path) -> None:
 def test_a_bad_photo_leaves_an_older_output_alone(network: Path, tmp_path: Path) -> None:
     (tmp_path / "a.exr").write_bytes(b"older")
     text = error_of(run("envmap", "-", "-o", tmp_path / "a.exr", "--model", network, stdin=b"bad"))
-    assert text == "The file is not a JPEG, PNG, WebP or HEIC photo that can be read."
+    assert text == "stdin: The file is not a JPEG, PNG, WebP or HEIC photo that can be read."
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.exr": b"older"}
 
 
@@ -380,6 +381,7 @@ def test_preview_to_stdout(network: Path, photo_path: Path) -> None:
 def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, tmp_path: Path) -> None:
     run("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
     photo, net, envmap = (json.loads(run("info", f).stdout) for f in (photo_path, network, tmp_path / "a.exr"))
+    assert photo.pop("metadata") == {**dict.fromkeys(METADATA), "location": False}
     assert photo == {"file": str(photo_path), "kind": "photo", "format": "JPEG", "width": 320, "height": 240}
     assert net == {"file": str(network), "kind": "network", **json.loads(TINY.to_json())}
     assert envmap.pop("lighting") == LIGHTING.to_dict()

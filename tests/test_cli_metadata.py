@@ -47,6 +47,15 @@ def test_metadata_count_unless_turned_off(phone: Path, photo_path: Path, network
     assert pixels["evidence"] == ["pixels"]
 
 
+def test_info_says_what_a_photo_knows_but_not_where(phone: Path) -> None:
+    result = run("info", phone)
+    known = json.loads(result.stdout)["metadata"]
+    assert known["utc_time"] == "2024-06-01T07:10:00+00:00"
+    assert (known["local_time"], known["utc_offset"]) == ("2024-06-01T09:10:00", 2.0)
+    assert (known["heading"], known["location"]) == (60.0, True)
+    assert not COORDINATES.search(result.stdout)
+
+
 def test_the_library_gives_the_same(phone: Path, network: Path) -> None:
     (record,) = records(run("estimate", "--json", "--model", network, "--fov", "40", "--heading", "10", phone))
     light = Estimator(Model.load(network))(read_photo(phone), Given(vertical_fov=40.0, heading=10.0))

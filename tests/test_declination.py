@@ -40,7 +40,9 @@ def test_unknown_where_compasses_fail() -> None:
 
 def test_threads_do_not_disturb_each_other() -> None:
     places = [(-60.0 + i % 120, -180.0 + 3 * (i % 120)) for i in range(1200)]
-    time = datetime(2024, 6, 1)
-    alone = [declination(*place, time) for place in places]
+
+    def there(place: tuple[float, float]) -> float | None:
+        return declination(*place, datetime(2024, 6, 1))
+
     with ThreadPoolExecutor(8) as pool:
-        assert list(pool.map(lambda place: declination(*place, time), places)) == alone
+        assert list(pool.map(there, places)) == list(map(there, places))

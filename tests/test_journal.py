@@ -8,6 +8,7 @@ import pytest
 from lighting.errors import BatchError
 from lighting.journal import open_journal, read_records
 
+FAILED = json.dumps({"file": "c.jpg", "error": "No."})
 LINES = [json.dumps({"file": name, "lighting": {}}) for name in ("a.jpg", "b/ä.jpg")]
 
 
@@ -33,11 +34,27 @@ def test_lines_are_there_as_soon_as_they_are_appended(path: Path) -> None:
 def test_what_is_done_is_known_again(path: Path) -> None:
     fill(path)
     with open_journal(path) as journal:
-        journal.append("c.jpg", json.dumps({"file": "c.jpg", "error": "No."}), failed=True)
-    with open_journal(path) as journal:
+        journal.append("c.jpg", FAILED, failed=True)
         assert journal.done == {"a.jpg", "b/ä.jpg", "c.jpg"}
         assert journal.failed == 1
     assert [record["file"] for record in read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+
+
+def test_what_failed_is_forgotten_and_tried_again(path: Path) -> None:
+    with open_journal(path) as journal:
+        journal.append("c.jpg", FAILED, failed=True)
+    whole = fill(path)
+    assert whole == f"{LINES[0]}\n{LINES[1]}\n".encode()
+    with open_journal(path) as journal:
+        journal.append("c.jpg", FAILED, failed=True)
+    with open_journal(path) as journal:
+        assert (journal.done, journal.failed) == ({"a.jpg", "b/ä.jpg"}, 0)
+        assert path.read_bytes() == whole
+        with pytest.raises(BatchError, match="Another batch"), open_journal(path):
+            pass
+        journal.append("c.jpg", json.dumps({"file": "c.jpg", "lighting": {}}), failed=False)
+    assert [record["file"] for record in read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
 def test_a_line_cut_anywhere_is_not_done(path: Path) -> None:

@@ -263,7 +263,7 @@ def test_photos_together_share_place_and_zone() -> None:
 
 def test_a_clock_beside_the_satellites_time_tells_the_zone() -> None:
     by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(seconds=40))
-    later = replace(ZONELESS, local_time=FACTS.local_time + timedelta(hours=1))
+    later = replace(ZONELESS, local_time=datetime(2024, 6, 1, 10, 10))
     assert [fact.utc_time for fact in of_one_place([by_satellite, later])] == [
         MORNING + timedelta(seconds=40),
         MORNING + timedelta(hours=1),

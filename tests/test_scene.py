@@ -211,6 +211,13 @@ def test_the_command_takes_a_record_in_place_of_an_estimate(
     assert 'upAxis = "Z"' in (out / "scene.usda").read_text()
 
 
+def test_warnings_of_the_light_are_on_stderr(photo_path: Path, tmp_path: Path) -> None:
+    (tmp_path / "l.json").write_text(json.dumps(replace(LIGHT, warnings=("It was night.",)).to_dict()))
+    arguments: list[str | Path] = ["scene", photo_path, "--for", "usd", "--lighting", tmp_path / "l.json"]
+    assert run(*arguments, "-o", tmp_path / "a").stderr == f"Warning: {photo_path}: It was night.\n"
+    assert run(*arguments, "-o", tmp_path / "b", "-q").stderr == ""
+
+
 @pytest.mark.parametrize(
     ("output", "sentence"),
     [
@@ -243,6 +250,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
         (["--for", "maya"], "'maya' is not one of 'blender', 'usd', 'gltf', 'threejs', 'mitsuba'."),
         (["--for", "usd", "--image-based-light"], "--image-based-light goes with --for gltf."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
+        (["--for", "usd", "--lighting", "any.json", "--model", "any.onnx"], "--model does not go with it."),
         (["--for", "usd", "--height", "15"], "15 is not an even number from 16 to 4096."),
     ],
 )

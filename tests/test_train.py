@@ -12,19 +12,17 @@ import torch
 from click.testing import CliRunner
 
 from export.__main__ import cli
-from export.evaluate import best_constant, evaluate
+from export.evaluate import best_constant, by_name, evaluate
 from export.labels import label_panorama, write_labels
 from export.network import Served, encode
 from export.panoramas import DataError, Panorama, read_index
-from export.records import describe_data, history, read_record, read_spec
+from export.records import RECORD, describe_data, history, read_record, read_spec
 from export.soup import merge
 from export.synthetic import write_dataset
 from export.to_onnx import (
     HALVED,
     ROUNDED,
     export,
-    fit_temperature,
-    held_out_crops,
     parity,
     read_network,
 )
@@ -43,6 +41,7 @@ from export.train import (
 from lighting.errors import LightingError
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
+from tests.conftest import write_network
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +104,24 @@ def test_a_killed_run_goes_on_where_it_stopped(config: TrainConfig, tmp_path: Pa
     assert second.step == 2
     torch.testing.assert_close(second.network.state_dict(), first.network.state_dict())
     torch.testing.assert_close(second.average.state_dict(), first.average.state_dict())
+
+
+def test_a_run_is_resumed_with_its_own_settings_alone(config: TrainConfig, tmp_path: Path) -> None:
+    own = replace(config, out=str(tmp_path), crops=8, batch=4)
+    train(own)
+    record = json.loads((tmp_path / RECORD).read_text())
+    with pytest.raises(DataError, match=r"holds a run with another crops and licensed_only; choose another --out"):
+        train(replace(own, crops=4, licensed_only=True))
+    train(replace(own, workers=0, checkpoint_minutes=9.0))
+    again = json.loads((tmp_path / RECORD).read_text())
+    assert again["commit"] == record["commit"]
+    assert again["config"] == {**record["config"], "workers": 0, "checkpoint_minutes": 9.0}
+
+
+def test_networks_of_one_name_and_version_are_not_compared(tmp_path: Path) -> None:
+    first, second = (Model.load(write_network(tmp_path / name)) for name in ("a.onnx", "b.onnx"))
+    with pytest.raises(DataError, match="Two of the networks are"):
+        by_name([first, second])
 
 
 def test_a_run_starts_from_the_averaged_weights_of_another_and_sees_other_crops(
@@ -240,19 +257,6 @@ def test_runs_of_different_networks_do_not_answer_together(trained: Path, tmp_pa
     with pytest.raises(LightingError, match="have no mean"):
         merge([trained, other], tmp_path / "merged")
     assert not (tmp_path / "merged").exists()
-
-
-def test_the_temperature_undoes_overconfidence(trained: Path) -> None:
-    """Of a network that knows the answer but shouts it two and a half times too loud."""
-    crops = held_out_crops(trained)
-    assert len(crops) > 0
-
-    class Loud(torch.nn.Module):
-        def forward(self, photo: torch.Tensor) -> tuple[torch.Tensor, None]:
-            targets = torch.stack([crops[i].sun for i in range(len(crops))])
-            return (2.5 * (targets + 1e-9).log())[: len(photo)], None
-
-    assert fit_temperature([Loud(), Loud()], crops, batch=len(crops)) == pytest.approx(2.5, rel=0.03)
 
 
 def test_a_wrong_export_is_refused(

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from lighting.cli.given import given_of_many_options
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, model_option, quiet_option
 
 if TYPE_CHECKING:
     from lighting.batch import Job
+    from lighting.metadata import Given
 
 
 @cli.command()
@@ -26,24 +28,35 @@ if TYPE_CHECKING:
 @click.option("--overwrite", is_flag=True, help="Start anew instead of going on.")
 @click.option("--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What works.")
 @click.option("--address", metavar="ADDRESS", help="Ray's cluster; by default one on this machine.")
+@given_of_many_options
 @model_option
 @quiet_option
 @click.pass_context
 def batch(
-    ctx: click.Context, /, input: str, out: str, envmap: bool, model: str | None, engine: str, **given: Any
+    ctx: click.Context,
+    /,
+    input: str,
+    out: str,
+    envmap: bool,
+    given: "Given",
+    model: str | None,
+    engine: str,
+    **options: Any,
 ) -> None:
     """Estimate the light of many photos.
 
     INPUT is a folder or a quoted glob such as "photos/**/*.jpg". OUT is a folder, which gets lighting.jsonl, the lines
-    of "estimate --json"; from Ray it gets lighting.parquet instead. The same command again goes on where a batch was
-    stopped. A photo that cannot be read is recorded with the reason, and the exit status is 1 at the end.
+    of "estimate --json"; from Ray it gets lighting.parquet instead. A photo that cannot be read is recorded with the
+    reason, and the exit status is 1 at the end. The same command again goes on where a batch was stopped, and tries
+    again what failed (from Ray, whose results stay as they are, only with --overwrite). Time, place and lens are taken
+    from each photo's metadata.
     """
     from lighting.batch import Job, Maps
 
-    maps = Maps(*(given.pop(name) for name in ("height", "sun", "yaw"))) if envmap else None
+    maps = Maps(*(options.pop(name) for name in ("height", "sun", "yaw"))) if envmap else None
     _refuse_idle_options(ctx)
     run = _with_ray if engine == "ray" else _with_pool
-    failed = run(Job(input, out, model, maps, engine), **given)
+    failed = run(Job(input, out, model, maps, engine, given.said()), **options)
     if failed:
         click.echo(
             f"Photos that could not be read: {failed}; the reasons are in {click.format_filename(out)}.", err=True
@@ -63,7 +76,7 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 
 
 def _with_pool(job: "Job", parquet: bool, workers: int | None, overwrite: bool, quiet: bool, **_: Any) -> int:
-    """Returns how many photos failed, of this run and of those that it went on from."""
+    """Returns how many photos failed."""
     from lighting.batch import JOURNAL, find_photos, open_batch, run_pool
     from lighting.journal import read_records
     from lighting.model import available_cpus
@@ -83,7 +96,7 @@ def _with_pool(job: "Job", parquet: bool, workers: int | None, overwrite: bool, 
 
 
 def _with_ray(job: "Job", address: str | None, workers: int | None, overwrite: bool, quiet: bool, **_: Any) -> int:
-    """The same of the results that Ray wrote."""
+    """The same of all results that Ray wrote, of earlier runs too."""
     from lighting.cluster import find_photos_at, run_ray
 
     source, names = find_photos_at(job.source)

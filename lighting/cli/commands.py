@@ -2,6 +2,8 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +14,7 @@ from lighting.cli.answers import answers, answers_together
 from lighting.cli.files import (
     estimated,
     load_estimator,
+    naming,
     open_lighting,
     photo_bytes,
     read_bytes,
@@ -26,9 +29,8 @@ from lighting.cli.words import in_words, progress_over, report_failure, report_w
 from lighting.lines import json_line
 
 if TYPE_CHECKING:
+    from lighting.exif import PhotoFacts
     from lighting.metadata import Given
-
-EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
 @cli.command()
@@ -90,8 +92,9 @@ def envmap(
     """Estimate the light of PHOTO and render its environment map."""
     refuse_collisions(photo, output, preview)
     estimator = load_estimator(model)
-    data = photo_bytes(photo)
-    prediction, lighting = estimated(estimator, data, given)
+    with naming(photo):
+        data = photo_bytes(photo)
+        prediction, lighting = estimated(estimator, data, given)
     write_map(output, lighting, **view)
     if preview:
         write_preview(preview, data, prediction, lighting)
@@ -122,8 +125,9 @@ def preview(photo: str, output: str, given: "Given", model: str | None) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
     estimator = load_estimator(model)
-    data = photo_bytes(photo)
-    prediction, lighting = estimated(estimator, data, given)
+    with naming(photo):
+        data = photo_bytes(photo)
+        prediction, lighting = estimated(estimator, data, given)
     write_preview(output, data, prediction, lighting)
     report_warnings(photo, lighting)
 
@@ -143,13 +147,26 @@ def _describe_network(file: str) -> dict[str, Any]:
 
 
 def _describe_picture(file: str) -> dict[str, Any]:
+    from lighting.exr import MAGIC
     from lighting.photo import read_photo
 
     data = read_bytes(file)
-    if data.startswith(EXR_MAGIC):
+    if data.startswith(MAGIC):
         return _describe_map(data)
-    photo = read_photo(data)
-    return {"kind": "photo", "format": photo.format, "width": photo.width, "height": photo.height}
+    with naming(file):
+        photo = read_photo(data)
+    size = {"format": photo.format, "width": photo.width, "height": photo.height}
+    return {"kind": "photo", **size, "metadata": _metadata(photo.facts)}
+
+
+def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
+    """What counts of a photo's metadata; only whether it knows its place, which the output might be passed on with."""
+    known = {**asdict(facts), "location": facts.latitude is not None}
+    return {
+        name: value.isoformat() if isinstance(value, datetime) else value
+        for name, value in known.items()
+        if name not in ("latitude", "longitude")
+    }
 
 
 def _describe_map(data: bytes) -> dict[str, Any]:

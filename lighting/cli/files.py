@@ -3,6 +3,8 @@
 import json
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -30,6 +32,15 @@ def photo_bytes(name: str) -> bytes:
     from lighting import photo
 
     return photo.read_bytes(stdin() if name == "-" else name)
+
+
+@contextmanager
+def naming(photo: str) -> Iterator[None]:
+    """Errors of the photo begin with its name."""
+    try:
+        yield
+    except PhotoError as error:
+        raise PhotoError(f"{shown(photo)}: {error}") from error
 
 
 def open_photo(name: str) -> "Photo":

@@ -35,34 +35,50 @@ def _parsed(read: Callable[[str], Any], text: str) -> Any:
         raise click.BadParameter(str(error)) from error
 
 
-_OPTIONS = [
-    click.option("--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."),
-    click.option("--time", metavar="TIME", callback=_time, help="When: 2024-06-01T14:30, +02:00 behind it if known."),
-    click.option("--utc-offset", metavar="HOURS", callback=_offset, help="Zone of a local time: +02:00 or 2."),
-    click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
-    click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
-    click.option("--heading", type=float, metavar="DEG", help="Where the camera points, clockwise from true north."),
-    click.option("--fov", "vertical_fov", type=float, metavar="DEG", help="Vertical field of view."),
-    click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
-]
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+
+_OPTIONS: dict[str, Decorator] = {
+    "use_exif": click.option(
+        "--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
+    ),
+    "time": click.option(
+        "--time", metavar="TIME", callback=_time, help="When: 2024-06-01T14:30, +02:00 behind it if known."
+    ),
+    "utc_offset": click.option(
+        "--utc-offset", metavar="HOURS", callback=_offset, help="Zone of a local time: +02:00 or 2."
+    ),
+    "latitude": click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
+    "longitude": click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
+    "heading": click.option(
+        "--heading", type=float, metavar="DEG", help="Where the camera points, clockwise from true north."
+    ),
+    "vertical_fov": click.option("--fov", "vertical_fov", type=float, metavar="DEG", help="Vertical field of view."),
+    "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
+}
 together_option = click.option("--together", is_flag=True, help="The photos are of one place and light.")
 headings_option = click.option(
     "--headings", metavar="DEG,DEG,...", callback=_headings, help="Where each points, clockwise, from any direction."
 )
 
 
-def given_options(command: Callable[..., None]) -> Callable[..., None]:
-    """What the user knows; a command receives it as `given`. Contradictions are wrong usage."""
-    names = ["use_exif", "time", "utc_offset", "latitude", "longitude", "heading", "vertical_fov", "keep_location"]
+def _options(*names: str) -> Decorator:
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_given(*args: Any, **options: Any) -> None:
+            said = {name: options.pop(name) for name in names}
+            command(*args, given=_given(**said), **options)
 
-    @wraps(command)
-    def with_given(*args: Any, **options: Any) -> None:
-        given = {name: options.pop(name) for name in names}
-        command(*args, given=_given(**given), **options)
+        decorated: Callable[..., None] = with_given
+        for name in reversed(names):
+            decorated = _OPTIONS[name](decorated)
+        return decorated
 
-    for option in reversed(_OPTIONS):
-        with_given = option(with_given)
-    return with_given
+    return decorate
+
+
+# What the user knows; a command receives it as `given`. Contradictions are wrong usage.
+given_options = _options(*_OPTIONS)
+given_of_many_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
 
 
 def _given(**options: Any) -> "Given":

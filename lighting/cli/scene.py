@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import load_estimator, open_lighting, photo_bytes
+from lighting.cli.files import load_estimator, naming, open_lighting, photo_bytes
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import height_option, model_option, quiet_option, sun_option
-from lighting.cli.words import in_words
+from lighting.cli.words import in_words, report_warnings
 from lighting.scene import TOOLS
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def scene(
     shadows, and a placeholder where one's own object goes.
     """
     options = _tool_options(tool, image_based_light, up_axis)
-    _check_record(record, given)
+    _check_record(record, given, model)
     if "-" in (photo, record) and photo == record:
         raise click.UsageError("The photo and the record cannot both be stdin.")
     from lighting.photo import read_photo
@@ -58,12 +58,15 @@ def scene(
     from lighting.scene.files import check_target, write_scene
 
     check_target(Path(output), overwrite=overwrite)
-    data = photo_bytes(photo)
-    lighting = open_lighting(record) if record else _estimated(data, given, model)
-    made = make_scene(read_photo(data, target=PLATE_SIDE), lighting, map_height=height, sun=sun)
+    with naming(photo):
+        data = photo_bytes(photo)
+        plate = read_photo(data, target=PLATE_SIDE)
+        lighting = open_lighting(record) if record else _estimated(data, given, model)
+    made = make_scene(plate, lighting, map_height=height, sun=sun)
     write_scene(made, tool, output, overwrite=overwrite, **options)
     if not quiet:
         click.echo(in_words(photo, lighting))
+    report_warnings(photo, lighting, quiet)
 
 
 def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> dict[str, Any]:
@@ -79,10 +82,12 @@ def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> di
     return options
 
 
-def _check_record(record: str | None, given: "Given") -> None:
-    """Raise UsageError where metadata is given for a light that a record tells."""
+def _check_record(record: str | None, given: "Given", model: str | None) -> None:
+    """Raise UsageError where metadata or a network is given for a light that a record tells."""
     from lighting.metadata import Given
 
+    if record and model is not None:
+        raise click.UsageError("--lighting tells the light; no network is asked, so --model does not go with it.")
     if record and given != Given():
         raise click.UsageError("--lighting tells the light; time, place, heading and the like do not go with it.")
 

@@ -93,7 +93,7 @@ def test_the_probability_is_that_of_all_that_is_known(client: TestClient, estima
 
 def test_names_are_those_of_the_command_line() -> None:
     options: set[str] = set()
-    for option in _OPTIONS:
+    for option in _OPTIONS.values():
         command: Any = option(lambda: None)
         options |= {name.removeprefix("--") for name in command.__click_params__[0].opts}
     assert {name.replace("_", "-") for name in GivenQuery.model_fields} == options - {"no-exif"} | {"exif"}

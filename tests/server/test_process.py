@@ -3,6 +3,7 @@
 import http.client
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -19,7 +20,7 @@ from typing import IO
 import pytest
 
 from lighting import read_exr
-from server.settings import PREFIX
+from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
 
 pytestmark = pytest.mark.slow
@@ -211,6 +212,26 @@ def test_without_the_extra_it_says_what_to_install() -> None:
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == "The service needs uvicorn: pip install 'outdoor-lighting[server]'.\n"
+
+
+@pytest.mark.parametrize("argument", ["--port=8193", "photo.jpg"])
+def test_arguments_are_refused_not_ignored(argument: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "server", argument], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines()[-1] == f"lighting-server: error: unrecognized arguments: {argument}"
+
+
+def test_help_lists_every_setting() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "server", "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    for name, field in Settings.model_fields.items():
+        assert re.search(
+            rf"^  {PREFIX}{name.upper()} +{re.escape(field.description or '?')}$", done.stdout, re.MULTILINE
+        )
 
 
 @pytest.mark.parametrize(

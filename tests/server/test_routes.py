@@ -120,6 +120,13 @@ def test_a_record_is_rendered_as_it_was_edited(client: TestClient, jpeg: bytes) 
     assert np.array_equal(image, render(Lighting.from_dict(record), 64))
 
 
+def test_a_line_of_the_command_line_is_a_record_too(client: TestClient, jpeg: bytes) -> None:
+    record = client.post("/v1/lighting", content=jpeg, headers=JPEG).json()
+    bare, line = (client.post("/v1/envmap", json=body) for body in (record, {"file": "a.jpg", "lighting": record}))
+    assert (bare.status_code, line.status_code) == (200, 200)
+    assert bare.content == line.content
+
+
 def test_a_record_needs_only_sun_and_sky(client: TestClient) -> None:
     record = {"sun": {"azimuth": 10, "elevation": 30}, "sky": {"turbidity": 3, "exposure": 0.02}}
     answer = client.post("/v1/envmap?height=16", json=record)
