@@ -24,7 +24,7 @@ def cli() -> None:
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 def label(data: Path, out: Path, workers: int) -> None:
     """Find suns, fit skies, and print how well both agree with what is known."""
-    from export.labels import run
+    from export.label_report import run
 
     out.parent.mkdir(parents=True, exist_ok=True)
     run(data, out, workers)

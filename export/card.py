@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from export.labels import agreement, check_rendered, read_labels
+from export.label_report import agreement, check_rendered
+from export.labels import read_labels
 from export.panoramas import Panorama, is_permissive, read_index
 from lighting.atomic import replacing
 from lighting.model import CARD, Model

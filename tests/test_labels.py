@@ -7,19 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.labels import (
-    Label,
-    agreement,
-    check_rendered,
-    find_sun,
-    fit_sky,
-    label_panorama,
-    read_labels,
-    run,
-    sky_mask,
-    write_labels,
-)
+from export.label_report import agreement, check_rendered, run
+from export.labels import Label, label_panorama, read_labels, write_labels
 from export.panoramas import DataError, Panorama, decode, read_index
+from export.sky_fit import fit_sky, sky_mask
+from export.sun_finder import find_sun
 from export.synthetic import SyntheticPanorama, render_panorama, write_dataset
 from lighting.geometry import angle_between, direction, latlong_directions
 
@@ -179,7 +171,7 @@ def test_agreement_counts_suns_and_overcast_skies() -> None:
 def test_a_folder_is_labelled_whole(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("export.labels.check_rendered", lambda: check_rendered(4, 32))
+    monkeypatch.setattr("export.label_report.check_rendered", lambda: check_rendered(4, 32))
     write_dataset(tmp_path, 8, 64)
     run(tmp_path, tmp_path / "labels.csv", workers=2)
     labels = read_labels(tmp_path / "labels.csv")

@@ -34,7 +34,7 @@ def scene_of(**changes: Any) -> Scene:
 def test_the_camera_matrix_agrees_with_the_rays_of_the_photo() -> None:
     scene = known_scene()
     rays = camera_directions(480, 360, scene.vertical_fov, elevation=-12.0, roll=4.0)
-    x = np.tan(np.radians(scene.horizontal_fov) / 2) * (1 - 1 / 480)
+    x = 0.5 * scene.sensor_width / scene.focal_length * (1 - 1 / 480)
     y = np.tan(np.radians(scene.vertical_fov) / 2) * (1 - 1 / 360)
     corner = scene.camera_matrix[:3, :3] @ np.array([x, y, -1.0])
     assert angle_between(corner, rays[0, -1]) < 1e-6
@@ -251,6 +251,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
         (["--for", "usd", "--image-based-light"], "--image-based-light goes with --for gltf."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
         (["--for", "usd", "--lighting", "any.json", "--model", "any.onnx"], "--model does not go with it."),
+        (["--for", "gltf", "--height", "64"], "which glTF holds with --image-based-light only."),
         (["--for", "usd", "--height", "15"], "15 is not an even number from 16 to 4096."),
     ],
 )

@@ -9,9 +9,10 @@ from PIL import Image
 
 from export.__main__ import cli
 from export.crops import Camera, load_source, take
-from export.labels import find_sun, read_labels, write_labels
+from export.labels import read_labels, write_labels
 from export.network import specs
 from export.panoramas import DataError, read_index
+from export.sun_finder import find_sun
 from export.towns import dataset, place, samples
 from export.towns.llvm import VARIABLE, find_llvm
 from export.towns.mesh import Mesh, box, join, moved, turned

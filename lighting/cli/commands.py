@@ -66,6 +66,8 @@ def estimate(
         )
         for name, answer in found:
             if isinstance(answer, Exception):
+                if ctx.find_root().params["debug"]:
+                    raise answer
                 failed += 1
                 report_failure(name, answer, as_json, progress)
             elif as_json:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from lighting.cli.files import load_estimator, naming, open_lighting, photo_bytes
 from lighting.cli.given import given_options
@@ -50,6 +51,7 @@ def scene(
     shadows, and a placeholder where one's own object goes.
     """
     options = _tool_options(tool, image_based_light, up_axis)
+    _check_map_options(tool, image_based_light)
     _check_record(record, given, model)
     if "-" in (photo, record) and photo == record:
         raise click.UsageError("The photo and the record cannot both be stdin.")
@@ -80,6 +82,13 @@ def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> di
         if name in options and tool != owner:
             raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {owner}.")
     return options
+
+
+def _check_map_options(tool: str, image_based_light: bool) -> None:
+    """Raise UsageError where the size of a map is asked for that the scene does not hold."""
+    asked = click.get_current_context().get_parameter_source("height") is ParameterSource.COMMANDLINE
+    if asked and tool == "gltf" and not image_based_light:
+        raise click.UsageError("--height is the map's, which glTF holds with --image-based-light only.")
 
 
 def _check_record(record: str | None, given: "Given", model: str | None) -> None:

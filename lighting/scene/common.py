@@ -70,11 +70,6 @@ class Scene:
         return self.lighting.vertical_fov
 
     @property
-    def horizontal_fov(self) -> float:
-        """Degrees."""
-        return float(np.degrees(2 * np.arctan(0.5 * self.sensor_width / self.focal_length)))
-
-    @property
     def sensor_width(self) -> float:
         """Millimetres, for square pixels on a sensor of SENSOR_HEIGHT."""
         return SENSOR_HEIGHT * self.width / self.height

@@ -1,0 +1,34 @@
+"""Regions of a lat-long picture."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lighting.geometry import latlong_solid_angle
+
+Floats = NDArray[np.floating[Any]]
+Mask = NDArray[np.bool_]
+
+HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky the model is fitted
+
+
+def is_clipped(linear: NDArray[np.float32]) -> bool:
+    """Whether a linear picture has the values of one that was clipped at white."""
+    return float(linear.max()) <= 1.0
+
+
+def connected(mask: Mask) -> NDArray[np.intp]:
+    """Numbers of the connected regions of a lat-long mask, joined across the seam; 0 outside."""
+    labels, count = ndimage.label(mask, np.ones((3, 3)))
+    same = np.arange(count + 1)
+    for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
+        if left and right:
+            same[same == same[right]] = same[left]
+    return np.asarray(same[labels])
+
+
+def solid_angle(height: int) -> Floats:
+    """Solid angle [sr] of each pixel (H, 2H)."""
+    return np.repeat(latlong_solid_angle(height)[:, None], 2 * height, axis=1)
