@@ -42,9 +42,9 @@ def photos_page(figures: dict[str, Any]) -> str:
 | ---: | ---: | ---: |
 {chr(10).join(rows)}
 
-Linear, {1000 * each:.1f} ms a photo, but for the start: {start:.1f} s of imports and of loading the network in every
-process, which below {max(1, round(9 * start / each)):,} photos is more than a tenth of the whole. Nothing grows with
-what is done: the journal is appended to, and of the finished photos only the names are held in memory. More processes
+About linear: the line through these is {1000 * each:.1f} ms a photo and {start:.1f} s for the start, imports and
+loading the network in every process, more than a tenth of the whole below {max(1, round(9 * start / each)):,} photos.
+Nothing grows with what is done: the journal is appended to, and of the finished photos only the names are held in memory. More processes
 than CPUs gain nothing.
 
 **One million photos** of this size take {hours:.1f} hours on this machine ({hours * cpus:.0f} CPU-hours), and their

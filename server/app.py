@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 def create_app(settings: Settings | None = None, estimator: Estimator | None = None) -> FastAPI:
     """The service as an ASGI app; it loads the network when it starts, unless it is given one.
 
-    Raises OSError or SettingsError for a file of API keys that cannot be read or is empty; starting raises ModelError.
+    Raises SettingsError for a file of API keys that cannot be read or is empty; starting raises ModelError.
     """
     service = Service(settings or Settings(), estimator)
     app = FastAPI(

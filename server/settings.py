@@ -78,7 +78,7 @@ class Settings(BaseSettings):
         return parse_many(self.rate_limit) if self.rate_limit else []
 
     def all_keys(self) -> tuple[str, ...]:
-        """The keys of the environment and of the file; raises OSError or SettingsError where the file holds none."""
+        """The keys of the environment and of the file; SettingsError where the file holds none."""
         in_file = _keys_in(self.api_keys_file) if self.api_keys_file else []
         return (*(key.get_secret_value() for key in self.api_keys), *in_file)
 
@@ -86,9 +86,11 @@ class Settings(BaseSettings):
 def _keys_in(path: Path) -> list[str]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} cannot be read: {error.strerror}.") from error
     except UnicodeDecodeError as error:
-        raise SettingsError(f"{path} is not a text file of API keys.") from error
+        raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} is not a text file.") from error
     keys = [key for line in lines if (key := line.partition("#")[0].strip())]
     if not keys:
-        raise SettingsError(f"{path} holds no API key; leave the file out to let everybody call.")
+        raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} holds no key; leave it out to let everybody call.")
     return keys

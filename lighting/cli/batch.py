@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @map_options
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
 @click.option("--workers", type=click.IntRange(1), help="Processes, by default one a CPU.")
-@click.option("--overwrite", is_flag=True, help="Start anew instead of going on.")
+@click.option("--overwrite", is_flag=True, help="Start anew instead of going on; maps of before stay.")
 @click.option("--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What works.")
 @click.option("--address", metavar="ADDRESS", help="Ray's cluster; by default one on this machine.")
 @given_of_many_options

@@ -240,7 +240,7 @@ def test_help_lists_every_setting() -> None:
         ({"model": "/nowhere/none.onnx"}, "There is no network at /nowhere/none.onnx."),
         ({"port": "http", "queue": "-1"}, "LIGHTING_QUEUE: Input should be greater than or equal to 0"),
         ({"rate_limit": "often"}, "LIGHTING_RATE_LIMIT: "),
-        ({"api_keys_file": "/nowhere/keys"}, "/nowhere/keys"),
+        ({"api_keys_file": "/nowhere/keys"}, "LIGHTING_API_KEYS_FILE: /nowhere/keys cannot be read: No such file"),
     ],
 )
 def test_a_start_that_fails_says_why_in_a_sentence(settings: dict[str, str], words: str) -> None:

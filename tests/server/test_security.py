@@ -122,7 +122,7 @@ def test_a_refused_request_counts_for_no_limit() -> None:
 def test_a_file_without_keys_does_not_open_the_service(text: str, tmp_path: Path) -> None:
     file = tmp_path / "keys"
     file.write_text(text)
-    with pytest.raises(SettingsError, match="holds no API key"):
+    with pytest.raises(SettingsError, match="holds no key"):
         Settings(api_keys_file=file).all_keys()
     file.write_bytes(b"\xff\xfe")
     with pytest.raises(SettingsError, match="is not a text file"):
