@@ -44,8 +44,8 @@ def photos_page(figures: dict[str, Any]) -> str:
 
 About linear: the line through these is {1000 * each:.1f} ms a photo and {start:.1f} s for the start, imports and
 loading the network in every process, more than a tenth of the whole below {max(1, round(9 * start / each)):,} photos.
-Nothing grows with what is done: the journal is appended to, and of the finished photos only the names are held in memory. More processes
-than CPUs gain nothing.
+Nothing grows with what is done: the journal is appended to, and of the finished photos only the names are held in
+memory. More processes than CPUs gain nothing.
 
 **One million photos** of this size take {hours:.1f} hours on this machine ({hours * cpus:.0f} CPU-hours), and their
 `lighting.jsonl` {figures["line"] * 1e6 / 1e9:.1f} GB. Larger photos cost their decoding: Pillow must read all of a
