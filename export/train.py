@@ -46,7 +46,7 @@ from lighting.parameters import ModelSpec
 from lighting.photo import place
 from lighting.sun_grid import grid_directions, soft_label
 
-MAY_CHANGE = ("workers", "checkpoint_minutes")  # settings that a run may be resumed with
+MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # settings that a run may be resumed with: its folder may move
 PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view
 
 

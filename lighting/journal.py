@@ -12,7 +12,7 @@ from lighting.errors import BatchError
 
 
 class Journal:
-    """The names of the photos that are done, in a file of lines of light opened for reading and appending."""
+    """The names of the photos that are done, in a file of lines opened for reading and appending."""
 
     def __init__(self, file: BinaryIO) -> None:
         """Cuts off what follows the last whole line, which a kill leaves; those photos count as not done."""
@@ -21,7 +21,7 @@ class Journal:
         self._file = file
         whole = 0
         for record, line in _whole_lines(file):
-            self.done.add(record["file"])
+            self._count(record["file"], "error" in record)
             whole += len(line)
         file.truncate(whole)
 
@@ -29,14 +29,17 @@ class Journal:
         """Add the line of a photo; it is with the system when this returns, so that a kill does not lose it."""
         self._file.write(line.encode() + b"\n")
         self._file.flush()
-        self.done.add(name)
-        self.failed += failed
+        self._count(name, failed)
 
     def clear(self) -> None:
         """Forget everything, in the file too."""
         self._file.truncate(0)
         self.done.clear()
         self.failed = 0
+
+    def _count(self, name: str, failed: bool) -> None:
+        self.done.add(name)
+        self.failed += failed
 
 
 @contextmanager
@@ -48,9 +51,9 @@ def open_journal(path: Path) -> Iterator[Journal]:
     with path.open("a+b") as file:
         _lock(file, path)
         file.seek(0)
-        if not any("error" in record for record, _ in _whole_lines(file)):
-            file.seek(0)
-            yield Journal(file)
+        journal = Journal(file)
+        if not journal.failed:
+            yield journal
             return
         with _without_failures(file, path) as rest:
             yield Journal(rest)

@@ -175,6 +175,8 @@ def _reduced(image: Image.Image, factor: int) -> Image.Image:
     if factor <= 1:
         return _eight_bits(image)
     rows = factor * max(1, _STRIP // (factor * image.width))
+    if rows >= image.height:
+        return _eight_bits(image).reduce(factor)
     edges = range(0, image.height, rows)
     strips = [
         _eight_bits(image.crop((0, top, image.width, min(top + rows, image.height)))).reduce(factor) for top in edges

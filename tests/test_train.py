@@ -116,6 +116,9 @@ def test_a_run_is_resumed_with_its_own_settings_alone(config: TrainConfig, tmp_p
     again = json.loads((tmp_path / RECORD).read_text())
     assert again["commit"] == record["commit"]
     assert again["config"] == {**record["config"], "workers": 0, "checkpoint_minutes": 9.0}
+    moved = shutil.copytree(tmp_path, tmp_path / "moved")
+    train(replace(own, out=str(moved)))
+    assert json.loads((moved / RECORD).read_text())["commit"] == record["commit"]
 
 
 def test_networks_of_one_name_and_version_are_not_compared(tmp_path: Path) -> None:
