@@ -68,6 +68,14 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
     show_default=True,
     help="Of the crops of panoramas that show the sun, turned until they hold it.",
 )
+@click.option(
+    "--joined",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    show_default=True,
+    help="Of the crops, with a second place under the same sun beyond a line.",
+)
+@click.option("--surroundings", is_flag=True, help="Learn also to say the light all around the camera.")
 @click.option("--only-seen", is_flag=True, help="Train alone what says where in the picture the sun is seen.")
 @click.option(
     "--tune-share",
@@ -92,6 +100,8 @@ def train(
     from export.train import TrainConfig
     from export.train import train as run
 
+    if network != "outdoor" and (given["only_seen"] or given["surroundings"]):
+        raise click.UsageError(f"--only-seen and --surroundings are of the network outdoor, not of {network}.")
     given |= {"data": str(data), "labels": str(labels), "out": str(out or Path("runs") / network), "network": network}
     given |= {"start": str(start or ""), "synthetic": str(synthetic or "")}
     run(TrainConfig(**given, target_width=TARGET_WIDTH[network], pretrained=not scratch))

@@ -1,17 +1,16 @@
 """The two networks: ours on an ImageNet-pretrained EfficientNet-Lite0, and the CVPR 2017 one as the baseline.
 
-Both take the normalised canvas (B, 3, H, W) of `lighting.photo.place` and return three tensors: `sun` logits
-(B, G) over the cells of their grid, `raw` values (B, 6) that `decode` turns into the columns of
-lighting.model.PARAMETERS, and `seen` logits (B, 1 + cells) of where in the picture the sun is seen, the first for
-nowhere; (B, 0) from a network that does not say.
+Both take the normalised canvas (B, 3, H, W) of `lighting.photo.place` and return what `Said` lists.
 """
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from export import surroundings
 from export.glare import seen_probability, towards, with_the_seen
 from lighting.model import PARAMETERS
 from lighting.parameters import ModelSpec
@@ -37,6 +36,15 @@ _STAGES = (
 )
 
 
+class Said(NamedTuple):
+    """What a network says of B photos; (B, 0) where it does not say."""
+
+    sun: Tensor  # (B, G) logits over the cells of its grid
+    raw: Tensor  # (B, 6) values that `decode` turns into the columns of lighting.model.PARAMETERS
+    seen: Tensor  # (B, 1 + cells) logits of where in the picture the sun is seen, the first for nowhere
+    around: Tensor  # (B, 2 * surroundings.CELLS) light around the camera, for training alone
+
+
 def specs(version: str) -> dict[str, ModelSpec]:
     """What each network expects, by name."""
     return {
@@ -45,15 +53,16 @@ def specs(version: str) -> dict[str, ModelSpec]:
     }
 
 
-def build(spec: ModelSpec, *, pretrained: bool = False, sees: bool = True) -> nn.Module:
+def build(spec: ModelSpec, *, pretrained: bool = False, sees: bool = True, around: bool = False) -> nn.Module:
     """The network of `spec.name`; `pretrained` loads the ImageNet weights of the backbone where it has one.
 
-    Without `sees` ours does not say where in the picture the sun is, as before version 1.3.
+    Without `sees` ours does not say where in the picture the sun is, as before version 1.3; with `around` it also
+    says the light around the camera.
     """
     cells = len(grid_directions(spec.sun_grid))
     if spec.name == "cvpr2017":
         return DeepOutdoor(cells, spec.height, spec.width)
-    network = Outdoor(cells, spec.height, spec.width, sees=sees)
+    network = Outdoor(cells, spec.height, spec.width, sees=sees, around=around)
     if pretrained:
         load_imagenet(network.backbone)
     return network
@@ -87,10 +96,10 @@ class Served(nn.Module):
         self.register_buffer("cells", torch.tensor(grid_directions(sun_grid), dtype=torch.float32))
 
     def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
-        said = [network(photo) for network in self.networks]
-        sun = torch.stack([(logits.float() / self.temperature).softmax(dim=1) for logits, _, _ in said]).mean(dim=0)
-        parameters = decode(torch.stack([raw.float() for _, raw, _ in said]).mean(dim=0))
-        seen = [seen_probability(logits.float()) for _, _, logits in said if logits.shape[1]]
+        said: list[Said] = [network(photo) for network in self.networks]
+        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in said]).mean(dim=0)
+        parameters = decode(torch.stack([one.raw.float() for one in said]).mean(dim=0))
+        seen = [seen_probability(one.seen.float()) for one in said if one.seen.shape[1]]
         if not seen:
             return sun, parameters
         rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
@@ -196,7 +205,15 @@ class Outdoor(nn.Module):
     """Ours: pooled features for what is seen, a small flattened map for where it is seen, one hidden layer a head."""
 
     def __init__(
-        self, cells: int, height: int, width: int, *, hidden: int = 384, drop: float = 0.3, sees: bool = True
+        self,
+        cells: int,
+        height: int,
+        width: int,
+        *,
+        hidden: int = 384,
+        drop: float = 0.3,
+        sees: bool = True,
+        around: bool = False,
     ) -> None:
         super().__init__()
         self.backbone = Backbone()
@@ -205,12 +222,18 @@ class Outdoor(nn.Module):
         self.sun = _head(features, hidden, cells, drop)
         self.values = _head(features, hidden, len(PARAMETERS), drop)
         self.seen = SeenSun(112, 1280) if sees else None
+        self.around = _head(features, hidden, 2 * surroundings.CELLS, drop) if around else None
 
-    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, photo: Tensor) -> Said:
         middle, last, pooled = self.backbone(photo)
         features = torch.cat([pooled, self.where(last)], dim=1)
-        seen = self.seen(middle, pooled) if self.seen else photo[:, 0, 0, :0]
-        return self.sun(features), self.values(features), seen
+        seen = self.seen(middle, pooled) if self.seen else _nothing(photo)
+        around = self.around(features) if self.around else _nothing(photo)
+        return Said(self.sun(features), self.values(features), seen, around)
+
+
+def _nothing(photo: Tensor) -> Tensor:
+    return photo[:, 0, 0, :0]
 
 
 def _head(features: int, hidden: int, outputs: int, drop: float) -> nn.Sequential:
@@ -247,15 +270,20 @@ class DeepOutdoor(nn.Module):
         self.sun = nn.Linear(2048, cells)
         self.values = nn.Linear(2048, len(PARAMETERS))
 
-    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, photo: Tensor) -> Said:
         shared = self.shared(self.convolutions(photo))
-        return self.sun(shared), self.values(shared), photo[:, 0, 0, :0]
+        return Said(self.sun(shared), self.values(shared), _nothing(photo), _nothing(photo))
 
 
 def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
-    """Load weights of a run into a network; what says where the sun is seen keeps its own where they lack it."""
+    """Load weights of a run into a network.
+
+    What says where the sun is seen, and what says the light around, keep their own where the weights lack them; the
+    weights of the latter are left out where the network lacks it.
+    """
     missing, unknown = network.load_state_dict(weights, strict=False)
-    if unknown or not all(name.startswith("seen.") for name in missing):
+    unknown = [name for name in unknown if not name.startswith("around.")]
+    if unknown or not all(name.startswith(("seen.", "around.")) for name in missing):
         raise ValueError(f"The weights do not fit this network: {[*missing, *unknown][:3]}.")
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from export.network import Served, build
+from export.network import Served, build, load_weights
 from export.panoramas import DataError
 from export.records import describe_data, history, read_record, read_spec
 from export.train import averaged_weights
@@ -40,7 +40,7 @@ def read_network(folder: Path) -> nn.Module:
     """The averaged network of a training folder, ready to answer."""
     weights = averaged_weights(folder)
     network = build(read_spec(folder), sees=any(name.startswith("seen.") for name in weights))
-    network.load_state_dict(weights)
+    load_weights(network, weights)
     return network.eval()
 
 

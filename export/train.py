@@ -24,6 +24,7 @@ from torch.utils.data import DataLoader, Dataset
 from export.augment import augment
 from export.crops import (
     Camera,
+    Crop,
     Floats,
     Source,
     aimed_camera,
@@ -37,9 +38,11 @@ from export.crops import (
 )
 from export.glare import where_seen
 from export.labels import Label, read_labels
-from export.network import TARGET_WIDTH, build, encode, load_weights, specs
+from export.mosaic import companions, joined, same_view
+from export.network import TARGET_WIDTH, Said, build, encode, load_weights, specs
 from export.panoramas import DataError, Panorama, read_index
 from export.records import RECORD, history, read_record
+from export.surroundings import light_around, seen_from
 from export.towns.dataset import LABELS
 from lighting.atomic import replacing
 from lighting.parameters import ModelSpec
@@ -48,6 +51,7 @@ from lighting.sun_grid import grid_directions, soft_label
 
 MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # settings that a run may be resumed with: its folder may move
 PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view
+AROUND_WEIGHT = 5.0  # of the light around the camera
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,8 @@ class TrainConfig:
     target_width: float = TARGET_WIDTH["outdoor"]  # deg per axis, in quadrature with each label's own uncertainty
     tune_share: float = 0.08  # of the training places, held out for the log
     aimed: float = 0.2  # of the crops of panoramas that show the sun, turned until they hold it
+    joined: float = 0.0  # of the crops, with a second place under the same sun beyond a line
+    surroundings: bool = False  # learn also to say the light all around the camera
     sharpness: float = 0.45  # lowest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
@@ -86,6 +92,7 @@ class Batch(NamedTuple):
     sun: Tensor  # (B, G)
     parameters: Tensor  # (B, 6)
     seen: Tensor  # (B, 1 + cells) where in the picture the sun is seen, all zero where that is not known
+    around: Tensor  # (B, 2 * surroundings.CELLS) the light around the camera; (B, 0) where nothing asks for it
 
 
 class Crops(Dataset[Batch]):
@@ -103,7 +110,10 @@ class Crops(Dataset[Batch]):
         self.sources, self.spec, self.config, self.tune = [*sources, *synthetic], spec, config, tune
         share = config.synthetic_share if synthetic else 0.0
         parts = [(1 - share) * sampling_weights(sources), share * sampling_weights(synthetic)]
-        self.chances = np.cumsum(np.concatenate(parts))
+        chances = np.concatenate(parts)
+        self.chances = np.cumsum(chances)
+        self.companions = companions(self.sources, chances) if config.joined else []
+        self.around = {s.panorama.path: light_around(s) for s in self.sources} if config.surroundings else {}
         self.purpose = f"train from {config.start}" if config.start else "train"
 
     def __len__(self) -> int:
@@ -113,37 +123,64 @@ class Crops(Dataset[Batch]):
         if index >= len(self):
             raise IndexError(index)
         if self.tune:
-            source = self.sources[index % len(self.sources)]
-            return self._batch(source, index, "tune")
-        pick = generator("panorama", index, self.purpose).random()
-        source = self.sources[min(int(np.searchsorted(self.chances, pick)), len(self.sources) - 1)]
-        return self._batch(source, index, self.purpose)
+            return self._batch([self.sources[index % len(self.sources)]], index, "tune")
+        return self._batch([self.sources[number] for number in self._drawn(index)], index, self.purpose)
 
-    def _batch(self, source: Source, index: int, purpose: str) -> Batch:
+    def _drawn(self, index: int) -> list[int]:
+        """The number of the source that a crop shows, and at times of a second one."""
+        number = _draw(self.chances, generator("panorama", index, self.purpose))
+        rng = generator("joined", index, self.purpose)
+        if rng.random() >= self.config.joined:
+            return [number]
+        numbers, chances = self.companions[number]
+        return [number, int(numbers[_draw(chances, rng)])]
+
+    def _batch(self, shown: Sequence[Source], index: int, purpose: str) -> Batch:
+        source = shown[0]
         rng = generator(source.panorama.name, index, purpose)
         camera = paper_camera(rng) if self.tune else self._camera(source, rng)
         sharpness = rng.uniform(self.config.sharpness, 1.0)
         crop = take(source, camera, self.spec, sharpness)
+        cameras = [camera]
+        for other in shown[1:]:
+            cameras.append(same_view(camera, source, other, rng))
+            crop = joined(crop, take(other, cameras[-1], self.spec, sharpness), rng)
         pixels, gain, hidden = augment(crop, rng)
         parameters = crop.parameters
         parameters[1] *= gain
-        if not is_resolved(source, camera, sharpness * pixels.shape[0]):
+        if not all(is_resolved(s, camera, sharpness * pixels.shape[0]) for s in shown):
             parameters[4] = math.nan  # the blur would tell it
-        sun: Floats = np.zeros(0)
-        if math.isfinite(crop.sun_elevation):
-            width = math.hypot(crop.sun_uncertainty, self.config.target_width)
-            sun = soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid)
-        cells = torch.zeros(len(grid_directions(self.spec.sun_grid)))
-        cells[: len(sun)] = torch.from_numpy(sun)
         visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
         seen = torch.from_numpy(where_seen(crop, self.spec, visible)).float()
-        return Batch(torch.from_numpy(place(pixels, self.spec)), cells, torch.from_numpy(parameters), seen)
+        photo = torch.from_numpy(place(pixels, self.spec))
+        around = torch.from_numpy(self._around(shown, cameras))
+        return Batch(photo, self._sun(crop), torch.from_numpy(parameters), seen, around)
+
+    def _sun(self, crop: Crop) -> Tensor:
+        cells = torch.zeros(len(grid_directions(self.spec.sun_grid)))
+        if math.isfinite(crop.sun_elevation):
+            width = math.hypot(crop.sun_uncertainty, self.config.target_width)
+            label = soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid)
+            cells[:] = torch.from_numpy(label)
+        return cells
+
+    def _around(self, shown: Sequence[Source], cameras: Sequence[Camera]) -> Floats:
+        """The light around the camera; the mean of it where two places share the picture."""
+        if not self.around:
+            return np.zeros(0, np.float32)
+        maps = [seen_from(self.around[s.panorama.path], c) for s, c in zip(shown, cameras, strict=True)]
+        return np.asarray(np.mean(maps, axis=0))
 
     def _camera(self, source: Source, rng: np.random.Generator) -> Camera:
         label = source.label
         if source.panorama.sun == "visible" and rng.random() < self.config.aimed:
             return aimed_camera(rng, label.sun_azimuth, label.sun_elevation)
         return training_camera(rng)
+
+
+def _draw(chances: Floats, rng: np.random.Generator) -> int:
+    """A number drawn by summed chances."""
+    return min(int(np.searchsorted(chances, rng.random())), len(chances) - 1)
 
 
 def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Panorama], list[Panorama]]:
@@ -178,21 +215,24 @@ def synthetic_sources(config: TrainConfig) -> list[Source]:
     return load_sources(read_index(config.synthetic, "train"), Path(config.synthetic) / LABELS)
 
 
-def losses(said: tuple[Tensor, Tensor, Tensor], batch: Batch) -> dict[str, Tensor]:
-    """Mean losses of one batch by name, each over the crops that have the target; `said` is what a network returns."""
-    sun, raw, seen = said
+def losses(said: Said, batch: Batch) -> dict[str, Tensor]:
+    """Mean losses of one batch by name, each over the crops that have the target."""
     target = torch.cat([encode(batch.parameters[:, :5]), batch.parameters[:, 5:]], dim=1)
     known = torch.isfinite(target)
     target = torch.where(known, target, torch.zeros_like(target))
-    fit = F.smooth_l1_loss(raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
-    shining = F.binary_cross_entropy_with_logits(raw[:, 5].float(), target[:, 5], reduction="none")
+    fit = F.smooth_l1_loss(said.raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
+    shining = F.binary_cross_entropy_with_logits(said.raw[:, 5].float(), target[:, 5], reduction="none")
     by_parameter = _masked_mean(fit, known[:, :5])
     parts = {
-        "sun": _cross_entropy(sun, batch.sun),
+        "sun": _cross_entropy(said.sun, batch.sun),
         "parameters": (by_parameter * by_parameter.new_tensor(PARAMETER_WEIGHTS)).sum(),
         "visibility": _masked_mean(shining, known[:, 5]),
     }
-    return parts | ({"seen": _cross_entropy(seen, batch.seen)} if seen.shape[1] else {})
+    if said.seen.shape[1]:
+        parts["seen"] = _cross_entropy(said.seen, batch.seen)
+    if said.around.shape[1]:
+        parts["around"] = AROUND_WEIGHT * F.smooth_l1_loss(said.around.float(), batch.around, beta=0.3)
+    return parts
 
 
 def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
@@ -220,7 +260,7 @@ class Run:
         self.spec = specs(config.version)[config.network]
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         torch.manual_seed(0)
-        network = build(self.spec, pretrained=config.pretrained and not config.start)
+        network = build(self.spec, pretrained=config.pretrained and not config.start, around=config.surroundings)
         if config.start:
             load_weights(network, averaged_weights(config.start))
         if config.only_seen:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from export.network import Outdoor, Served, build, decode, encode, specs
+from export.network import Outdoor, Served, build, decode, encode, load_weights, specs
 from lighting.sun_grid import grid_directions
 
 SPECS = specs("0")
@@ -72,15 +72,26 @@ def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
 
 
 def test_frozen_layers_do_not_learn() -> None:
-    network = build(SPECS["outdoor"]).train()
+    network = build(SPECS["outdoor"], around=True).train()
     assert isinstance(network, Outdoor)
     frozen = [p for p in network.backbone.parameters() if not p.requires_grad]
     before = [p.clone() for p in network.backbone.stem.parameters()]
     statistics = network.backbone.stem.state_dict()["2.running_mean"].clone()
-    sun, raw, seen = network(torch.randn(2, 3, 224, 224))
-    (sun.sum() + raw.sum() + seen.sum()).backward()
+    torch.autograd.backward([part.sum() for part in network(torch.randn(2, 3, 224, 224))])
     assert frozen
     assert all(p.grad is None for p in frozen)
     assert all(p.grad is not None for p in network.parameters() if p.requires_grad)
     torch.testing.assert_close(network.backbone.stem.state_dict()["2.running_mean"], statistics)
     torch.testing.assert_close(before, list(network.backbone.stem.parameters()))
+
+
+def test_weights_with_the_light_around_fit_a_network_without_it_and_the_other_way_round() -> None:
+    learnt, served = build(SPECS["outdoor"], around=True), build(SPECS["outdoor"])
+    load_weights(served, learnt.state_dict())
+    again = build(SPECS["outdoor"], around=True)
+    load_weights(again, served.state_dict())
+    for name, value in served.state_dict().items():
+        torch.testing.assert_close(value, learnt.state_dict()[name])
+        torch.testing.assert_close(value, again.state_dict()[name])
+    with pytest.raises(ValueError, match="do not fit"):
+        load_weights(served, {"sun.2.weight": torch.zeros(3)} | build(SPECS["cvpr2017"]).state_dict())

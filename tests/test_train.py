@@ -14,10 +14,11 @@ from click.testing import CliRunner
 from export.__main__ import cli
 from export.evaluate import best_constant, by_name, evaluate
 from export.labels import label_panorama, write_labels
-from export.network import Served, encode
+from export.network import Said, Served, encode
 from export.panoramas import DataError, Panorama, read_index
 from export.records import RECORD, describe_data, history, read_record, read_spec
 from export.soup import merge
+from export.surroundings import CELLS
 from export.synthetic import write_dataset
 from export.to_onnx import (
     HALVED,
@@ -158,6 +159,22 @@ def test_a_crop_number_is_the_same_crop_every_time(config: TrainConfig) -> None:
         torch.testing.assert_close(a, b, equal_nan=True)
 
 
+def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: TrainConfig, tmp_path: Path) -> None:
+    both = replace(config, out=str(tmp_path / "run"), crops=8, joined=1.0, surroundings=True)
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    run = Run(both)
+    alone, joined = (Crops(sources, run.spec, c) for c in (config, both))
+    assert {len(joined._drawn(index)) for index in range(8)} == {2}
+    assert all(joined._drawn(index)[0] == alone._drawn(index)[0] for index in range(8))
+    assert [tuple(part.shape) for part in (alone[0].around, joined[0].around)] == [(0,), (2 * CELLS,)]
+    assert not torch.equal(alone[0].photo, joined[0].photo)
+    train(both)
+    assert json.loads((Path(both.out) / "log.jsonl").read_text())["around"] > 0
+    export([Path(both.out)], tmp_path / "x.onnx")
+    assert not any("around" in t.name for t in onnx.load(tmp_path / "x.onnx").graph.initializer)
+    train(replace(both, out=str(tmp_path / "next"), start=both.out, joined=0.0, surroundings=False, only_seen=True))
+
+
 def test_unknown_targets_cost_nothing() -> None:
     nan = float("nan")
     parameters = torch.tensor([[nan, nan, 5.0, 1.0, 50.0, nan], [3.0, 2.0, 5.0, 1.0, 50.0, 1.0]])
@@ -166,12 +183,13 @@ def test_unknown_targets_cost_nothing() -> None:
     raw[0, :2] = 100.0
     raw.requires_grad_()
     logits = torch.tensor([[50.0, -50.0], [1.0, 1.0]])
-    batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, seen=sun)
-    parts = losses((logits, raw, logits), batch)
+    nothing = logits[:, :0]
+    batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, seen=sun, around=nothing)
+    parts = losses(Said(logits, raw, seen=logits, around=nothing), batch)
     found = {name: part.item() for name, part in parts.items()}
     expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
     assert found == pytest.approx(expected, abs=1e-6)
-    assert "seen" not in losses((logits, raw, logits[:, :0]), batch)
+    assert "seen" not in losses(Said(logits, raw, seen=nothing, around=nothing), batch)
     torch.autograd.backward(sum(parts.values(), torch.zeros(())))
     assert raw.grad is not None
     assert torch.isfinite(raw.grad).all()
@@ -307,6 +325,15 @@ def test_the_best_constant_beats_other_constants() -> None:
     assert all(
         best <= np.median(angle_between(suns, direction(30.0, other))) + 1e-9 for other in (0.0, 40.0, 75.0, 90.0)
     )
+
+
+@pytest.mark.parametrize("option", ["--only-seen", "--surroundings"])
+def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: str) -> None:
+    arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--network", "cvpr2017", option]
+    result = CliRunner().invoke(cli, arguments)
+    assert result.exit_code == 2
+    assert "not of cvpr2017" in result.output
+    assert not (tmp_path / "run").exists()
 
 
 def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path) -> None:
