@@ -2,7 +2,7 @@
 
     python benchmarks/network.py [--data FOLDER --labels FILE [--panoramas N]] [--runs 20]
 
-float32 is the network in the package, whose weights are stored as halves and computed with as floats; float16 and
+float32 is the network in the package, whose weights are stored small and computed with as floats; float16 and
 static int8 (per channel, calibrated on crops of training panoramas, or on the example photos where there is no data)
 are made from it on the spot. OpenVINO's provider is measured where the installed onnxruntime has it
 (onnxruntime-openvino, in an environment of its own).
@@ -48,15 +48,19 @@ class Data:
 
 
 def packaged() -> onnx.ModelProto:
-    """The packaged network with the weights that it stores as halves widened, as onnxruntime does when it loads it."""
+    """The packaged network with its small weights widened, as onnxruntime does when it loads it."""
     model = onnx.load(packaged_model())
-    halves = {t.name: t for t in model.graph.initializer if t.data_type == onnx.TensorProto.FLOAT16}
-    casts = [n for n in model.graph.node if n.op_type == "Cast" and n.input[0] in halves]
-    for cast in casts:
-        tensor = halves[cast.input[0]]
-        weights = onnx.numpy_helper.to_array(tensor).astype(np.float32)
-        tensor.CopyFrom(onnx.numpy_helper.from_array(weights, cast.output[0]))
-        model.graph.node.remove(cast)
+    values = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
+    nodes = []
+    for node in model.graph.node:
+        if node.op_type not in ("Cast", "Mul") or not all(name in values for name in node.input):
+            nodes.append(node)
+            continue
+        given = [values.pop(name) for name in node.input]
+        values[node.output[0]] = given[0].astype(np.float32) if node.op_type == "Cast" else given[0] * given[1]
+    del model.graph.node[:], model.graph.initializer[:]
+    model.graph.node.extend(nodes)
+    model.graph.initializer.extend(onnx.numpy_helper.from_array(value, name) for name, value in values.items())
     return model
 
 

@@ -1,7 +1,6 @@
 """The averaged weights of one run or several as one ONNX file that describes itself, compared with torch by number.
 
-Several networks answer together: the file holds them all and averages their probabilities and values. Weights are
-stored in half precision and computed with in single precision, which halves the file and moves no answer visibly.
+Several networks answer together: the file holds them all and averages their probabilities and values.
 """
 
 import json
@@ -16,6 +15,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from export.graph import share, store_small
 from export.network import Served, build, load_weights
 from export.panoramas import DataError
 from export.records import describe_data, history, read_record, read_spec
@@ -27,8 +27,7 @@ from lighting.parameters import ModelSpec
 
 OPSET = 18
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
-ROUNDED = 3e-2  # the same with weights in half precision, which move the camera and with it where a seen sun stands
-HALVED = 256  # elements from which a tensor of weights is stored in half precision
+ROUNDED = 3e-2  # the same with weights stored small, which move the camera and with it where a seen sun stands
 
 
 def differ(folders: Sequence[Path]) -> bool:
@@ -49,7 +48,7 @@ def export(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, v
 
     The suns' logits are divided by the temperature (Guo et al., ICML 2017). The version is the first run's unless
     another is given. DataError if the runs' networks expect different photos, ModelError if the file
-    answers otherwise than torch: by more than TOLERANCE, or than ROUNDED once its weights are halved.
+    answers otherwise than torch: by more than TOLERANCE, or than ROUNDED once its weights are stored small.
     """
     records, networks = [read_record(f) for f in folders], [read_network(f) for f in folders]
     if differ(folders):
@@ -66,7 +65,8 @@ def export(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, v
         model = trace(served, spec)
         save(model, {"spec": spec.to_json(), **_plain(spec), **known}, path)
         _check(parity(served, path), TOLERANCE)
-        halve(model)
+        share(model)
+        store_small(model)
         save(model, {}, path)
         difference = _check(parity(served, path), ROUNDED)
         save(model, {"parity": f"{difference:.2e}"}, path)
@@ -77,22 +77,6 @@ def _check(difference: float, allowed: float) -> float:
     if difference > allowed:
         raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {allowed:.0e}.")
     return difference
-
-
-def halve(model: Any) -> None:
-    """Store all large tensors of weights in half precision; onnxruntime widens them when it loads the file."""
-    import onnx
-
-    casts = []
-    for tensor in model.graph.initializer:
-        weights = onnx.numpy_helper.to_array(tensor)
-        if weights.dtype == np.float32 and weights.size >= HALVED:
-            name, stored = tensor.name, f"{tensor.name}.half"
-            tensor.CopyFrom(onnx.numpy_helper.from_array(weights.astype(np.float16), stored))
-            casts.append(onnx.helper.make_node("Cast", [stored], [name], to=onnx.TensorProto.FLOAT))
-    nodes = [*casts, *model.graph.node]
-    del model.graph.node[:]
-    model.graph.node.extend(nodes)
 
 
 def trace(served: Served, spec: ModelSpec) -> Any:

@@ -1,0 +1,81 @@
+"""What is done to a network's ONNX graph before it ships: nothing is computed twice, and weights are stored small.
+
+onnxruntime widens the weights when it loads the file, so they are computed with in single precision.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+
+HALVED = 256  # elements from which a tensor of weights is stored in half precision
+BYTES = 1024  # weights of one output from which each is stored as a byte, with a scale for the output
+
+
+def share(model: Any) -> None:
+    """Let equal tensors be one tensor, and equal nodes one node: networks that begin alike then begin once."""
+    names = _unify_tensors(model.graph)
+    outputs = {output.name for output in model.graph.output}
+    known: dict[tuple[Any, ...], list[str]] = {}
+    kept = []
+    for node in model.graph.node:
+        inputs = [names.get(name, name) for name in node.input]
+        node.input[:] = inputs
+        attributes = sorted(a.SerializeToString() for a in node.attribute)
+        earlier = known.setdefault((node.op_type, node.domain, *inputs, *attributes), list(node.output))
+        if earlier != list(node.output) and outputs.isdisjoint(node.output):
+            names.update(zip(node.output, earlier, strict=True))
+        else:
+            kept.append(node)
+    _replace(model.graph.node, kept)
+
+
+def _unify_tensors(graph: Any) -> dict[str, str]:
+    """Keep one of each set of equal tensors; which one stands for each of the others."""
+    first: dict[tuple[Any, ...], str] = {}
+    names, kept = {}, []
+    for tensor in graph.initializer:
+        values = numpy_helper.to_array(tensor)
+        name = first.setdefault((values.dtype.str, values.shape, values.tobytes()), tensor.name)
+        if name == tensor.name:
+            kept.append(tensor)
+        else:
+            names[tensor.name] = name
+    _replace(graph.initializer, kept)
+    return names
+
+
+def store_small(model: Any) -> None:
+    """Store matrices of weights as bytes with scales, other large tensors in half precision."""
+    columns = {node.input[1] for node in model.graph.node if node.op_type == "MatMul"}  # an output is a column there
+    tensors, nodes = [], []
+    for tensor in model.graph.initializer:
+        weights = numpy_helper.to_array(tensor)
+        if weights.dtype != np.float32 or weights.size < HALVED:
+            tensors.append(tensor)
+            continue
+        stored, widening = _stored(tensor.name, weights, axis=int(tensor.name in columns))
+        tensors += stored
+        nodes += widening
+    _replace(model.graph.initializer, tensors)
+    _replace(model.graph.node, [*nodes, *model.graph.node])
+
+
+def _stored(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[Any], list[Any]]:
+    """Small tensors for a large one whose outputs lie along `axis`, and the nodes that make it of them."""
+    if weights.size < BYTES * weights.shape[axis]:
+        half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
+        return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]
+    others = tuple(i for i in range(weights.ndim) if i != axis)
+    scale = np.maximum(np.abs(weights).max(axis=others, keepdims=True) / 127, np.float32(1e-20))
+    bytes_ = numpy_helper.from_array(np.round(weights / scale).astype(np.int8), f"{name}.bytes")
+    scales = numpy_helper.from_array(scale.astype(np.float32), f"{name}.scale")
+    wide = f"{name}.wide"
+    cast = helper.make_node("Cast", [bytes_.name], [wide], to=TensorProto.FLOAT)
+    return [bytes_, scales], [cast, helper.make_node("Mul", [wide, scales.name], [name])]
+
+
+def _replace(field: Any, values: list[Any]) -> None:
+    del field[:]
+    field.extend(values)
