@@ -18,7 +18,7 @@ from export.report import IN_VIEW, figures_table, groups
 from lighting.atomic import replacing
 from lighting.geometry import angle_between
 from lighting.parameters import Prediction
-from lighting.sun_grid import cones, grid_directions, grid_solid_angle, most_likely
+from lighting.sun_grid import best_guess, cones, grid_directions, grid_solid_angle
 
 LEVELS = tuple(range(5, 100, 5))  # %, drawn
 QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
@@ -54,7 +54,7 @@ def cone_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
 
 def _cone_level(said: Prediction, sun: Floats) -> float:
     layout = said.spec.sun_grid
-    answer = most_likely(said.sun_probability, layout)
+    answer = best_guess(said.sun_probability, layout)
     return float(np.interp(angle_between(sun, answer), *cones(said.sun_probability, grid_directions(layout), answer)))
 
 

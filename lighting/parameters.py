@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import angles, direction
 from lighting.sky import sky_coefficients
-from lighting.sun_grid import grid_directions, most_likely, radii
+from lighting.sun_grid import best_guess, grid_directions, radii
 
 SKY_MODEL = "hosek-wilkie"
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
@@ -298,7 +298,7 @@ def _section(record: Mapping[str, Any], name: str, *, required: bool = False) ->
 def sun_of(prediction: Prediction) -> Sun:
     """Where the pixels alone put the sun."""
     grid = prediction.spec.sun_grid
-    sun = most_likely(prediction.sun_probability, grid)
+    sun = best_guess(prediction.sun_probability, grid)
     azimuth, elevation = angles(sun)
     radius_50, radius_90 = radii(prediction.sun_probability, grid_directions(grid), sun)
     return Sun(float(azimuth), float(elevation), radius_50, radius_90)

@@ -21,9 +21,10 @@ from lighting.geometry import angle_between, direction
 Floats = NDArray[np.floating[Any]]
 
 _GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # degrees
-_MODE_RADIUS = 25.0  # degrees around the best cell over which the soft decoding averages
-_CANDIDATES = 64  # cells; on crops of unseen places 32 find the same modes as all 1024
-_SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) that finds the best mode
+_CANDIDATES = 64  # cells that may be the answer: it is where suns are likely, not between
+_WRONG = 60.0  # deg beyond which errors count alike; on crops of unseen places 45 does as well
+_REFINED = 25.0  # deg around the best cell over which the answer is averaged
+_SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) of densities between cells
 
 
 def grid_directions(layout: str) -> Floats:
@@ -74,25 +75,27 @@ def soft_label(direction: ArrayLike, concentration: ArrayLike, layout: str) -> F
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
-def most_likely(probability: ArrayLike, layout: str) -> Floats:
-    """The sun's direction (3,) of probabilities (N,): the mean of the cells around the strongest mode.
+def best_guess(probability: ArrayLike, layout: str) -> Floats:
+    """The sun's direction (3,) of probabilities (N,): of the likeliest cells the one expected to err least, refined.
 
-    The mode is sought among the likeliest cells, in the density smoothed by a 4 deg kernel; the average over 25 deg
-    around it removes the grid's own error.
+    An error beyond 60 deg counts as 60: a sun far off is wrong however far, or the answer would drift to where no sun
+    is likely. The average over 25 deg around the cell removes the grid's own error.
     """
     p = np.asarray(probability, dtype=np.float64)
     cells = grid_directions(layout)
     likely = np.argpartition(p, -min(_CANDIDATES, len(p)))[-_CANDIDATES:]
-    peak = cells[likely[int(np.argmax(_smoothing_kernel(layout)[likely] @ p.astype(np.float32)))]]
-    near = p * (cells @ peak >= np.cos(np.radians(_MODE_RADIUS)))
+    centre = cells[likely[int(np.argmin(_bounded_errors(layout)[likely] @ p.astype(np.float32)))]]
+    near = p * (cells @ centre >= np.cos(np.radians(_REFINED)))
     mean = near @ cells
     return np.asarray(mean / np.linalg.norm(mean))
 
 
 @lru_cache(maxsize=8)
-def _smoothing_kernel(layout: str) -> NDArray[np.float32]:
-    cells = grid_directions(layout)
-    return np.exp(_SMOOTHING * (cells @ cells.T - 1.0)).astype(np.float32)
+def _bounded_errors(layout: str) -> NDArray[np.float32]:
+    """Angles [deg] (N, N) between cells, none beyond _WRONG."""
+    cells = grid_directions(layout).astype(np.float32)
+    cosine = np.clip(cells @ cells.T, np.float32(-1), np.float32(1))
+    return np.asarray(np.minimum(np.degrees(np.arccos(cosine)), np.float32(_WRONG)))
 
 
 def radii(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction
-from lighting.sun_grid import density, grid_directions, grid_solid_angle, most_likely, over_cells, radii, soft_label
+from lighting.sun_grid import best_guess, density, grid_directions, grid_solid_angle, over_cells, radii, soft_label
 
 FINE = "fibonacci:1024"
 CVPR = "rings:5x32"
@@ -78,27 +78,41 @@ def test_no_concentration_means_the_cells_share_by_solid_angle() -> None:
 @given(azimuths, st.floats(15.0, 90.0))
 def test_the_fine_grid_gives_the_sun_back_within_half_a_degree(az: float, el: float) -> None:
     sun = direction(az, el)
-    assert angle_between(most_likely(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
+    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
 
 
 @given(azimuths, elevations)
 def test_the_fine_grid_gives_a_low_sun_back_within_six_degrees(az: float, el: float) -> None:
     """Cells end at the horizon, so the mean around a low sun lies above it."""
     sun = direction(az, el)
-    assert angle_between(most_likely(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
+    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
 
 
-def test_most_likely_follows_the_stronger_of_two_modes() -> None:
+def test_the_best_guess_follows_the_stronger_of_two_modes() -> None:
     left, right = direction(-90.0, 40.0), direction(90.0, 40.0)
     p = 0.6 * soft_label(left, CONCENTRATION, FINE) + 0.4 * soft_label(right, CONCENTRATION, FINE)
-    assert angle_between(most_likely(p, FINE), left) < 0.5
+    assert angle_between(best_guess(p, FINE), left) < 0.5
 
 
-def test_most_likely_prefers_a_broad_mode_to_one_stray_cell() -> None:
+def test_the_best_guess_prefers_a_broad_mode_to_one_stray_cell() -> None:
     sun = direction(30.0, 50.0)
     p = soft_label(sun, CONCENTRATION, FINE)
     p[np.argmin(grid_directions(FINE) @ sun)] = 1.1 * p.max()
-    assert angle_between(most_likely(p, FINE), sun) < 0.5
+    assert angle_between(best_guess(p, FINE), sun) < 0.5
+
+
+def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
+    """The single mode is the strongest, but more suns lie on the other side."""
+    modes = [direction(az, 40.0) for az in (-60.0, -20.0, 140.0)]
+    p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.32, 0.3, 0.38))
+    assert angle_between(best_guess(p, FINE), modes[0]) < 35.0
+
+
+@given(st.floats(20.0, 60.0))
+def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
+    """With every azimuth as likely, the direction that errs least would be the zenith, where no sun is."""
+    ring = soft_label(direction(np.arange(-180.0, 180.0, 2.0), np.full(180, el)), CONCENTRATION, FINE).mean(axis=0)
+    assert abs(float(angles(best_guess(ring, FINE))[1]) - el) < 6.0
 
 
 @given(azimuths, st.floats(25.0, 90.0))
