@@ -23,7 +23,8 @@ def share(model: Any) -> None:
         inputs = [names.get(name, name) for name in node.input]
         node.input[:] = inputs
         attributes = sorted(a.SerializeToString() for a in node.attribute)
-        earlier = known.setdefault((node.op_type, node.domain, *inputs, *attributes), list(node.output))
+        alike = (node.op_type, node.domain, len(node.output), *inputs, *attributes)
+        earlier = known.setdefault(alike, list(node.output))
         if earlier != list(node.output) and outputs.isdisjoint(node.output):
             names.update(zip(node.output, earlier, strict=True))
         else:
@@ -46,8 +47,15 @@ def _unify_tensors(graph: Any) -> dict[str, str]:
     return names
 
 
+def forget_origin(model: Any) -> None:
+    """Leave out where in the code each node came from, and the shapes between nodes: nothing reads them."""
+    del model.graph.value_info[:]
+    for node in model.graph.node:
+        del node.metadata_props[:]
+
+
 def store_small(model: Any) -> None:
-    """Store matrices of weights as bytes with scales, other large tensors in half precision."""
+    """Store weights as bytes with scales where an output has many, other large tensors in half precision."""
     columns = {node.input[1] for node in model.graph.node if node.op_type == "MatMul"}  # an output is a column there
     tensors, nodes = [], []
     for tensor in model.graph.initializer:

@@ -29,14 +29,19 @@ def companions(sources: Sequence[Source], chances: Floats) -> list[tuple[NDArray
     found = []
     for own, height in enumerate(elevation):
         near = np.abs(elevation - height) < NEAR if math.isfinite(height) else ~np.isfinite(elevation)
-        numbers = np.flatnonzero(near & (direct == direct[own]) & (place != place[own]))
-        numbers = numbers if len(numbers) else np.array([own])
-        found.append((numbers, np.cumsum(chances[numbers]) / chances[numbers].sum()))
+        numbers = np.flatnonzero(near & (direct == direct[own]) & (place != place[own]) & (chances > 0))
+        if len(numbers):
+            found.append((numbers, np.cumsum(chances[numbers]) / chances[numbers].sum()))
+        else:
+            found.append((np.array([own]), np.ones(1)))
     return found
 
 
 def same_view(camera: Camera, source: Source, other: Source, rng: np.random.Generator) -> Camera:
-    """The camera that sees the other's sun where `camera` sees the source's, mirrored or not by chance."""
+    """The camera that sees the other's sun where `camera` sees the source's, mirrored or not by chance.
+
+    Without a sun it looks anywhere.
+    """
     mirrored = bool(rng.random() < 0.5)
     if not math.isfinite(source.label.sun_azimuth):
         return replace(camera, azimuth=rng.uniform(-180, 180))
@@ -47,7 +52,9 @@ def same_view(camera: Camera, source: Source, other: Source, rng: np.random.Gene
 
 
 def joined(one: Crop, other: Crop, rng: np.random.Generator) -> Crop:
-    """The first crop, with the second in it beyond a straight line; a sun in the picture stays the first one's.
+    """The first crop, with the second in it beyond a straight line.
+
+    A sun in the picture stays the first one's; where only the second has it in the frame, it is not shown.
 
     Turbidity and exposure are of neither; the sun is as uncertain as both and their distance make it.
     """
@@ -59,7 +66,8 @@ def joined(one: Crop, other: Crop, rng: np.random.Generator) -> Crop:
         return np.asarray((x - x0) * math.cos(angle) + (y - y0) * math.sin(angle))
 
     beyond = side(np.arange(width)[None, :] + 0.5, np.arange(height)[:, None] + 0.5) > 0
-    if one.sun_pixel is not None and side(*np.array(one.sun_pixel)) > 0:
+    sun = one.sun_pixel or other.sun_pixel
+    if sun is not None and side(*np.array(sun)) > 0:
         beyond = ~beyond
     apart = one.sun_elevation - other.sun_elevation
     return replace(

@@ -21,7 +21,8 @@ from lighting.geometry import angle_between, direction
 Floats = NDArray[np.floating[Any]]
 
 _GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # degrees
-_CANDIDATES = 64  # cells that may be the answer: it is where suns are likely, not between
+_CANDIDATES = 64  # cells that may be the answer, the likeliest: it is where suns are likely, not between
+_LIKELY = 0.05  # of the likeliest cell's probability, the least that a candidate has
 _WRONG = 60.0  # deg beyond which errors count alike; on crops of unseen places 45 does as well
 _REFINED = 25.0  # deg around the best cell over which the answer is averaged
 _SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) of densities between cells
@@ -84,6 +85,7 @@ def best_guess(probability: ArrayLike, layout: str) -> Floats:
     p = np.asarray(probability, dtype=np.float64)
     cells = grid_directions(layout)
     likely = np.argpartition(p, -min(_CANDIDATES, len(p)))[-_CANDIDATES:]
+    likely = likely[p[likely] >= _LIKELY * p.max()]
     centre = cells[likely[int(np.argmin(_bounded_errors(layout)[likely] @ p.astype(np.float32)))]]
     near = p * (cells @ centre >= np.cos(np.radians(_REFINED)))
     mean = near @ cells

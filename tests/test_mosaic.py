@@ -32,6 +32,12 @@ def test_companions_are_other_places_under_the_same_light() -> None:
     assert all(chances[-1] == pytest.approx(1.0) for _, chances in found)
 
 
+def test_panoramas_that_are_never_drawn_are_nobodys_companion() -> None:
+    found = companions([at("a", 20.0), at("b", 21.0), at("c", 60.0)], np.array([1.0, 0.0, 0.0]))
+    assert [list(numbers) for numbers, _ in found] == [[0], [0], [2]]
+    assert all(chances[-1] == 1.0 for _, chances in found)
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_both_cameras_see_their_sun_in_the_same_place(mirrored: bool) -> None:
     one, other = source(), source("ldr", sun=label())
@@ -73,6 +79,10 @@ def test_a_joined_crop_shows_both_places_and_the_first_ones_sun() -> None:
         assert np.isnan([crop.turbidity, crop.exposure]).all()
         assert crop.sun_uncertainty == pytest.approx(np.sqrt((2.0**2 + 6.0**2 + 3.0**2) / 2))
         shares.append(second.mean())
+    away = replace(one, sun_azimuth=150.0)
+    for index in range(20):  # only the second has its sun in the frame: the target says that none is seen
+        crop = joined(away, replace(other, sun_azimuth=10.0, sun_elevation=25.0), generator("away", index, "test"))
+        assert not (crop.linear[int(y), int(x)] == 7.0).all()
     assert 0.2 < np.mean(shares) < 0.5
     assert min(shares) > 0
     assert max(shares) < 0.9

@@ -1,5 +1,7 @@
 """The discrete sky: cells, targets, decoding."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -106,6 +108,19 @@ def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
     modes = [direction(az, 40.0) for az in (-60.0, -20.0, 140.0)]
     p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.32, 0.3, 0.38))
     assert angle_between(best_guess(p, FINE), modes[0]) < 35.0
+
+
+@pytest.mark.parametrize("apart", [34.0, 38.0, 60.0])
+def test_the_best_guess_is_not_in_the_gap_between_two_sharp_modes(apart: float) -> None:
+    modes = direction(np.array([-apart / 2, apart / 2]), 20.0)
+    p = soft_label(modes, math.radians(2.0) ** -2, FINE).mean(axis=0)
+    assert min(angle_between(best_guess(p, FINE), modes)) < 6.0
+
+
+def test_a_few_cells_with_all_probability_are_answered_by_one_of_them() -> None:
+    p = np.zeros(1024, np.float32)
+    p[[140, 316, 724]] = 0.287, 0.383, 0.330
+    assert min(angle_between(best_guess(p, FINE), grid_directions(FINE)[[140, 316, 724]])) < 0.01
 
 
 @given(st.floats(20.0, 60.0))

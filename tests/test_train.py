@@ -239,6 +239,9 @@ def test_two_runs_answer_together_in_one_file(trained: Path, network: Path, tmp_
     assert target.stat().st_size < 1.05 * network.stat().st_size
     files = [onnx.load(path).graph for path in (network, target)]
     assert len(files[1].initializer) == len(files[0].initializer)
+    stored = {tensor.data_type for tensor in files[1].initializer}
+    assert {onnx.TensorProto.INT8, onnx.TensorProto.FLOAT16} <= stored
+    assert not any(node.metadata_props for node in files[1].node)
 
 
 def test_merged_runs_have_the_mean_of_their_weights(trained: Path, tmp_path: Path) -> None:
