@@ -1,6 +1,7 @@
 """`python -m export label|synthesize|train|merge|onnx|evaluate`: from panoramas to the network that ships."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,14 @@ import click
 from lighting.errors import LightingError
 
 FOLDER = click.Path(path_type=Path)
+Command = Callable[..., Any]
 data_option = click.option("--data", type=FOLDER, required=True, help="Folder with panoramas.csv and the pictures.")
 labels_option = click.option("--labels", type=FOLDER, default="runs/labels.csv", show_default=True)
+
+
+def share_option(name: str, default: float, meaning: str) -> Callable[[Command], Command]:
+    """An option that says which share of something, 0 to 1."""
+    return click.option(name, type=click.FloatRange(0, 1), default=default, show_default=True, help=meaning)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -60,30 +67,12 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @click.option("--scratch", is_flag=True, help="Start from random weights instead of ImageNet's.")
 @click.option("--start", type=FOLDER, default=None, help="Earlier run to start from. [ImageNet's weights]")
 @click.option("--synthetic", type=FOLDER, default=None, help="Folder of `synthesize`, mixed in.")
-@click.option("--synthetic-share", type=click.FloatRange(0, 1), default=0.3, show_default=True, help="Of the crops.")
-@click.option(
-    "--aimed",
-    type=click.FloatRange(0, 1),
-    default=0.2,
-    show_default=True,
-    help="Of the crops of panoramas that show the sun, turned until they hold it.",
-)
-@click.option(
-    "--joined",
-    type=click.FloatRange(0, 1),
-    default=0.0,
-    show_default=True,
-    help="Of the crops, with a second place under the same sun beyond a line.",
-)
+@share_option("--synthetic-share", 0.3, "Of the crops.")
+@share_option("--aimed", 0.2, "Of the crops of panoramas that show the sun, turned until they hold it.")
+@share_option("--joined", 0.0, "Of the crops, with a second place under the same sun beyond a line.")
 @click.option("--surroundings", is_flag=True, help="Learn also to say the light all around the camera.")
 @click.option("--only-seen", is_flag=True, help="Train alone what says where in the picture the sun is seen.")
-@click.option(
-    "--tune-share",
-    type=click.FloatRange(0, 1),
-    default=0.08,
-    show_default=True,
-    help="Of the places, held out for the log.",
-)
+@share_option("--tune-share", 0.08, "Of the places, held out for the log.")
 @click.option("--workers", type=click.IntRange(0), default=2, show_default=True, help="Processes that cut crops.")
 def train(
     out: Path | None,

@@ -54,9 +54,8 @@ def same_view(camera: Camera, source: Source, other: Source, rng: np.random.Gene
 def joined(one: Crop, other: Crop, rng: np.random.Generator) -> Crop:
     """The first crop, with the second in it beyond a straight line.
 
-    A sun in the picture stays the first one's; where only the second has it in the frame, it is not shown.
-
-    Turbidity and exposure are of neither; the sun is as uncertain as both and their distance make it.
+    A sun in the picture stays the first one's; where only the second has it in the frame, it is not shown. Turbidity
+    and exposure are of neither; the sun is as uncertain as both and their distance make it.
     """
     height, width = one.linear.shape[:2]
     angle = rng.uniform(-math.pi, math.pi)

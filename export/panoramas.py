@@ -123,9 +123,13 @@ def read_picture(panorama: Panorama) -> NDArray[Any]:
 
 def read_linear(panorama: Panorama, height: int | None = None) -> NDArray[np.float32]:
     """Linear Rec.709 float32 (H, 2H, 3), averaged over areas down to `height` rows where that is fewer."""
-    pixels = read_picture(panorama)
-    linear = decode(pixels) if panorama.kind == "ldr" else pixels
+    linear = linear_of(panorama, read_picture(panorama))
     return linear if height is None else shrink(linear, height)
+
+
+def linear_of(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
+    """Linear values of a panorama's pixels, any shape, as `read_picture` has them."""
+    return decode(pixels) if panorama.kind == "ldr" else pixels
 
 
 def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from export.crops import Camera, Floats, Source, resize
-from export.panoramas import decode
+from export.panoramas import linear_of
 from lighting.colour import luminance
 
 ROWS, COLUMNS = 12, 24  # cells of the map
@@ -18,8 +18,7 @@ _FINE = 6  # parts of a column, by which the map is turned
 
 def light_around(source: Source) -> Floats:
     """Log luminance and log blue over red (ROWS, _FINE * COLUMNS, 2) of a panorama, less their means."""
-    pixels = source.levels[-1]
-    linear = decode(pixels) if source.panorama.kind == "ldr" else pixels
+    linear = linear_of(source.panorama, source.levels[-1])
     small = resize(linear, _FINE * COLUMNS, ROWS, Image.Resampling.BOX)
     light = np.log(luminance(small) + 0.01)
     colour = np.log((small[..., 2] + 0.02) / (small[..., 0] + 0.02))

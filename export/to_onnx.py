@@ -75,7 +75,7 @@ def export(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, v
 
 
 def _check(difference: float, allowed: float) -> float:
-    if not difference <= allowed:
+    if not difference <= allowed:  # nor is NaN agreement
         raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {allowed:.0e}.")
     return difference
 

@@ -112,7 +112,7 @@ class Crops(Dataset[Batch]):
         parts = [(1 - share) * sampling_weights(sources), share * sampling_weights(synthetic)]
         chances = np.concatenate(parts)
         self.chances = np.cumsum(chances)
-        self.companions = companions(self.sources, chances) if config.joined else []
+        self.companions = companions(self.sources, chances) if config.joined and not tune else []
         self.around = {s.panorama.path: light_around(s) for s in self.sources} if config.surroundings else {}
         self.purpose = f"train from {config.start}" if config.start else "train"
 
