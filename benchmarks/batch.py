@@ -30,7 +30,7 @@ from pathlib import Path
 from statistics import median
 from PIL import Image
 from lighting.model import Model
-from lighting.photo import TARGET, read_photo, to_tensor
+from lighting.photo.read import TARGET, read_photo, to_tensor
 path, count = Path(sys.argv[1]), int(sys.argv[2])
 model = Model.load(threads=1)
 tensor = to_tensor(read_photo(path), model.spec)
@@ -100,8 +100,8 @@ def ray_rate(photos: Path, count: int) -> dict[str, Any]:
 _RAY = """
 import sys, time
 import ray
-from lighting.batch import Job
-from lighting.cluster import find_photos_at, run_ray
+from lighting.batch.job import Job
+from lighting.batch.ray import find_photos_at, run_ray
 ray.init(logging_level="error")
 source, names = find_photos_at(sys.argv[1])
 options = dict(address=None, workers=None, overwrite=True, progress=False)

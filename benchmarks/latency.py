@@ -26,14 +26,14 @@ from common import TWELVE_MEGAPIXELS, machine, make_photo, milliseconds, peak_me
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.panoramas import DataError
+from export.data.panoramas import DataError
 from export.towns.llvm import find_llvm
 from lighting.envmap import render
-from lighting.exr import write_exr
+from lighting.files.exr import write_exr
 from lighting.geometry import latlong_directions
 from lighting.model import Model
-from lighting.parameters import Lighting, lighting_from
-from lighting.photo import TARGET, read_photo, to_tensor
+from lighting.photo.read import TARGET, read_photo, to_tensor
+from lighting.records import Lighting, lighting_from
 
 PARTS = ("decode", "network", "sky and sun", "EXR")
 

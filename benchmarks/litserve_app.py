@@ -11,10 +11,10 @@ import onnxruntime
 from fastapi import Request, Response
 
 from lighting.envmap import render
-from lighting.formats import encode_envmap
+from lighting.files.formats import encode_envmap
 from lighting.model import OUTPUTS, PARAMETERS, packaged_model
-from lighting.parameters import ModelSpec, Prediction, lighting_from
-from lighting.photo import Photo, read_photo, to_tensor
+from lighting.photo.read import Photo, read_photo, to_tensor
+from lighting.records import ModelSpec, Prediction, lighting_from
 
 
 class EnvmapAPI(litserve.LitAPI):

@@ -22,7 +22,7 @@ from common import ROOT, machine, milliseconds
 from numpy.typing import NDArray
 
 from lighting.model import Model, packaged_model
-from lighting.photo import read_photo, to_tensor
+from lighting.photo.read import read_photo, to_tensor
 
 Batch = NDArray[np.float32]
 
@@ -102,9 +102,9 @@ def to_int8(target: Path, calibration: Batch) -> Path:
 
 def training_crops(data: Data) -> Batch:
     """Crops of a few training panoramas, as training takes them."""
-    from export.evaluate import cameras
-    from export.panoramas import read_index
-    from export.train import load_sources
+    from export.data.panoramas import read_index
+    from export.evaluation.evaluate import cameras
+    from export.training.train import load_sources
 
     panoramas = read_index(data.folder, "train")
     sources = load_sources(panoramas[:: len(panoramas) // CALIBRATION][:CALIBRATION], data.labels)
@@ -120,10 +120,10 @@ def example_photos() -> Batch:
 
 def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
     """Median sun error [deg] on the scored crops of `val`, taken as in CVPR 2017, of each network."""
-    from export.evaluate import cameras, collect, interpret
-    from export.metrics import median, sun_error
-    from export.panoramas import read_index
-    from export.train import load_sources
+    from export.data.panoramas import read_index
+    from export.evaluation.evaluate import cameras, collect, interpret
+    from export.evaluation.metrics import median, sun_error
+    from export.training.train import load_sources
 
     models = {name: Model.load(file) for name, file in files.items()}
     said: dict[str, list[Any]] = {name: [] for name in files}
@@ -140,9 +140,9 @@ def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
 
 def _batches(crops: Any, size: int = 16) -> Iterator[tuple[Batch, list[Any]]]:
     """The network's inputs and the crops that they show."""
-    from export.crops import take
+    from export.crops.crops import take
     from lighting.colour import tone_map
-    from lighting.photo import place
+    from lighting.photo.read import place
 
     spec = Model.load().spec
     for first in range(0, len(crops), size):

@@ -23,9 +23,9 @@ from load import RECORD, run, started
 from performance_page import SIZE, page
 
 from lighting.envmap import render
-from lighting.exr import write_exr
+from lighting.files.exr import write_exr
 from lighting.model import available_cpus
-from lighting.parameters import Lighting
+from lighting.records import Lighting
 
 DOCS = ROOT / "docs"
 FIGURES, PAGE, PLOT = DOCS / "performance.json", DOCS / "performance.md", DOCS / "performance.png"

@@ -49,13 +49,13 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-from lighting.ink import write
-from lighting.parameters import Lighting
-from lighting.photo import Photo
+from lighting.photo.read import Photo
+from lighting.preview.ink import write
+from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
+from lighting.records import Lighting
 from lighting.scene import TOOLS
 from lighting.scene.common import Scene, make_scene
 from lighting.scene.files import write_scene
-from lighting.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 
 SUN = (-125.0, 33.0)  # deg, azimuth and elevation
 LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0, vertical_fov=45.0)

@@ -11,8 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from lighting.geometry import angles, camera_pixel, direction, latlong_pixel
-from lighting.ink import Colour, arrow_head, polygon, rounded, shaded_stroke, stroke, sun_marks, write, write_inside
-from lighting.preview import BACKGROUND, MUTED, PANEL, SUN, TEXT, WHITE
+from lighting.preview.ink import (
+    Colour,
+    arrow_head,
+    polygon,
+    rounded,
+    shaded_stroke,
+    stroke,
+    sun_marks,
+    write,
+    write_inside,
+)
+from lighting.preview.picture import BACKGROUND, MUTED, PANEL, SUN, TEXT, WHITE
 
 Floats = NDArray[np.floating[Any]]
 

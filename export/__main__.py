@@ -31,7 +31,7 @@ def cli() -> None:
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 def label(data: Path, out: Path, workers: int) -> None:
     """Find suns, fit skies, and print how well both agree with what is known."""
-    from export.label_report import run
+    from export.data.label_report import run
 
     out.parent.mkdir(parents=True, exist_ok=True)
     run(data, out, workers)
@@ -85,9 +85,9 @@ def train(
     **given: Any,
 ) -> None:
     """Train a network, or go on where a killed run stopped; takes a GPU where there is one."""
-    from export.network import TARGET_WIDTH
-    from export.train import TrainConfig
-    from export.train import train as run
+    from export.networks.network import TARGET_WIDTH
+    from export.training.train import TrainConfig
+    from export.training.train import train as run
 
     if network != "outdoor" and (given["only_seen"] or given["surroundings"]):
         raise click.UsageError(f"--only-seen and --surroundings are of the network outdoor, not of {network}.")
@@ -101,7 +101,7 @@ def train(
 @click.option("--out", type=FOLDER, required=True, help="Folder to write, of a run like any other.")
 def merge(runs: tuple[Path, ...], out: Path) -> None:
     """Average the weights of runs that continue one another."""
-    from export.soup import merge as run
+    from export.networks.averaging import merge as run
 
     run(runs, out)
 
@@ -115,8 +115,8 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 @click.option("--version", help="Of the network, where it is not the run's: another temperature makes another one.")
 def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float, version: str | None) -> None:
     """Write the averaged network of a run, or of several that answer together, as ONNX; compare it with torch."""
-    from export.records import read_spec
-    from export.to_onnx import export
+    from export.networks.onnx import export
+    from export.networks.runs import read_spec
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
@@ -156,10 +156,10 @@ def evaluate(
     card: bool,
 ) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
-    from export.card import write_card
-    from export.evaluate import evaluate as run
-    from export.honesty import PICTURE
-    from export.relight import relight as run_relight
+    from export.evaluation.card import write_card
+    from export.evaluation.diagnostics import PICTURE
+    from export.evaluation.evaluate import evaluate as run
+    from export.evaluation.relight import relight as run_relight
     from lighting.model import packaged_model
 
     ours = model or packaged_model()

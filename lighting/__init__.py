@@ -6,21 +6,21 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from lighting.envmap import render
-    from lighting.exr import read_exr, write_exr
-    from lighting.metadata import Given
-    from lighting.parameters import Lighting
+    from lighting.evidence.metadata import Given
+    from lighting.files.exr import read_exr, write_exr
     from lighting.pipeline import Estimator, estimate
+    from lighting.records import Lighting
 
 __all__ = ["Estimator", "Given", "Lighting", "__version__", "estimate", "read_exr", "render", "write_exr"]
 
 _HOME = {
     "Estimator": "pipeline",
     "estimate": "pipeline",
-    "Given": "metadata",
+    "Given": "evidence.metadata",
     "render": "envmap",
-    "Lighting": "parameters",
-    "read_exr": "exr",
-    "write_exr": "exr",
+    "Lighting": "records",
+    "read_exr": "files.exr",
+    "write_exr": "files.exr",
 }
 
 

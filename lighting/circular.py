@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.geometry import angles, direction, wrap_azimuth
-from lighting.parameters import Sun
+from lighting.records import Sun
 from lighting.sun_grid import radii
 
 HEADINGS = np.arange(360.0)  # deg clockwise from true north

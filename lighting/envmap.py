@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
 from lighting.geometry import angles, direction, latlong_angles, latlong_solid_angle, wrap_azimuth
-from lighting.parameters import Lighting
+from lighting.records import Lighting
 from lighting.sky import (
     SUN_HALF_APERTURE,
     sky_gradation,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ModelError
-from lighting.parameters import ModelSpec, Prediction
+from lighting.records import ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from functools import lru_cache
 
-from lighting.fusion import Fused, fuse
-from lighting.metadata import Given, Known, known, known_together, lighting_of
+from lighting.evidence.fusion import Fused, fuse
+from lighting.evidence.metadata import Given, Known, known, known_together, lighting_of
+from lighting.evidence.together import together
 from lighting.model import Model
-from lighting.parameters import Lighting, Prediction
-from lighting.photo import Photo, Source, read_photo, to_tensor
-from lighting.together import together
+from lighting.photo.read import Photo, Source, read_photo, to_tensor
+from lighting.records import Lighting, Prediction
 
 NOTHING_GIVEN = Given()
 

@@ -10,7 +10,7 @@ from fastapi import Request, Response
 
 from lighting import __version__
 from lighting.geometry import angles
-from lighting.parameters import Lighting, Prediction
+from lighting.records import Lighting, Prediction
 from lighting.sun_grid import grid_directions
 from server.queries import LightingQuery, Query
 from server.schemas import MEDIA_TYPES, Format

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from lighting.model import CARD
-from lighting.parameters import ModelSpec
+from lighting.records import ModelSpec
 
 SUN = {  # column of the card's tables of the sun: name in an answer
     "crops": "crops",

@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from lighting.clock import read_offset, read_time
 from lighting.errors import ParameterError
-from lighting.metadata import Given
-from lighting.parameters import GROUND_ALBEDO, Lighting
-from lighting.photo import MIN_SIDE
+from lighting.evidence.metadata import Given
+from lighting.evidence.together import read_headings
+from lighting.photo.clock import read_offset, read_time
+from lighting.photo.read import MIN_SIDE
+from lighting.records import GROUND_ALBEDO, Lighting
 from lighting.scene.common import PLATE_SIDE
-from lighting.together import read_headings
 from server.schemas import (
     Between,
     Exposure,

@@ -4,7 +4,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from lighting.parameters import Lighting
+from lighting.records import Lighting
 from server import problems
 from server.problems import ProblemError
 from server.schemas import LightingRecord

@@ -18,7 +18,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from lighting.envmap import MIN_HEIGHT
-from lighting.parameters import GROUND_ALBEDO, OPTIONAL_RANGES, RANGES, Lighting
+from lighting.records import GROUND_ALBEDO, OPTIONAL_RANGES, RANGES, Lighting
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 

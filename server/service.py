@@ -8,11 +8,11 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from fastapi import Depends, Request
 
-from lighting.metadata import Given, lighting_of
+from lighting.evidence.metadata import Given, lighting_of
 from lighting.model import Model, packaged_model
-from lighting.parameters import Lighting, Prediction
-from lighting.photo import TARGET, Photo, read_photo
+from lighting.photo.read import TARGET, Photo, read_photo
 from lighting.pipeline import Estimator
+from lighting.records import Lighting, Prediction
 from server import problems
 from server.limiter import Limiter
 from server.metrics import Metrics

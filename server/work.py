@@ -7,10 +7,10 @@ from anyio.from_thread import check_cancelled
 
 from lighting.envmap import render
 from lighting.errors import PhotoError
-from lighting.formats import encode_envmap, encode_png
-from lighting.parameters import Lighting
-from lighting.photo import Photo
-from lighting.preview import MAP_HEIGHT, PHOTO_SIDE, draw_preview
+from lighting.files.formats import encode_envmap, encode_png
+from lighting.photo.read import Photo
+from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview
+from lighting.records import Lighting
 from lighting.scene.common import PLATE_SIDE, make_scene
 from lighting.scene.files import zip_scene
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery

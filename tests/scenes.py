@@ -6,8 +6,8 @@ from functools import lru_cache
 from lighting.colour import tone_map
 from lighting.envmap import render
 from lighting.geometry import camera_directions, sample_latlong
-from lighting.parameters import Lighting
-from lighting.photo import Photo
+from lighting.photo.read import Photo
+from lighting.records import Lighting
 from lighting.scene.common import Scene, make_scene
 
 LIGHT = Lighting(

@@ -11,10 +11,10 @@ import pytest
 
 import lighting
 from lighting.cli import cli
-from lighting.declination import TYPICAL_DECLINATION
-from lighting.fusion import COMPASS_SPREAD, GROSS_ERRORS
-from lighting.metadata import GIVEN_HEADING_SPREAD
-from lighting.parameters import OPTIONAL_RANGES, RANGES
+from lighting.evidence.declination import TYPICAL_DECLINATION
+from lighting.evidence.fusion import COMPASS_SPREAD, GROSS_ERRORS
+from lighting.evidence.metadata import GIVEN_HEADING_SPREAD
+from lighting.records import OPTIONAL_RANGES, RANGES
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from export.labels import Label, read_labels, write_labels
-from export.panoramas import INDEX, write_index
+from export.data.labels import Label, read_labels, write_labels
+from export.data.panoramas import INDEX, write_index
 from export.towns.mesh import Floats
 from export.towns.path_trace import Place
 from export.towns.place import place
 from export.towns.sky import Sky, random_sky
-from lighting.exr import write_exr
+from lighting.files.exr import write_exr
 
 LABELS = "labels.csv"
 SAVE_EVERY = 20  # places

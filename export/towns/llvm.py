@@ -4,7 +4,7 @@ import os
 import re
 from pathlib import Path
 
-from export.panoramas import DataError
+from export.data.panoramas import DataError
 
 OLDEST = 15
 VARIABLE = "DRJIT_LIBLLVM_PATH"  # what Dr.Jit, below Mitsuba, reads

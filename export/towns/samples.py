@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from export.crops import generator, load_source, paper_camera, take
-from export.labels import read_labels
-from export.network import specs
-from export.panoramas import DataError, read_index
+from export.crops.crops import generator, load_source, paper_camera, take
+from export.data.labels import read_labels
+from export.data.panoramas import DataError, read_index
+from export.networks.network import specs
 from export.towns.dataset import LABELS
-from lighting.atomic import replacing
 from lighting.colour import tone_map
+from lighting.files.atomic import replacing
 
 ACROSS, DOWN = 8, 6  # one crop each of the first 48 places
 

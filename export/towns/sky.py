@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lighting.colour import luminance
 from lighting.envmap import render
 from lighting.geometry import latlong_directions
-from lighting.parameters import Lighting
+from lighting.records import Lighting
 from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
 
 Floats = NDArray[np.floating[Any]]

@@ -7,10 +7,10 @@ from lighting.cli.files import open_photo
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
-    from lighting.metadata import Given
-    from lighting.parameters import Lighting
-    from lighting.photo import Photo
+    from lighting.evidence.metadata import Given
+    from lighting.photo.read import Photo
     from lighting.pipeline import Estimator
+    from lighting.records import Lighting
 
 Answer = tuple[str, "Lighting | Exception"]
 
@@ -28,7 +28,7 @@ def answers_together(
     estimator: "Estimator", names: Iterable[str], given: "Given", headings: Sequence[float] | None
 ) -> Iterator[Answer]:
     """First the errors, then the light of the photos that could be read, taken together."""
-    from lighting.metadata import lighting_of
+    from lighting.evidence.metadata import lighting_of
 
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):

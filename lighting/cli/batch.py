@@ -14,8 +14,8 @@ from lighting.cli.group import cli
 from lighting.cli.options import map_options, model_option, quiet_option
 
 if TYPE_CHECKING:
-    from lighting.batch import Job
-    from lighting.metadata import Given
+    from lighting.batch.job import Job
+    from lighting.evidence.metadata import Given
 
 
 @cli.command()
@@ -51,7 +51,7 @@ def batch(
     again what failed (from Ray, whose results stay as they are, only with --overwrite). Time, place and lens are taken
     from each photo's metadata.
     """
-    from lighting.batch import Job, Maps
+    from lighting.batch.job import Job, Maps
 
     maps = Maps(*(options.pop(name) for name in ("height", "sun", "yaw"))) if envmap else None
     _refuse_idle_options(ctx)
@@ -77,10 +77,10 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 
 def _with_pool(job: "Job", parquet: bool, workers: int | None, overwrite: bool, quiet: bool, **_: Any) -> int:
     """Returns how many photos failed."""
-    from lighting.batch import JOURNAL, find_photos, open_batch, run_pool
-    from lighting.journal import read_records
+    from lighting.batch.job import JOURNAL, find_photos, open_batch, run_pool
+    from lighting.batch.journal import read_records
+    from lighting.batch.table import FILE, schema, write_parquet
     from lighting.model import available_cpus
-    from lighting.table import FILE, schema, write_parquet
 
     if parquet:
         schema()  # says what is missing before any work
@@ -97,7 +97,7 @@ def _with_pool(job: "Job", parquet: bool, workers: int | None, overwrite: bool, 
 
 def _with_ray(job: "Job", address: str | None, workers: int | None, overwrite: bool, quiet: bool, **_: Any) -> int:
     """The same of all results that Ray wrote, of earlier runs too."""
-    from lighting.cluster import find_photos_at, run_ray
+    from lighting.batch.ray import find_photos_at, run_ray
 
     source, names = find_photos_at(job.source)
     shown = not quiet and sys.stderr.isatty()

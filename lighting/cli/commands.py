@@ -26,11 +26,11 @@ from lighting.cli.given import check_together, given_options, headings_option, t
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
 from lighting.cli.words import in_words, progress_over, report_failure, report_warnings
-from lighting.lines import json_line
+from lighting.files.jsonl import json_line
 
 if TYPE_CHECKING:
-    from lighting.exif import PhotoFacts
-    from lighting.metadata import Given
+    from lighting.evidence.metadata import Given
+    from lighting.photo.exif import PhotoFacts
 
 
 @cli.command()
@@ -149,8 +149,8 @@ def _describe_network(file: str) -> dict[str, Any]:
 
 
 def _describe_picture(file: str) -> dict[str, Any]:
-    from lighting.exr import MAGIC
-    from lighting.photo import read_photo
+    from lighting.files.exr import MAGIC
+    from lighting.photo.read import read_photo
 
     data = read_bytes(file)
     if data.startswith(MAGIC):
@@ -172,7 +172,7 @@ def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
 
 
 def _describe_map(data: bytes) -> dict[str, Any]:
-    from lighting.exr import read_exr
+    from lighting.files.exr import read_exr
 
     image, lighting = read_exr(BytesIO(data))
     record = None if lighting is None else lighting.to_dict()

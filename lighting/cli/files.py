@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from lighting.metadata import Given
-    from lighting.parameters import Lighting, Prediction
-    from lighting.photo import Photo
+    from lighting.evidence.metadata import Given
+    from lighting.photo.read import Photo
     from lighting.pipeline import Estimator
+    from lighting.records import Lighting, Prediction
 
 
 def read_bytes(name: str) -> bytes:
@@ -29,9 +29,9 @@ def read_bytes(name: str) -> bytes:
 
 def photo_bytes(name: str) -> bytes:
     """What the file of a photo holds, as far as a photo may; PhotoError, PhotoTooLargeError or OSError."""
-    from lighting import photo
+    from lighting.photo.read import read_bytes as photo_bytes
 
-    return photo.read_bytes(stdin() if name == "-" else name)
+    return photo_bytes(stdin() if name == "-" else name)
 
 
 @contextmanager
@@ -44,7 +44,7 @@ def naming(photo: str) -> Iterator[None]:
 
 
 def open_photo(name: str) -> "Photo":
-    from lighting.photo import read_photo
+    from lighting.photo.read import read_photo
 
     return read_photo(photo_bytes(name))
 
@@ -57,7 +57,7 @@ def stdin() -> BinaryIO:
 
 def open_lighting(name: str) -> "Lighting":
     """The record in a JSON file, bare or in the line that `estimate --json` printed."""
-    from lighting.parameters import Lighting
+    from lighting.records import Lighting
 
     try:
         record = json.loads(read_bytes(name).decode("utf-8-sig"))
@@ -77,8 +77,8 @@ def load_estimator(model: str | None) -> "Estimator":
 
 def estimated(estimator: "Estimator", photo: bytes, given: "Given") -> "tuple[Prediction, Lighting]":
     """What is said of a photo, the sun's probability over the network's cells with all that is known counted."""
-    from lighting.metadata import lighting_of
-    from lighting.photo import read_photo
+    from lighting.evidence.metadata import lighting_of
+    from lighting.photo.read import read_photo
 
     fused, known = estimator.fuse(read_photo(photo), given)
     return fused.on_cells(), lighting_of(fused, known)
@@ -94,7 +94,7 @@ def refuse_collisions(source: str, *outputs: str | None) -> None:
 def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, yaw: float) -> None:
     """Render and write; with a yaw, the record in the file is turned with the map."""
     from lighting.envmap import view
-    from lighting.formats import encode_envmap, write_envmap
+    from lighting.files.formats import encode_envmap, write_envmap
 
     image, lighting = view(lighting, height, sun=sun, yaw=yaw)
     if output == "-":
@@ -105,8 +105,8 @@ def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, 
 
 def write_preview(output: str, photo: bytes, prediction: "Prediction", lighting: "Lighting") -> None:
     from lighting.envmap import render
-    from lighting.photo import read_photo
-    from lighting.preview import MAP_HEIGHT, PHOTO_SIDE, draw_preview
+    from lighting.photo.read import read_photo
+    from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview
 
     light, picture = render(lighting, MAP_HEIGHT), read_photo(photo, target=PHOTO_SIDE)
     drawing = draw_preview(picture.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
@@ -114,8 +114,8 @@ def write_preview(output: str, photo: bytes, prediction: "Prediction", lighting:
 
 
 def _write_png(output: str, pixels: "NDArray[np.uint8]") -> None:
-    from lighting.atomic import replacing
-    from lighting.formats import encode_png
+    from lighting.files.atomic import replacing
+    from lighting.files.formats import encode_png
 
     data = encode_png(pixels)
     if output == "-":

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.clock import read_offset, read_time
 from lighting.errors import ParameterError
+from lighting.photo.clock import read_offset, read_time
 
 if TYPE_CHECKING:
-    from lighting.metadata import Given
+    from lighting.evidence.metadata import Given
 
 
 def _time(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
@@ -23,7 +23,7 @@ def _offset(_ctx: click.Context, _param: click.Parameter, text: str | None) -> f
 
 
 def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:
-    from lighting.together import read_headings
+    from lighting.evidence.together import read_headings
 
     return None if text is None else _parsed(read_headings, text)
 
@@ -82,7 +82,7 @@ given_of_many_options = _options(*(name for name in _OPTIONS if name not in ("ti
 
 
 def _given(**options: Any) -> "Given":
-    from lighting.metadata import Given
+    from lighting.evidence.metadata import Given
 
     try:
         return Given(**options)

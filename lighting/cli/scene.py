@@ -14,8 +14,8 @@ from lighting.cli.words import in_words, report_warnings
 from lighting.scene import TOOLS
 
 if TYPE_CHECKING:
-    from lighting.metadata import Given
-    from lighting.parameters import Lighting
+    from lighting.evidence.metadata import Given
+    from lighting.records import Lighting
 
 
 @cli.command()
@@ -55,7 +55,7 @@ def scene(
     _check_record(record, given, model)
     if "-" in (photo, record) and photo == record:
         raise click.UsageError("The photo and the record cannot both be stdin.")
-    from lighting.photo import read_photo
+    from lighting.photo.read import read_photo
     from lighting.scene.common import PLATE_SIDE, make_scene
     from lighting.scene.files import check_target, write_scene
 
@@ -93,7 +93,7 @@ def _check_map_options(tool: str, image_based_light: bool) -> None:
 
 def _check_record(record: str | None, given: "Given", model: str | None) -> None:
     """Raise UsageError where metadata or a network is given for a light that a record tells."""
-    from lighting.metadata import Given
+    from lighting.evidence.metadata import Given
 
     if record and model is not None:
         raise click.UsageError("--lighting tells the light; no network is asked, so --model does not go with it.")
@@ -102,6 +102,6 @@ def _check_record(record: str | None, given: "Given", model: str | None) -> None
 
 
 def _estimated(data: bytes, given: "Given", model: str | None) -> "Lighting":
-    from lighting.photo import read_photo
+    from lighting.photo.read import read_photo
 
     return load_estimator(model)(read_photo(data), given)

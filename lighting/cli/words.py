@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.lines import json_line, reason
+from lighting.files.jsonl import json_line, reason
 
 if TYPE_CHECKING:
-    from lighting.parameters import Lighting
+    from lighting.records import Lighting
 
 
 def progress_over(items: Sequence[str], quiet: bool) -> Any:

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap import render, sky_irradiance, sun_irradiance
-from lighting.formats import encode_envmap, encode_png
+from lighting.files.formats import encode_envmap, encode_png
 from lighting.geometry import camera_axes, focal_length
-from lighting.map_light import SUN_RADIUS
-from lighting.parameters import Lighting
-from lighting.photo import Photo
+from lighting.photo.read import Photo
+from lighting.prefilter import SUN_RADIUS
+from lighting.records import Lighting
 
 Floats = NDArray[np.floating[Any]]
 

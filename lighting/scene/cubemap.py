@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.formats import encode_png
+from lighting.files.formats import encode_png
 from lighting.geometry import latlong_directions, latlong_solid_angle, sample_latlong
-from lighting.map_light import shrink
+from lighting.prefilter import shrink
 
 Floats = NDArray[np.floating[Any]]
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.exr import SOFTWARE
+from lighting.files.exr import SOFTWARE
 from lighting.scene import cubemap, meshes
 from lighting.scene.common import FAR, NEAR, PLACEHOLDER_ALBEDO, Folder, Scene, colour_and_strength, plate_png
 

@@ -11,7 +11,7 @@ from string import Template
 from typing import Any
 
 from lighting.envmap import rotate
-from lighting.formats import encode_envmap
+from lighting.files.formats import encode_envmap
 from lighting.scene.common import (
     FAR,
     GROUND_RADIUS,

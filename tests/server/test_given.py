@@ -13,10 +13,10 @@ from starlette.testclient import TestClient
 
 from lighting import Given, read_exr, render
 from lighting.cli.given import _OPTIONS
-from lighting.metadata import lighting_of
-from lighting.parameters import OPTIONAL_RANGES, RANGES
-from lighting.photo import read_photo
+from lighting.evidence.metadata import lighting_of
+from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
+from lighting.records import OPTIONAL_RANGES, RANGES
 from server.queries import GivenQuery
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import client_of, jpeg_headers

@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.types import Message
 
-from lighting.photo import Photo
+from lighting.photo.read import Photo
 from lighting.pipeline import Estimator
 from server.app import create_app
 from server.limiter import BusyError, Limiter

@@ -9,8 +9,8 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from lighting.errors import LightingError, ModelError, ParameterError, PhotoError, PhotoTooLargeError
-from lighting.parameters import RANGES
 from lighting.pipeline import Estimator
+from lighting.records import RANGES
 from server import problems
 from server.schemas import Problem
 from tests.server.conftest import SKY, client_of

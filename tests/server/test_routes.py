@@ -11,9 +11,9 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting import Lighting, read_exr, render
-from lighting.parameters import lighting_from
-from lighting.photo import read_photo
+from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
+from lighting.records import lighting_from
 from tests.conftest import TINY, encode, scene
 from tests.server.conftest import SKY
 

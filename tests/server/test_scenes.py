@@ -12,7 +12,7 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting import Lighting
-from lighting.photo import read_photo
+from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from lighting.scene import TOOLS
 from lighting.scene.common import PLATE_SIDE, make_scene

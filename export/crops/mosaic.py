@@ -1,0 +1,78 @@
+"""Two places in one picture under the same sun: what tells the sun is then the light, and less which place it is.
+
+The second panorama is turned until its sun stands where the first one's does, seen by the same camera; beyond a
+straight line through the picture, the crop then shows the second place.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.crops.crops import Camera, Crop, Floats, Source
+from lighting.geometry import wrap_azimuth
+
+NEAR = 5.0  # deg, how far apart in elevation the suns of two places in one picture may stand
+
+
+def companions(sources: Sequence[Source], chances: Floats) -> list[tuple[NDArray[np.intp], Floats]]:
+    """For each source, the numbers (M,) of those of other places that may share its picture, and their summed chances.
+
+    They have about its sun's elevation and its `direct`; sources without a sun go with each other. One that nothing
+    goes with has itself. `chances` (N,) are those of drawing each source; the sums (M,) end at 1.
+    """
+    elevation = np.array([s.label.sun_elevation for s in sources])
+    direct = np.array([s.label.direct for s in sources])
+    place = np.array([s.panorama.place for s in sources])
+    found = []
+    for own, height in enumerate(elevation):
+        near = np.abs(elevation - height) < NEAR if math.isfinite(height) else ~np.isfinite(elevation)
+        numbers = np.flatnonzero(near & (direct == direct[own]) & (place != place[own]) & (chances > 0))
+        if len(numbers):
+            found.append((numbers, np.cumsum(chances[numbers]) / chances[numbers].sum()))
+        else:
+            found.append((np.array([own]), np.ones(1)))
+    return found
+
+
+def same_view(camera: Camera, source: Source, other: Source, rng: np.random.Generator) -> Camera:
+    """The camera that sees the other's sun where `camera` sees the source's, mirrored or not by chance.
+
+    Without a sun it looks anywhere.
+    """
+    mirrored = bool(rng.random() < 0.5)
+    if not math.isfinite(source.label.sun_azimuth):
+        return replace(camera, azimuth=rng.uniform(-180, 180))
+    flip = 1.0 if mirrored == camera.mirrored else -1.0
+    relative = flip * (source.label.sun_azimuth - camera.azimuth)
+    azimuth = float(wrap_azimuth(other.label.sun_azimuth - relative))
+    return replace(camera, azimuth=azimuth, roll=flip * camera.roll, mirrored=mirrored)
+
+
+def joined(one: Crop, other: Crop, rng: np.random.Generator) -> Crop:
+    """The first crop, with the second in it beyond a straight line.
+
+    A sun in the picture stays the first one's; where only the second has it in the frame, it is not shown. Turbidity
+    and exposure are of neither; the sun is as uncertain as both and their distance make it.
+    """
+    height, width = one.linear.shape[:2]
+    angle = rng.uniform(-math.pi, math.pi)
+    x0, y0 = rng.uniform(0.25, 0.75) * width, rng.uniform(0.25, 0.75) * height
+
+    def side(x: Floats, y: Floats) -> Floats:
+        return np.asarray((x - x0) * math.cos(angle) + (y - y0) * math.sin(angle))
+
+    beyond = side(np.arange(width)[None, :] + 0.5, np.arange(height)[:, None] + 0.5) > 0
+    sun = one.sun_pixel or other.sun_pixel
+    if sun is not None and side(*np.array(sun)) > 0:
+        beyond = ~beyond
+    apart = one.sun_elevation - other.sun_elevation
+    return replace(
+        one,
+        linear=np.where(beyond[..., None], other.linear, one.linear).astype(np.float32),
+        sun_uncertainty=float(np.sqrt((one.sun_uncertainty**2 + other.sun_uncertainty**2 + apart**2) / 2)),
+        turbidity=math.nan,
+        exposure=math.nan,
+    )

@@ -1,0 +1,133 @@
+"""The turbidity and exposure of the Hosek-Wilkie sky that fits a panorama's.
+
+The procedure is the one of "Deep Outdoor Illumination Estimation" (CVPR 2017): hold the sun fixed with a ground albedo
+of 0.3, and fit turbidity and exposure to the sky's pixels by robust non-linear least squares.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from export.data.panoramas import shrink
+from export.data.regions import HEIGHT, Mask, connected, is_clipped, solid_angle
+from lighting.colour import luminance
+from lighting.geometry import angle_between, latlong_angles, latlong_directions
+from lighting.records import GROUND_ALBEDO
+from lighting.sky import sky_radiance
+
+Floats = NDArray[np.floating[Any]]
+
+SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
+MINIMUM_SKY = 0.25  # sr, 4 % of the dome
+LEAST_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
+SAMPLES = 1500  # directions of equal solid angle that enter the fit
+CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
+SPREAD = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies leave the model by 0.1
+GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
+
+WORST_RESIDUAL = 0.2
+WORST_GAINS = 0.6  # range of the channels' log gains
+LEAST_SHARE = 0.5  # of the sky's pixels that keep their weight
+LEAST_COVERAGE = 0.4  # sr
+
+
+@dataclass(frozen=True)
+class SkyFit:
+    """The Hosek-Wilkie sky nearest to a picture's sky."""
+
+    turbidity: float  # 1 to 10
+    exposure: float  # picture's linear values / sky radiance
+    residual: float  # robust spread of log(picture / model) over the sky's pixels
+    coverage: float  # sr, of the sky that the model explains
+    ok: bool  # whether the fit may be trusted
+
+
+@dataclass(frozen=True)
+class _Sky:
+    """Samples of a picture's sky."""
+
+    towards: Floats  # (N, 3) unit vectors, each for the same solid angle
+    pixels: Floats  # (N, 3) linear
+    solid_angle: float  # sr, of all
+
+    def model(self, sun_direction: Floats, turbidity: float) -> Floats:
+        radiance = sky_radiance(self.towards, sun_direction, turbidity, GROUND_ALBEDO)
+        return np.asarray(np.maximum(radiance, 1e-5))
+
+
+def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None:
+    """The sky of a panorama (H, 2H, 3) whose sun is known and up; None where too little clear sky can be seen.
+
+    A photo's white balance is unknown, so each channel has its own gain, pulled weakly to a common one. The error is
+    that of the logarithm, pixels off the model (clouds, masts) lose their weight, and turbidity is searched over its
+    whole range while the gains follow in closed form: no start value, no local minimum.
+    """
+    sky = _sample_sky(shrink(linear, HEIGHT), sun_direction)
+    if sky.solid_angle < MINIMUM_SKY:
+        return None
+    turbidity, reach = 5.5, 4.5
+    for step in (0.5, 0.1, 0.02):
+        candidates = np.clip(np.arange(turbidity - reach, turbidity + reach + step / 2, step), 1.0, 10.0)
+        costs = [_fit_gains(sky, sun_direction, candidate)[0] for candidate in candidates]
+        turbidity, reach = float(candidates[int(np.argmin(costs))]), step
+    return _conclude(sky, sun_direction, turbidity)
+
+
+def sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
+    """Pixels (H, 2H) of clear sky: away from the sun, not blown out, bluish, smooth, part of a large patch high up."""
+    height = len(linear)
+    elevation = np.repeat(latlong_angles(height)[1][:, None], 2 * height, axis=1)
+    away = angle_between(latlong_directions(height), sun_direction) > SUN_CLEARANCE
+    blue = linear[..., 2] > 1.05 * linear[..., 0]
+    smooth = _roughness(np.log(np.maximum(luminance(linear), 1e-4))) < 0.06
+    mask = (elevation > 3.0) & away & blue & smooth
+    if is_clipped(linear):
+        mask &= linear.max(axis=-1) < LEAST_CLIPPED
+    patches = connected(mask)
+    size = np.bincount(patches.ravel(), solid_angle(height).ravel())
+    top = ndimage.maximum(elevation, patches, np.arange(len(size)))
+    return np.asarray(mask & ((size > 0.03) & (np.asarray(top) > 25.0))[patches])
+
+
+def _roughness(image: Floats) -> Floats:
+    """Change per pixel (H, 2H), the larger of across and down."""
+    across = np.abs(np.roll(image, 1, axis=1) - np.roll(image, -1, axis=1)) / 2
+    return np.maximum(across, np.abs(np.gradient(image, axis=0)))
+
+
+def _sample_sky(linear: NDArray[np.float32], sun_direction: Floats) -> _Sky:
+    mask = sky_mask(linear, sun_direction)
+    order = np.cumsum(solid_angle(len(linear))[mask])
+    if not len(order):
+        return _Sky(np.empty((0, 3)), np.empty((0, 3)), 0.0)
+    chosen = np.searchsorted(order, (np.arange(SAMPLES) + 0.5) / SAMPLES * order[-1])
+    towards, pixels = latlong_directions(len(linear))[mask][chosen], np.maximum(linear[mask][chosen], 1e-4)
+    return _Sky(towards, pixels, float(order[-1]))
+
+
+def _fit_gains(sky: _Sky, sun_direction: Floats, turbidity: float) -> tuple[float, Floats, Floats, Floats]:
+    """Cost, log gains (3,), errors (N,) and weights (N,) at one turbidity, by iteratively re-weighted least squares."""
+    ratio = np.log(sky.pixels) - np.log(sky.model(sun_direction, turbidity))
+    offset = np.median(ratio, axis=0)
+    for spread in (0.5, *[SPREAD] * 6):  # the first one wide, so that a median on clouds can still move
+        common = CHANNEL_WEIGHT @ offset
+        gains = common + (offset - common) / (1 + GAIN_PULL)
+        square = (ratio - gains) ** 2 @ CHANNEL_WEIGHT
+        weight = 1 / (1 + square / spread**2)
+        offset = weight @ ratio / weight.sum()
+    pull = GAIN_PULL * float(CHANNEL_WEIGHT @ (gains - common) ** 2) / SPREAD**2
+    return float(np.log1p(square / SPREAD**2).mean()) + pull, gains, np.sqrt(square), weight
+
+
+def _conclude(sky: _Sky, sun_direction: Floats, turbidity: float) -> SkyFit:
+    _, gains, error, weight = _fit_gains(sky, sun_direction, turbidity)
+    exposure = weight @ luminance(sky.pixels) / (weight @ luminance(sky.model(sun_direction, turbidity)))
+    residual, share = float(np.median(error)), float(weight.mean())
+    coverage = share * sky.solid_angle
+    inside = 1.05 < turbidity < 9.95  # at an end of the range the best fit may lie beyond it
+    explained = residual < WORST_RESIDUAL and share > LEAST_SHARE and coverage > LEAST_COVERAGE
+    ok = bool(inside and explained and np.ptp(gains) < WORST_GAINS)
+    return SkyFit(turbidity, float(exposure), residual, coverage, ok)

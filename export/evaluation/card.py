@@ -1,0 +1,71 @@
+"""The model card: what the network is for, what it saw, how accurate it is, where it fails."""
+
+import hashlib
+import os
+import shutil
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from export.data.label_report import agreement, check_rendered
+from export.data.labels import read_labels
+from export.data.panoramas import Panorama, is_permissive, read_index
+from lighting.files.atomic import replacing
+from lighting.model import CARD, Model
+
+DOCS = Path(__file__).parents[2] / "docs"
+CAPTION = "True suns inside the region that holds a given probability, by that probability"
+TEMPLATE = Path(__file__).with_name("card_template.md")
+
+
+def write_card(model: Path, report: str, data: Path, labels: Path, reliability: Path, docs: Path = DOCS) -> Path:
+    """Write the card of an ONNX file beside it, and its reliability diagram into `docs`; returns the card's path."""
+    target = model.parent / CARD
+    train, val = read_index(data, "train"), read_index(data, "val")
+    given = agreement([*train, *val], read_labels(labels))
+    values = {
+        **_of_model(model),
+        **_of_data(train, val),
+        "agreement": f"- Given suns: {given}\n- Skies that the project renders: {check_rendered()}",
+        "report": report.strip(),
+        "reliability": f"![{CAPTION}]({publish(reliability, docs, target)})",
+        "date": datetime.now(UTC).date(),
+    }
+    with replacing(target) as path:
+        path.write_text(TEMPLATE.read_text(encoding="utf-8").format(**values), encoding="utf-8")
+    return target
+
+
+def publish(picture: Path, docs: Path, card: Path) -> str:
+    """Copy a picture into `docs`; returns its link from the card."""
+    with replacing(docs / picture.name) as path:
+        shutil.copyfile(picture, path)
+    return Path(os.path.relpath(docs / picture.name, card.parent)).as_posix()
+
+
+def _of_model(path: Path) -> dict[str, object]:
+    loaded = Model.load(path)
+    spec = loaded.spec
+    metadata = loaded.session.get_modelmeta().custom_metadata_map
+    return {
+        "name": spec.name,
+        "version": spec.version,
+        "grid": spec.sun_grid.rpartition(":")[2],
+        "width": spec.width,
+        "height": spec.height,
+        "training_data": spec.training_data,
+        "file": path.name,
+        "size": path.stat().st_size / 1e6,
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        **{key: metadata.get(key, "unknown") for key in ("commit", "networks", "parity", "temperature")},
+    }
+
+
+def _of_data(train: Sequence[Panorama], val: Sequence[Panorama]) -> dict[str, object]:
+    return {
+        "train": len(train),
+        "train_places": len({p.place for p in train}),
+        "permissive": sum(is_permissive(p.licence) for p in train),
+        "val": len(val),
+        "val_places": len({p.place for p in val}),
+    }

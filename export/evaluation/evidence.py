@@ -1,0 +1,157 @@
+"""How far simulated metadata improves the network's answers: every subset of the evidence, and false records."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.evaluation.metrics import (
+    Truth,
+    azimuth_error,
+    difference_interval,
+    elevation_error,
+    median,
+    select,
+    share,
+    sun_error,
+)
+from export.evaluation.metrics import answers as answers_of
+from export.evaluation.report import figures_table, interval
+from export.evaluation.simulated_metadata import GROSS, Taken, only
+from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
+from lighting.evidence.fusion import Fused, fuse
+from lighting.evidence.metadata import Given, known
+from lighting.geometry import angles, direction, wrap_azimuth
+from lighting.photo.exif import PhotoFacts
+from lighting.records import Prediction
+
+PARTS = ("time+place", "heading", "focal length")
+SUBSETS: tuple[tuple[str, ...], ...] = (
+    (),
+    *(tuple(part for bit, part in enumerate(PARTS) if number >> bit & 1) for number in range(1, 8)),
+    ("local time+place",),
+    ("local time+place", "heading"),
+)
+
+SIMULATION = fill(
+    "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
+    f"a median error of 17° and {100 * GROSS:.0f} % that point anywhere; the lens as it is. A heading without time and "
+    "place says nothing of the sun. Without its zone, a time means any zone that the longitude allows.",
+    120,
+)
+WARNED = fill(
+    "Share of photos [%] that warn of a contradiction, when the record is true (compass noise, no gross error) and "
+    "when it is false. They warn of a sun whose elevation the pixels give a tail probability under "
+    f"{ELEVATION_TAIL:.1%}, of a heading under {HEADING_TAIL:.1%}, and of a focal length that differs by a factor over "
+    f"{LENS_RATIO:g}.",
+    120,
+)
+WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
+
+Floats = NDArray[np.floating[Any]]
+
+
+def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> str:
+    """The tables of one protocol; scored crops alone."""
+    chosen = np.flatnonzero(truth.scored).tolist()
+    scored = select(truth, truth.scored)
+    predictions, records = [said[i] for i in chosen], [taken[i] for i in chosen]
+    fused = {parts: [_fuse(p, t, parts) for p, t in zip(predictions, records, strict=True)] for parts in SUBSETS}
+    rows = {_name(parts): figures(scored, answers, records) for parts, answers in fused.items()}
+    return "\n\n".join(
+        [
+            f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
+            SIMULATION,
+            figures_table(rows),
+            _azimuth_sentence(scored, fused[()], fused[("time+place",)]),
+            WARNED,
+            figures_table(warning_shares(scored, predictions, records)),
+        ]
+    )
+
+
+def _fuse(prediction: Prediction, taken: Taken, parts: tuple[str, ...]) -> Fused:
+    return fuse(prediction, known(only(taken.facts, parts), Given()).evidence)
+
+
+def _name(parts: tuple[str, ...]) -> str:
+    return " + ".join(("pixels", *parts)).replace("local time+place", "time without zone+place")
+
+
+def figures(truth: Truth, fused: Sequence[Fused], taken: Sequence[Taken]) -> dict[str, float]:
+    """Median errors, and how often the truth lies inside the regions."""
+    said = answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
+    error = sun_error(truth, said)
+    fov = np.array([f.prediction.vertical_fov for f in fused])
+    return {
+        "sun": median(error),
+        "azimuth": median(np.abs(azimuth_error(truth, said))),
+        "elevation": median(np.abs(elevation_error(truth, said))),
+        "in 50 % region": share(error <= [f.sun.radius_50 for f in fused]),
+        "in 90 % region": share(error <= [f.sun.radius_90 for f in fused]),
+        "radius 90": median(np.array([f.sun.radius_90 for f in fused])),
+        "fov": median(np.abs(fov - truth.camera[:, 2])),
+        **_heading_figures(fused, np.array([t.heading for t in taken])),
+    }
+
+
+def _heading_figures(fused: Sequence[Fused], heading: Floats) -> dict[str, float]:
+    said = [(f.camera_heading.best, f.camera_heading.radius_90) for f in fused if f.camera_heading is not None]
+    if len(said) < len(fused):
+        return {"heading": float("nan"), "heading in 90 %": float("nan")}
+    best, radius = np.array(said).T
+    error = np.abs(wrap_azimuth(best - heading))
+    return {"heading": median(error), "heading in 90 %": share(error <= radius)}
+
+
+def _azimuth_sentence(truth: Truth, pixels: Sequence[Fused], timed: Sequence[Fused]) -> str:
+    errors = [
+        np.abs(azimuth_error(truth, answers_of(direction([f.sun.azimuth for f in fused], 0.0))))
+        for fused in (timed, pixels)
+    ]
+    ends = difference_interval(errors[0], errors[1], truth.panorama)
+    return f"Median azimuth error with time and place less that of the pixels alone: 95 % interval {interval(ends)}."
+
+
+def warning_shares(truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> dict[str, dict[str, float]]:
+    """How often the pixels contradict each part of the evidence, true and false."""
+    rng = np.random.default_rng(0)
+    true = [t.facts for t in taken]
+    others = [true[i] for i in _others(angles(truth.sun)[1], rng)]
+    turned = [replace(t.facts, heading=(t.heading + rng.uniform(90, 270)) % 360.0) for t in taken]
+    cropped = [replace(f, vertical_fov=_half(f.vertical_fov or 0.0)) for f in true]
+    sound = [(p, t.facts) for p, t in zip(said, taken, strict=True) if not t.gross]
+    return {
+        f"sun off by {WRONG_SUN:g}° or more": _shares(said, true, others, ("time+place",)),
+        "heading off by 90 to 270°": {
+            "true": _share([p for p, _ in sound], [f for _, f in sound], ("time+place", "heading"), "heading"),
+            "false": _share(said, turned, ("time+place", "heading"), "heading"),
+        },
+        "picture cropped to half": _shares(said, true, cropped, ("focal length",)),
+    }
+
+
+def _others(elevation: Floats, rng: np.random.Generator) -> list[int]:
+    """For each crop one of another sun."""
+    wrong = np.abs(elevation[:, None] - elevation) >= WRONG_SUN
+    return [int(rng.choice(np.flatnonzero(row))) if row.any() else i for i, row in enumerate(wrong)]
+
+
+def _half(vertical_fov: float) -> float:
+    return float(2 * np.degrees(np.arctan(np.tan(np.radians(vertical_fov) / 2) / 2)))
+
+
+def _shares(
+    said: Sequence[Prediction], true: Sequence[PhotoFacts], false: Sequence[PhotoFacts], parts: tuple[str, ...]
+) -> dict[str, float]:
+    return {"true": _share(said, true, parts), "false": _share(said, false, parts)}
+
+
+def _share(said: Sequence[Prediction], facts: Sequence[PhotoFacts], parts: tuple[str, ...], word: str = "") -> float:
+    """Percentage of photos with a warning that holds a word."""
+    evidence = [known(only(f, parts), Given()).evidence for f in facts]
+    warned = [any(word in w for w in fuse(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
+    return share(np.array(warned))

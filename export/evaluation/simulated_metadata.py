@@ -1,0 +1,108 @@
+"""Metadata that a crop's photo might have had: a place and time with the panorama's sun, and a compass as phones have.
+
+Like the crops, all of it is decided by the panorama's name and the crop's index.
+"""
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.crops.crops import generator
+from export.evaluation.metrics import Truth
+from lighting.evidence.ephemeris import sun_position
+from lighting.evidence.metadata import zones
+from lighting.geometry import angles
+from lighting.photo.exif import PhotoFacts
+
+LATITUDES = (-55.0, 65.0)  # deg, where people live
+FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
+STEP = 300  # s, between the moments of a day that are tried first
+COMPASS_NOISE = 25.2  # deg, standard deviation: a median error of 17
+GROSS = 0.05  # share of headings that point anywhere
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """When and where the sun stood at an elevation."""
+
+    time: datetime  # aware, in UTC
+    latitude: float
+    longitude: float
+    compass: float  # deg clockwise from true north, of the sun
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A photo's metadata, all of it, and where its camera really pointed."""
+
+    facts: PhotoFacts
+    heading: float  # deg clockwise from true north
+    gross: bool  # whether the compass pointed anywhere
+
+
+def sighting(elevation: float, rng: np.random.Generator) -> Sighting:
+    """A place and time, drawn until the sun comes past an elevation [deg] there that day."""
+    while True:
+        latitude, longitude = rng.uniform(*LATITUDES), rng.uniform(-180, 180)
+        day = FIRST_DAY + np.timedelta64(int(rng.integers(DAYS)), "D")
+        passing = _passings(elevation, day + np.arange(0, 86400, STEP), latitude, longitude)
+        if len(passing):
+            seconds = rng.choice(passing) + np.arange(STEP)
+            azimuth, height = sun_position(seconds, latitude, longitude)
+            best = int(np.argmin(np.abs(height - elevation)))
+            return Sighting(seconds[best].item().replace(tzinfo=UTC), latitude, longitude, float(azimuth[best]))
+
+
+def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, longitude: float) -> NDArray[Any]:
+    """The times (N,) after which the sun comes past the elevation before the next."""
+    above = sun_position(times, latitude, longitude)[1] > elevation
+    return times[np.flatnonzero(above[1:] != above[:-1])]
+
+
+def take_metadata(truth: Truth, crops_each: int) -> list[Taken]:
+    """The metadata of each scored crop and, in between, of the others: those have no sun and an empty record."""
+    seen = {name: _sighting_of(truth, i) for i, name in enumerate(truth.panorama) if truth.scored[i]}
+    return [
+        _taken(truth, i, seen[name], i % crops_each) if truth.scored[i] else Taken(PhotoFacts(), float("nan"), False)
+        for i, name in enumerate(truth.panorama)
+    ]
+
+
+def _sighting_of(truth: Truth, i: int) -> Sighting:
+    return sighting(float(angles(truth.sun[i])[1]), generator(truth.panorama[i], 0, "sighting"))
+
+
+def _taken(truth: Truth, i: int, seen: Sighting, index: int) -> Taken:
+    rng = generator(truth.panorama[i], index, "compass")
+    heading = (seen.compass - float(angles(truth.sun[i])[0])) % 360.0
+    gross = bool(rng.random() < GROSS)
+    error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_NOISE)
+    zone = rng.choice(zones(seen.longitude))
+    facts = PhotoFacts(
+        local_time=(seen.time + timedelta(hours=float(zone))).replace(tzinfo=None),
+        utc_offset=float(zone),
+        utc_time=seen.time,
+        latitude=seen.latitude,
+        longitude=seen.longitude,
+        heading=(heading + error) % 360.0,
+        heading_reference="true",
+        vertical_fov=float(truth.camera[i, 2]),
+    )
+    return Taken(facts, heading, gross)
+
+
+def only(facts: PhotoFacts, parts: tuple[str, ...]) -> PhotoFacts:
+    """The facts without what is not among `parts`: "time+place" or "local time+place", "heading", "focal length"."""
+    kept = facts
+    if "time+place" not in parts:
+        kept = replace(kept, utc_time=None, utc_offset=None)
+    if "time+place" not in parts and "local time+place" not in parts:
+        kept = replace(kept, local_time=None, latitude=None, longitude=None)
+    if "heading" not in parts:
+        kept = replace(kept, heading=None, heading_reference=None)
+    return kept if "focal length" in parts else replace(kept, vertical_fov=None)

@@ -1,0 +1,132 @@
+"""The averaged weights of one run or several as one ONNX file that describes itself, compared with torch by number.
+
+Several networks answer together: the file holds them all and averages their probabilities and values.
+"""
+
+import json
+import logging
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from export.data.panoramas import DataError
+from export.networks.graph import forget_origin, share, store_small
+from export.networks.network import Served, build, load_weights
+from export.networks.runs import describe_data, history, read_record, read_spec
+from export.training.train import averaged_weights
+from lighting.errors import ModelError
+from lighting.files.atomic import replacing
+from lighting.model import OUTPUTS, Model
+from lighting.records import ModelSpec
+
+OPSET = 18
+TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
+ROUNDED = 3e-2  # the same with weights stored small, which move the camera and with it where a seen sun stands
+
+
+def differ(folders: Sequence[Path]) -> bool:
+    """Whether the networks of training folders expect different photos or give different answers."""
+    return len({replace(read_spec(folder), version="") for folder in folders}) > 1
+
+
+def read_network(folder: Path) -> nn.Module:
+    """The averaged network of a training folder, ready to answer."""
+    weights = averaged_weights(folder)
+    network = build(read_spec(folder), sees=any(name.startswith("seen.") for name in weights))
+    load_weights(network, weights)
+    return network.eval()
+
+
+def export(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, version: str | None = None) -> float:
+    """Write `target` from training folders; returns the difference to torch (see `parity`).
+
+    The suns' logits are divided by the temperature (Guo et al., ICML 2017). The version is the first run's unless
+    another is given. DataError if the runs' networks expect different photos, ModelError if the file
+    answers otherwise than torch: by more than TOLERANCE, or than ROUNDED once its weights are stored small.
+    """
+    records, networks = [read_record(f) for f in folders], [read_network(f) for f in folders]
+    if differ(folders):
+        raise DataError("The runs' networks do not expect the same photos, so they cannot answer together.")
+    spec = read_spec(folders[0])
+    served = Served(networks, spec.sun_grid, temperature).eval()
+    spec = replace(spec, training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
+    spec = replace(spec, version=version or spec.version)
+    commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
+    known = {"commit": commits, "temperature": f"{temperature:.3f}", "networks": str(len(folders))}
+    known["training"] = json.dumps([history(r) for r in records])
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(target) as path:
+        model = trace(served, spec)
+        save(model, {"spec": spec.to_json(), **_plain(spec), **known}, path)
+        _check(parity(served, path), TOLERANCE)
+        forget_origin(model)
+        share(model)
+        store_small(model)
+        save(model, {}, path)
+        difference = _check(parity(served, path), ROUNDED)
+        save(model, {"parity": f"{difference:.2e}"}, path)
+    return difference
+
+
+def _check(difference: float, allowed: float) -> float:
+    if not difference <= allowed:  # nor is NaN agreement
+        raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {allowed:.0e}.")
+    return difference
+
+
+def trace(served: Served, spec: ModelSpec) -> Any:
+    """The network as an ONNX model whose batch may have any size."""
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it reports that torchvision's operators are missing
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # of the exporter's own use of torch
+        program = torch.onnx.export(
+            served,
+            (torch.zeros(2, 3, spec.height, spec.width),),
+            input_names=["photo"],
+            output_names=list(OUTPUTS),
+            dynamic_shapes={"photo": {0: torch.export.Dim("batch", min=1)}},
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None
+    return program.model_proto
+
+
+def save(model: Any, metadata: dict[str, str], path: Path) -> None:
+    """Add metadata to the model (`spec` is for programs, the others for people) and write it as one checked file."""
+    import onnx
+
+    for key, value in metadata.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, value
+    onnx.checker.check_model(model)
+    onnx.save_model(model, str(path), save_as_external_data=False)
+
+
+def _plain(spec: ModelSpec) -> dict[str, str]:
+    return {
+        "name": spec.name,
+        "version": spec.version,
+        "license": spec.licence,
+        "sun_grid": spec.sun_grid,
+        "training_data": spec.training_data,
+        "preprocessing": "sRGB / 255, resized to fit, less mean, over std, centred on a canvas of zeros",
+    }
+
+
+def parity(served: Served, path: Path) -> float:
+    """Largest difference between torch and onnxruntime on fixed inputs, relative to each output's largest value."""
+    model = Model.load(path)
+    rng = np.random.default_rng(0)
+    batch = rng.normal(0, 1, (5, 3, model.spec.height, model.spec.width)).astype(np.float32)
+    with torch.inference_mode():
+        expected = [output.numpy() for output in served(torch.from_numpy(batch))]
+    found = model.session.run(OUTPUTS, {"photo": batch})
+    return float(np.max([np.abs(a - b).max() / np.abs(a).max() for a, b in zip(expected, found, strict=True)]))

@@ -1,0 +1,108 @@
+"""The results of a batch as they come: one line of JSON a photo, appended, so that a killed batch can go on."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from lighting.errors import BatchError
+from lighting.files.atomic import replacing
+
+
+class Journal:
+    """The names of the photos that are done, in a file of lines opened for reading and appending."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        """Cuts off what follows the last whole line, which a kill leaves; those photos count as not done."""
+        self.done: set[str] = set()
+        self.failed = 0
+        self._file = file
+        whole = 0
+        for record, line in _whole_lines(file):
+            self._count(record["file"], "error" in record)
+            whole += len(line)
+        file.truncate(whole)
+
+    def append(self, name: str, line: str, *, failed: bool) -> None:
+        """Add the line of a photo; it is with the system when this returns, so that a kill does not lose it."""
+        self._file.write(line.encode() + b"\n")
+        self._file.flush()
+        self._count(name, failed)
+
+    def clear(self) -> None:
+        """Forget everything, in the file too."""
+        self._file.truncate(0)
+        self.done.clear()
+        self.failed = 0
+
+    def _count(self, name: str, failed: bool) -> None:
+        self.done.add(name)
+        self.failed += failed
+
+
+@contextmanager
+def open_journal(path: Path) -> Iterator[Journal]:
+    """The journal in a file, which is made if there is none; BatchError while another process has it open.
+
+    Photos that failed before are forgotten, so that they are tried again.
+    """
+    with path.open("a+b") as file:
+        _lock(file, path)
+        file.seek(0)
+        journal = Journal(file)
+        if not journal.failed:
+            yield journal
+            return
+        with _without_failures(file, path) as rest:
+            yield Journal(rest)
+
+
+@contextmanager
+def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
+    """The file's lines of light in a new file that has taken its place, locked before it does."""
+    file.seek(0)
+    with ExitStack() as stack:
+        with replacing(path) as temporary:
+            rest = stack.enter_context(temporary.open("a+b"))
+            _lock(rest, path)
+            rest.writelines(line for record, line in _whole_lines(file) if "error" not in record)
+            rest.flush()
+        rest.seek(0)
+        yield rest
+
+
+def _whole_lines(file: BinaryIO) -> Iterator[tuple[dict[str, Any], bytes]]:
+    """The records of a file with their lines, up to the first that is not whole."""
+    for line in file:
+        if (record := _record(line)) is None:
+            return
+        yield record, line
+
+
+def read_records(path: Path) -> Iterator[dict[str, Any]]:
+    """The records of a journal, in the order in which the photos were finished."""
+    with path.open("rb") as file:
+        yield from map(json.loads, file)
+
+
+def _record(line: bytes) -> dict[str, Any] | None:
+    """The record in a whole line."""
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    named = isinstance(record, dict) and isinstance(record.get("file"), str)
+    return record if named and line.endswith(b"\n") else None
+
+
+def _lock(file: BinaryIO, path: Path) -> None:
+    if sys.platform == "win32":
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise BatchError(f"Another batch is at work in {path.parent}.") from error

@@ -1,0 +1,167 @@
+"""The same batch on a Ray cluster (extra `ray`): Ray reads the photos, holds one estimator an actor, writes Parquet.
+
+The folder of results holds `batch.json`; `lighting.parquet`, a folder of part files, of which each appears with a block
+of photos; and with maps `NAME.exr`. Folders are local paths that every node sees, or URIs that pyarrow knows (s3://,
+gs://). Ray restarts lost workers and repeats what they were at; a repeated block replaces its own part file.
+"""
+
+import json
+import posixpath
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
+
+from lighting.batch.job import SETTINGS, SUFFIXES, Job, find_photos, light_of, load_estimator, refuse_other, settings
+from lighting.batch.table import FILE, row, schema
+from lighting.errors import BatchError
+
+_ACTOR_CPUS = 0.9  # of the one that an actor uses, so that the tasks which read and write find a place beside it
+_TASK_CPUS = 0.05
+
+
+def find_photos_at(source: str) -> tuple[str, list[str]]:
+    """As batch.find_photos, and for the URI of a folder, which can hold no wildcard."""
+    if "://" not in source:
+        return find_photos(source)
+    from pyarrow.fs import FileSelector
+
+    filesystem, base = _place(source)
+    found = (file.path for file in filesystem.get_file_info(FileSelector(base, recursive=True)) if file.is_file)
+    names = sorted(posixpath.relpath(path, base) for path in found if path.lower().endswith(SUFFIXES))
+    if not names:
+        raise BatchError(f"{source} holds no photos.")
+    return source, names
+
+
+def run_ray(
+    job: Job, names: Sequence[str], *, address: str | None, workers: int | None, overwrite: bool, progress: bool
+) -> int:
+    """Work through the photos that the results lack, on the cluster at `address` or one on this machine.
+
+    `workers` is how many actors, by default one a CPU. Returns how many photos of the results have an error in place of
+    a lighting. Raises BatchError where Ray is not installed or the folder holds something else.
+    """
+    filesystem, out = _place(job.out)
+    _open_results(filesystem, out, job, overwrite)
+    done = _finished(filesystem, f"{out}/{FILE}")
+    missing = [name for name in names if name not in done]
+    if missing:
+        with _cluster(address):
+            _map_photos(job, missing, workers, progress)
+    return sum(_finished(filesystem, f"{out}/{FILE}").values())
+
+
+class PhotoActor:
+    """One estimator, from the bytes of photos to rows of the table."""
+
+    def __init__(self, job: Job) -> None:
+        from lighting.evidence.metadata import Given
+
+        self.job = job
+        self.estimator, self.given = load_estimator(job.model), Given(**job.given)
+        self.base = _place(job.source)[1]
+
+    def __call__(self, photo: dict[str, Any]) -> dict[str, Any]:
+        name = posixpath.relpath(photo["path"], self.base)
+        light = light_of(self.estimator, photo["bytes"], self.given)
+        if self.job.maps and not isinstance(light, str):
+            _write_map(self.job, name, light)
+        return row(name, light)
+
+
+def _map_photos(job: Job, names: Sequence[str], workers: int | None, progress: bool) -> None:
+    import ray
+
+    filesystem, base = _place(job.source)
+    actors = min(workers or int(ray.cluster_resources()["CPU"]), len(names))
+    context = ray.data.DataContext.get_current()
+    context.enable_progress_bars = progress
+    photos = ray.data.read_binary_files(
+        [f"{base}/{name}" for name in names], filesystem=filesystem, include_paths=True, num_cpus=_TASK_CPUS
+    )
+    rows = photos.map(
+        PhotoActor,
+        fn_constructor_args=(job,),
+        num_cpus=_ACTOR_CPUS,
+        compute=ray.data.ActorPoolStrategy(min_size=1, max_size=actors, initial_size=actors),
+    )
+    target, folder = _place(job.out)
+    rows.write_parquet(f"{folder}/{FILE}", filesystem=target, schema=schema(), ray_remote_args={"num_cpus": _TASK_CPUS})
+
+
+@contextmanager
+def _cluster(address: str | None) -> Iterator[None]:
+    """A connection to Ray, for as long as it is needed if this makes it."""
+    try:
+        import ray
+    except ImportError as error:
+        raise BatchError("The engine ray needs Ray: pip install 'outdoor-lighting[ray]'.") from error
+    if ray.is_initialized():
+        yield
+        return
+    try:
+        ray.init(address=address, logging_level="warning")
+    except (ConnectionError, ValueError) as error:
+        raise BatchError(f"There is no Ray cluster at {address}: {error}.") from error
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _place(path: str) -> tuple[Any, str]:
+    """The filesystem of a local path or a URI, and the path in it."""
+    from os.path import realpath
+
+    from pyarrow.fs import FileSystem, LocalFileSystem
+
+    return FileSystem.from_uri(path) if "://" in path else (LocalFileSystem(), realpath(path))
+
+
+def _open_results(filesystem: Any, out: str, job: Job, overwrite: bool) -> None:
+    """Check that the folder is for this job, and write down what is asked for."""
+    from pyarrow.fs import FileType
+
+    asked = settings(job)
+    file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, FILE))
+    found = filesystem.open_input_file(file.path).read() if file.is_file else None
+    if not overwrite:
+        refuse_other(found, asked, parts.type is not FileType.NotFound, job.out)
+    elif parts.type is FileType.Directory:
+        filesystem.delete_dir(parts.path)
+    elif parts.is_file:
+        filesystem.delete_file(parts.path)
+    filesystem.create_dir(f"{out}/{FILE}", recursive=True)
+    with filesystem.open_output_stream(file.path) as stream:
+        stream.write(json.dumps(asked, indent=2).encode() + b"\n")
+
+
+def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
+    """The photos in whole part files, and whether they failed; what a killed driver left half written is removed."""
+    from pyarrow import ArrowInvalid
+    from pyarrow.fs import FileSelector
+    from pyarrow.parquet import read_table
+
+    done: dict[str, bool] = {}
+    for file in filesystem.get_file_info(FileSelector(parts)):
+        try:
+            table = read_table(file.path, columns=["file", "error"], filesystem=filesystem)
+        except ArrowInvalid:
+            filesystem.delete_file(file.path)
+            continue
+        failed = (error is not None for error in table["error"].to_pylist())
+        done.update(zip(table["file"].to_pylist(), failed, strict=True))
+    return done
+
+
+def _write_map(job: Job, name: str, light: Any) -> None:
+    from lighting.envmap import view
+    from lighting.files.exr import write_exr
+
+    assert job.maps
+    filesystem, out = _place(job.out)
+    target = f"{out}/{name}.exr"
+    filesystem.create_dir(posixpath.dirname(target), recursive=True)
+    with filesystem.open_output_stream(target) as stream:
+        write_exr(stream, *view(light, **asdict(job.maps)))

@@ -1,0 +1,83 @@
+"""Whether pixels and metadata contradict each other beyond chance.
+
+Each test is a tail probability of what the metadata says under the network's own distribution. The network is not
+perfectly calibrated, so the thresholds are those that one true record in a hundred passes on unseen panoramas:
+`python -m export evaluate --with-metadata` prints how often each fires on true and on false records.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.circular import HEADINGS, blur
+from lighting.geometry import angles
+from lighting.records import Prediction
+from lighting.sun_grid import grid_directions
+
+ELEVATION_TAIL = 0.007
+HEADING_TAIL = 0.008
+LENS_RATIO = 1.9  # of focal lengths
+
+_CELL_SPREAD = 2.2  # deg, scale of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
+
+Floats = NDArray[np.floating[Any]]
+
+
+def contradictions(
+    prediction: Prediction,
+    candidates: Floats,
+    density: Floats,
+    compass: tuple[float, float] | None,
+    vertical_fov: float | None,
+) -> Iterator[str]:
+    """One sentence for each part of the evidence that the pixels all but exclude.
+
+    Candidates are (K, 2) suns with the pixels' density (K, 360) for each heading, perhaps none; `compass` is a heading
+    and its spread [deg].
+    """
+    if len(candidates) and elevation_tail(prediction, candidates[:, 0]) < ELEVATION_TAIL:
+        yield (
+            f"The pixels all but exclude the sun's elevation at this time and place, {_range(candidates[:, 0])}: "
+            "check the clock, the zone and the place."
+        )
+    if len(candidates) and compass is not None and heading_tail(density, *compass) < HEADING_TAIL:
+        yield f"The pixels all but exclude the compass heading of {compass[0]:.0f}°."
+    if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
+        yield (
+            f"The focal length gives a vertical field of view of {vertical_fov:.0f}°, the pixels "
+            f"{prediction.vertical_fov:.0f}°: the photo may be cropped."
+        )
+
+
+def elevation_tail(prediction: Prediction, elevation: Floats) -> float:
+    """Chance (0 to 1) that the pixels give to suns as far out as the likeliest of elevations (K,) [deg]."""
+    cells = angles(grid_directions(prediction.spec.sun_grid))[1]
+    below = _logistic(elevation[:, None] - cells) - _logistic(-elevation[:, None] - cells)  # cells end at the horizon
+    lower = below @ np.asarray(prediction.sun_probability, dtype=np.float64)
+    return float(np.max(2.0 * np.minimum(lower, 1.0 - lower)))
+
+
+def _logistic(angle: Floats) -> Floats:
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(angle / _CELL_SPREAD, -50.0, 50.0))))
+
+
+def heading_tail(density: Floats, heading: float, spread: float) -> float:
+    """Chance (0 to 1) of a compass heading no likelier than this, from the pixels' density (K, 360) over HEADINGS."""
+    total = density.sum(axis=0)
+    expected = blur(total / total.sum(), spread)
+    here = np.interp(heading % 360.0, [*HEADINGS, 360.0], [*expected, expected[0]])
+    return float(expected[expected <= here].sum())
+
+
+def lens_ratio(a: float, b: float) -> float:
+    """Ratio (1 or more) of the focal lengths of two vertical fields of view [deg]."""
+    ratio = math.tan(math.radians(a) / 2) / math.tan(math.radians(b) / 2)
+    return max(ratio, 1.0 / ratio)
+
+
+def _range(elevation: Floats) -> str:
+    low, high = elevation.min(), elevation.max()
+    return f"{low:.0f}°" if high - low < 1.0 else f"{low:.0f} to {high:.0f}°"

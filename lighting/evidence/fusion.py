@@ -1,0 +1,124 @@
+"""What the pixels say times what the metadata knows: one distribution of the sun, and the sun as a compass.
+
+With time and place the ephemeris gives the sun's elevation and compass azimuth, and only the camera's heading is open.
+The network's distribution is read along the ring of that elevation, once for each whole degree of heading, and
+multiplied with the prior of the compass. Where the zone of the time is unknown there is one ring a candidate.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.circular import HEADINGS, Heading, heading, sun_on_rings, von_mises
+from lighting.errors import ParameterError
+from lighting.evidence.contradiction import contradictions
+from lighting.geometry import direction
+from lighting.records import Prediction, Sun, sun_of
+from lighting.sun_grid import grid_directions, over_cells, smooth_density
+
+COMPASS_SPREAD = 25.0  # deg, standard deviation that goes with the median error of 17 deg measured on phones
+GROSS_ERRORS = 0.1  # share of headings that say nothing: the prior's uniform floor
+USED = ("pixels", "time+place", "heading", "focal length", "other photos")
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known about one photo beside its pixels."""
+
+    candidates: tuple[tuple[float, float], ...] = ()  # equally likely (sun elevation, sun compass azimuth) [deg]
+    heading: float | None = None  # deg clockwise from true north, where the camera points
+    heading_spread: float = COMPASS_SPREAD  # deg, one standard deviation of that
+    vertical_fov: float | None = None  # deg, of the upright photo
+
+
+@dataclass(frozen=True, eq=False)
+class Fused:
+    """The light of one photo as far as pixels and metadata know it; `lighting_from(fused.prediction, fused.sun)`."""
+
+    prediction: Prediction  # with the field of view, turbidity and exposure that are best known
+    sun: Sun
+    directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
+    probability: Floats  # (M,) of each, sums to 1
+    used: tuple[str, ...]  # of USED
+    warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
+    camera_heading: Heading | None = None  # from true north, where time and place are known
+    relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
+
+    def on_cells(self) -> Prediction:
+        """The prediction, its probability over the network's cells with all that is known counted."""
+        probability = over_cells(self.probability, self.directions, self.prediction.spec.sun_grid)
+        return replace(self.prediction, sun_probability=probability.astype(np.float32))
+
+
+def fuse(prediction: Prediction, evidence: Evidence) -> Fused:
+    """The network's answer times the evidence; ParameterError where the sun is below the horizon."""
+    candidates = daylight(evidence)
+    density = ring_density(prediction, candidates)
+    if len(candidates):
+        fused = on_rings(prediction, evidence, density * compass_prior(evidence))
+    else:
+        fused = on_grid(prediction, evidence, prediction.sun_probability)
+    compass = None if evidence.heading is None else (evidence.heading, evidence.heading_spread)
+    against = contradictions(prediction, candidates, density, compass, evidence.vertical_fov)
+    return replace(fused, warnings=tuple(against))
+
+
+def daylight(evidence: Evidence) -> Floats:
+    """The candidates (K, 2) with the sun up, none if there were none; ParameterError if all have it down."""
+    candidates = np.array(evidence.candidates, dtype=np.float64).reshape(-1, 2)
+    up = candidates[candidates[:, 0] >= 0.0]
+    if len(candidates) and not len(up):
+        raise ParameterError(f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon.")
+    return up
+
+
+def ring_directions(candidates: Floats) -> Floats:
+    """Unit vectors (K, 360, 3) towards each candidate's sun (K, 2) as cameras at each of HEADINGS see it."""
+    return direction(candidates[:, 1:] - HEADINGS, candidates[:, :1])
+
+
+def ring_density(prediction: Prediction, candidates: Floats) -> Floats:
+    """Density [1/sr] (K, 360) that the pixels give each candidate's sun (K, 2) for each of HEADINGS."""
+    if not len(candidates):
+        return np.empty((0, len(HEADINGS)))
+    return smooth_density(prediction.sun_probability, ring_directions(candidates), prediction.spec.sun_grid)
+
+
+def compass_prior(evidence: Evidence) -> Floats:
+    """Probability (360,) of each of HEADINGS before a pixel is seen: von Mises around the compass, on a floor."""
+    if evidence.heading is None:
+        return np.full(360, 1 / 360)
+    bell = von_mises(HEADINGS - evidence.heading, evidence.heading_spread)
+    return np.asarray((1 - GROSS_ERRORS) * bell / bell.sum() + GROSS_ERRORS / 360)
+
+
+def on_grid(prediction: Prediction, evidence: Evidence, probability: Floats) -> Fused:
+    """The answer of probabilities (N,) over the network's own cells."""
+    cells = grid_directions(prediction.spec.sun_grid)
+    known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
+    sun = sun_of(replace(prediction, sun_probability=probability))
+    return Fused(known, sun, cells, probability, used(evidence))
+
+
+def on_rings(prediction: Prediction, evidence: Evidence, weight: Floats) -> Fused:
+    """The answer of weights (K, 360) for each candidate with the sun up and each of HEADINGS."""
+    p = weight / weight.sum()
+    known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
+    directions = ring_directions(daylight(evidence)).reshape(-1, 3)
+    sun = sun_on_rings(directions, p.ravel())
+    return Fused(known, sun, directions, p.ravel(), used(evidence), camera_heading=heading(p.sum(axis=0)))
+
+
+def used(evidence: Evidence) -> tuple[str, ...]:
+    """What counts for the answer; a heading says nothing of the sun without time and place."""
+    parts = {
+        "pixels": True,
+        "time+place": bool(evidence.candidates),
+        "heading": bool(evidence.candidates) and evidence.heading is not None,
+        "focal length": evidence.vertical_fov is not None,
+    }
+    return tuple(name for name, there in parts.items() if there)

@@ -1,0 +1,171 @@
+"""Environment maps as OpenEXR: 32-bit float R, G, B with the lighting that made them in the header.
+
+Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is known, with
+the names and units of parameters.py; `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the whole record.
+"""
+
+import io
+import json
+import os
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting import __version__
+from lighting.errors import EnvironmentMapError, ParameterError
+from lighting.files.atomic import replacing
+from lighting.records import OPTIONAL_RANGES, RANGES, Lighting
+
+Image = NDArray[np.float32]
+Target = str | os.PathLike[str] | BinaryIO
+
+SOFTWARE = f"outdoor-lighting {__version__}"
+CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # Rec.709 red, green, blue and D65, as x and y
+
+MAGIC = b"v/1\x01"
+_NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
+
+
+def write_exr(target: Target, image: NDArray[np.floating[Any]], lighting: Lighting | None = None) -> None:
+    """Write a map (H, 2H, 3) to a path or a binary stream, as 32-bit float with ZIP compression.
+
+    A path appears only when the file is whole. Raises EnvironmentMapError for an array of another shape and for a
+    path that cannot be written; what a stream raises is passed on.
+    """
+    import OpenEXR
+
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "envmap": OpenEXR.ENVMAP_LATLONG,
+        "chromaticities": CHROMATICITIES,
+        "software": SOFTWARE,
+        **_attributes(lighting),
+    }
+    file = OpenEXR.File(header, {"RGB": checked_map(image)})
+    if isinstance(target, str | os.PathLike):
+        with opened(target) as stream:
+            file.write(stream)
+    else:  # the library seeks back, which pipes and files opened for appending cannot do
+        buffer = io.BytesIO()
+        file.write(buffer)
+        target.write(buffer.getbuffer())
+
+
+def read_exr(source: Target) -> tuple[Image, Lighting | None]:
+    """The pixels (H, W, 3) of an EXR file, half or float, and the lighting in its header if there is one.
+
+    `source` is a path or a binary stream. Raises EnvironmentMapError for what is not a whole EXR file with R, G and B.
+    """
+    data = _read(source)
+    if not _is_whole(data):
+        raise EnvironmentMapError("The EXR file is cut short or damaged.")
+    header, channels = _decode(data)
+    missing = [name for name in "RGB" if name not in channels]
+    if missing:
+        raise EnvironmentMapError(f"The EXR file has no channel {', '.join(missing)}; it needs R, G and B.")
+    planes = [np.asarray(channels[name].pixels, dtype=np.float32) for name in "RGB"]
+    if len({plane.shape for plane in planes}) > 1:
+        raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")
+    return np.stack(planes, axis=-1), _lighting_of(header)
+
+
+def checked_map(image: NDArray[np.floating[Any]]) -> Image:
+    """The map as contiguous float32; EnvironmentMapError unless it has the shape (H, 2H, 3)."""
+    if image.ndim != 3 or image.shape[2] != 3 or image.shape[1] != 2 * image.shape[0] or image.size == 0:
+        raise EnvironmentMapError(f"An environment map has the shape (H, 2H, 3), not {image.shape}.")
+    return np.ascontiguousarray(image, dtype=np.float32)
+
+
+@contextmanager
+def opened(target: Target) -> Iterator[BinaryIO]:
+    """A binary stream to fill: the one given, or a file that takes the path's place when the block ends well.
+
+    Raises EnvironmentMapError where the path cannot be written.
+    """
+    if not isinstance(target, str | os.PathLike):
+        yield target
+        return
+    try:
+        with replacing(target) as temporary, temporary.open("wb") as stream:
+            yield stream
+    except OSError as error:
+        raise EnvironmentMapError(f"{os.fspath(target)} cannot be written: {error.strerror or error}.") from error
+
+
+def _attributes(lighting: Lighting | None) -> dict[str, Any]:
+    if lighting is None:
+        return {}
+    return {
+        **{f"lighting.{name}": float(getattr(lighting, name)) for name in RANGES},
+        **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},
+        "lighting.sun_direction": lighting.sun_direction.astype(np.float32),
+        "lighting.evidence": ", ".join(lighting.evidence),
+        "lighting.json": json.dumps(lighting.to_dict()),
+    }
+
+
+def _lighting_of(header: dict[str, Any]) -> Lighting | None:
+    text = header.get("lighting.json")
+    if text is None:
+        return None
+    try:
+        return Lighting.from_dict(json.loads(text))
+    except (ParameterError, ValueError, TypeError) as error:
+        raise EnvironmentMapError(f"The EXR file's lighting.json cannot be read: {error}") from error
+
+
+def _read(source: Target) -> bytes:
+    if not isinstance(source, str | os.PathLike):
+        return source.read()
+    try:
+        return Path(source).read_bytes()
+    except OSError as error:
+        raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
+
+
+def _decode(data: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    import OpenEXR
+
+    try:
+        file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
+        return file.header(), file.channels()
+    except (RuntimeError, ValueError, TypeError, MemoryError) as error:
+        raise EnvironmentMapError(f"The EXR file cannot be read: {error}.") from error
+
+
+def _is_whole(data: bytes) -> bool:
+    """Whether a plain scanline file holds the last of its chunks; other kinds of EXR are left to the library.
+
+    The library would write about a missing chunk to the terminal, and fill some of them with nothing.
+    """
+    if not data.startswith(MAGIC):
+        raise EnvironmentMapError("The file is not an OpenEXR image.")
+    try:
+        (version,) = struct.unpack_from("<I", data, 4)
+        if version & _NOT_PLAIN:
+            return True
+        table = _end_of_header(data)
+        (first,) = struct.unpack_from("<Q", data, table)
+        offsets = np.frombuffer(data, "<u8", (first - table) // 8, table)
+        _, size = struct.unpack_from("<ii", data, int(offsets.max()))
+        return bool(offsets.min() >= first and offsets.max() + 8 + size <= len(data))
+    except (struct.error, ValueError, OverflowError):
+        return False
+
+
+def _end_of_header(data: bytes) -> int:
+    """Position after the attributes: each is a name, a type, both ended by a zero, a length and so many bytes."""
+    position = 8
+    while data[position : position + 1] != b"\0":
+        position = data.index(b"\0", data.index(b"\0", position) + 1) + 1
+        (length,) = struct.unpack_from("<i", data, position)
+        if length < 0:
+            raise ValueError("negative length")
+        position += 4 + length
+    return position + 1

@@ -1,0 +1,171 @@
+"""What a photo's EXIF block says of when, where, which way and through which lens.
+
+The block is hostile input: whatever cannot be read, or cannot be true, counts as absent.
+"""
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from typing import Any, Literal, TypeVar
+
+from PIL import ExifTags, Image
+
+from lighting.photo.clock import YEARS, in_utc, read_offset
+
+Tags = Mapping[int, Any]
+Fact = TypeVar("Fact")
+
+_FULL_FRAME = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
+_VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; other values are taken for these
+_TIMES = (  # local times, the better one first, with their offsets from UTC
+    (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
+    (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
+)
+_SAME_ASPECT = 0.02  # relative difference up to which a picture counts as uncropped
+
+
+@dataclass(frozen=True)
+class PhotoFacts:
+    """What is known of how a photo was taken; None is unknown. The repr omits the place, so that no log shows it."""
+
+    local_time: datetime | None = None  # naive
+    utc_offset: float | None = None  # h, local minus universal time
+    utc_time: datetime | None = None  # aware
+    latitude: float | None = field(default=None, repr=False)  # deg, positive north
+    longitude: float | None = field(default=None, repr=False)  # deg, positive east; known if latitude is
+    heading: float | None = None  # deg clockwise from `heading_reference`, 0 to 360
+    heading_reference: Literal["true", "magnetic"] | None = None
+    focal_length: float | None = None  # mm, of the 36 x 24 mm camera with the same diagonal field of view
+    vertical_fov: float | None = None  # deg, of the upright photo
+
+
+def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
+    """The facts in an image's EXIF block; `width` and `height` are those of the upright photo. Never raises."""
+    camera, position = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
+    local_time, utc_offset = _clock(camera)
+    place = _fact(_place, position)
+    focal_length = _fact(_focal_length, camera)
+    whole = _fact(lambda tags: _is_whole(tags, width / height), camera)
+    return PhotoFacts(
+        local_time=local_time,
+        utc_offset=utc_offset,
+        utc_time=_fact(_gps_time, position)
+        if local_time is None or utc_offset is None
+        else in_utc(local_time, utc_offset),
+        latitude=None if place is None else place[0],
+        longitude=None if place is None else place[1],
+        heading=_fact(_heading, position),
+        heading_reference=_fact(_heading_reference, position),
+        focal_length=focal_length,
+        vertical_fov=None if focal_length is None or not whole else vertical_fov(focal_length, width, height),
+    )
+
+
+def vertical_fov(focal_length: float, width: int, height: int) -> float:
+    """Vertical field of view [deg] of an upright photo from its focal length [mm] in 35 mm terms, clamped to 5 to 120.
+
+    By the diagonal: the lens covers the photo's diagonal as one of that focal length covers that of 36 x 24 mm.
+    """
+    half_height = 0.5 * _FULL_FRAME * height / math.hypot(width, height)
+    low, high = _VERTICAL_FOV
+    return min(max(math.degrees(2 * math.atan2(half_height, focal_length)), low), high)
+
+
+def _directory(image: Image.Image, ifd: int) -> Tags:
+    try:
+        return dict(image.getexif().get_ifd(ifd))
+    except Exception:  # Pillow raises nearly anything on hostile bytes
+        return {}
+
+
+def _fact(read: Callable[[Tags], Fact | None], tags: Tags) -> Fact | None:
+    try:
+        return read(tags)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        return None
+
+
+def _clock(tags: Tags) -> tuple[datetime | None, float | None]:
+    """The first local time that can be read, and the offset of that time: of the picture's, or of its scan's."""
+    times = [(_fact(partial(_local_time, time), tags), offset) for time, offset in _TIMES]
+    first = next((time for time, _ in times if time is not None), None)
+    offsets = (_fact(partial(_utc_offset, offset), tags) for time, offset in times if time == first)
+    return first, next((offset for offset in offsets if offset is not None), None)
+
+
+def _local_time(tag: int, tags: Tags) -> datetime | None:
+    year, month, day, hour, minute, second = map(int, re.findall(r"\d+", _text(tags[tag]))[:6])
+    return _datable(datetime(year, month, day, hour, minute, second))
+
+
+def _datable(time: datetime) -> datetime | None:
+    return time if YEARS[0] <= time.year <= YEARS[1] else None
+
+
+def _utc_offset(tag: int, tags: Tags) -> float:
+    return read_offset(_text(tags[tag]))
+
+
+def _gps_time(tags: Tags) -> datetime | None:
+    year, month, day = map(int, re.findall(r"\d+", _text(tags[ExifTags.GPS.GPSDateStamp])))
+    hours, minutes, seconds = map(_number, tags[ExifTags.GPS.GPSTimeStamp])
+    if not (0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
+        return None
+    time = datetime(year, month, day, tzinfo=UTC) + timedelta(hours=hours, minutes=minutes, seconds=seconds)
+    return _datable(time)
+
+
+def _place(tags: Tags) -> tuple[float, float] | None:
+    gps = ExifTags.GPS
+    latitude = _angle(tags[gps.GPSLatitude], _text(tags[gps.GPSLatitudeRef]), "NS")
+    longitude = _angle(tags[gps.GPSLongitude], _text(tags[gps.GPSLongitudeRef]), "EW")
+    nowhere = latitude == longitude == 0  # how many a program writes that it does not know
+    return (latitude, longitude) if abs(latitude) <= 90 and abs(longitude) <= 180 and not nowhere else None
+
+
+def _angle(parts: Any, reference: str, signs: str) -> float:
+    """Degrees from degrees, minutes and seconds, the last two of which may be absent."""
+    size = sum(_number(part) / 60.0**power for power, part in enumerate(parts))
+    if size < 0:
+        raise ValueError("An angle with a reference has no sign.")
+    return (1 - 2 * signs.index(reference[:1].upper() or "?")) * size
+
+
+def _heading(tags: Tags) -> float | None:
+    heading = _number(tags[ExifTags.GPS.GPSImgDirection])
+    return heading % 360.0 if 0 <= heading <= 360 else None
+
+
+def _heading_reference(tags: Tags) -> Literal["true", "magnetic"] | None:
+    reference = _text(tags[ExifTags.GPS.GPSImgDirectionRef])[:1].upper()
+    return "true" if reference == "T" else "magnetic" if reference == "M" else None
+
+
+def _focal_length(tags: Tags) -> float | None:
+    length = _number(tags[ExifTags.Base.FocalLengthIn35mmFilm])
+    return length if length > 0 else None
+
+
+def _is_whole(tags: Tags, aspect: float) -> bool:
+    """Whether the photo has the aspect ratio, either way up, that the camera noted; a crop has another lens."""
+    width, height = (tags.get(tag) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight))
+    if not width or not height:
+        return True
+    return abs(abs(math.log(aspect)) - abs(math.log(_number(width) / _number(height)))) < _SAME_ASPECT
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError("not a finite number")
+    return number
+
+
+def _text(value: Any) -> str:
+    text = value.decode("ascii") if isinstance(value, bytes) else value
+    if not isinstance(text, str):
+        raise TypeError("not a text")
+    return text.strip("\0 ")

@@ -1,0 +1,27 @@
+"""Models of the sky's radiance, as functions of arrays; a sky has no ground and, unless said, no disc of the sun."""
+
+from lighting.sky.hosek_wilkie import (
+    SUN_HALF_APERTURE,
+    SUN_SOLID_ANGLE,
+    sky_coefficients,
+    sky_gradation,
+    sky_lobe,
+    sky_parameters,
+    sky_radiance,
+    sun_disc_points,
+    sun_disc_radiance,
+    sun_radiance,
+)
+
+__all__ = [
+    "SUN_HALF_APERTURE",
+    "SUN_SOLID_ANGLE",
+    "sky_coefficients",
+    "sky_gradation",
+    "sky_lobe",
+    "sky_parameters",
+    "sky_radiance",
+    "sun_disc_points",
+    "sun_disc_radiance",
+    "sun_radiance",
+]

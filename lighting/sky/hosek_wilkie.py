@@ -1,0 +1,175 @@
+"""The sky of Hosek and Wilkie (SIGGRAPH 2012, RGB) and their solar radiance function (CG&A 2013).
+
+Directions are unit vectors in the frame of geometry.py (+Y up), colours are linear Rec.709. Radiance is the model's
+W m^-2 sr^-1 nm^-1 seen through RGB and divided by CIE_Y_INTEGRAL, which makes the numbers those of Mitsuba 3's
+`sunsky`. A radiance is never negative, though the published fits dip slightly below zero in the blue of a setting sun.
+"""
+
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lighting.errors import ParameterError
+from lighting.geometry import angles, direction
+
+Floats = NDArray[np.floating[Any]]
+
+CIE_Y_INTEGRAL = 106.75  # nm, the integral of the CIE 1931 luminosity curve
+SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to the sky's units before the division
+SUN_HALF_APERTURE = 0.5358 / 2  # deg, angular radius of the disc
+SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_HALF_APERTURE))))  # sr
+
+_RANGES = {"sun elevation": (0.0, 90.0), "turbidity": (1.0, 10.0), "albedo": (0.0, 1.0)}
+_ROUNDING = 1e-3  # how far beyond the ends of its range a value may lie, for angles that went through float32
+_BINOMIAL = np.array([1.0, 5.0, 10.0, 10.0, 5.0, 1.0])
+
+
+def sky_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float, albedo: float) -> Floats:
+    """Sky radiance (..., 3) without the sun's disc along unit vectors (..., 3); 0 below the horizon.
+
+    float32 directions give float32, all others float64. Raises ParameterError outside turbidity 1 to 10,
+    albedo 0 to 1 or with the sun below the horizon.
+    """
+    d = np.asarray(direction)
+    d = d if d.dtype == np.float32 else d.astype(np.float64)
+    sun = np.asarray(sun_direction, dtype=np.float64)
+    coefficients, radiance = sky_parameters(_elevation(sun), turbidity, albedo)
+    towards = (sun / np.linalg.norm(sun)).astype(d.dtype)
+    up, chord = d[..., 1], np.sum((d - towards) ** 2, axis=-1)
+    result = np.empty_like(d)
+    for channel in range(3):
+        gradation, offset = sky_gradation(coefficients[channel], up)
+        value = gradation * (sky_lobe(coefficients[channel], chord) + offset) * d.dtype.type(radiance[channel])
+        result[..., channel] = np.where(up >= 0, np.maximum(value, 0), 0)
+    return result
+
+
+def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tuple[Floats, Floats]:
+    """Coefficients (3, 9) and mean radiance (3,) of a sky, rows r, g, b; sun elevation in deg.
+
+    With theta the angle from the zenith and gamma that from the sun [rad], a channel's radiance is the product of
+    its mean radiance, 1 + c0 exp(c1 / (cos theta + 0.01)) and c2 + c3 exp(c4 gamma) + c5 cos^2 gamma + c6 chi +
+    c7 sqrt(cos theta) with chi = (1 + cos^2 gamma) / (1 + c8^2 - 2 c8 cos gamma)^1.5.
+    Raises ParameterError out of range.
+    """
+    elevation = _checked("sun elevation", sun_elevation)
+    weight = _bezier((elevation / 90.0) ** (1 / 3))
+    share = _checked("albedo", albedo)
+    table = _table()
+
+    def mix(name: str) -> Floats:
+        dark, bright = _at_turbidity(table[name], turbidity)
+        return np.asarray(np.tensordot(weight, dark * (1 - share) + bright * share, axes=1))
+
+    return mix("sky"), mix("sky_radiance") / CIE_Y_INTEGRAL
+
+
+def sky_coefficients(sun_elevation: float, turbidity: float, ground_albedo: float) -> dict[str, list[float]]:
+    """`sky_parameters` as plain numbers for JSON: r, g, b with nine coefficients each, and radiance with three."""
+    coefficients, radiance = sky_parameters(sun_elevation, turbidity, ground_albedo)
+    rows = {"r": coefficients[0], "g": coefficients[1], "b": coefficients[2], "radiance": radiance}
+    return {name: [float(f"{value:.7g}") for value in row] for name, row in rows.items()}
+
+
+def sky_gradation(coefficients: Floats, up: Floats) -> tuple[Floats, Floats]:
+    """The two terms (...) that depend on the cosine from the zenith (...) alone: a factor and, inside it, an offset.
+
+    One channel's radiance is its mean radiance x factor x (`sky_lobe` + offset).
+    """
+    a, b, i = (up.dtype.type(coefficients[index]) for index in (0, 1, 7))
+    cosine = np.maximum(up, 0)
+    return 1 + a * np.exp(b / (cosine + up.dtype.type(0.01))), i * np.sqrt(cosine)
+
+
+def sky_lobe(coefficients: Floats, chord: Floats) -> Floats:
+    """The terms (...) that depend on the angle to the sun alone, given as its squared chord |a - b|^2 (...).
+
+    The chord keeps full precision next to the sun, where the cosine has none left.
+    """
+    c, d, e, f, g, h = (chord.dtype.type(coefficients[index]) for index in (2, 3, 4, 5, 6, 8))
+    gamma = 2 * np.arcsin(np.minimum(np.sqrt(chord) / 2, 1))
+    cosine2 = np.square(1 - chord / 2)
+    distance2 = (1 - h) * (1 - h) + h * chord
+    return np.asarray(c + d * np.exp(e * gamma) + f * cosine2 + g * (1 + cosine2) / (distance2 * np.sqrt(distance2)))
+
+
+def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
+    """Radiance (..., 3) of the sun's disc alone, limb darkening included, along unit vectors (..., 3).
+
+    0 outside the disc and below the horizon. The air mass is that of each direction, so a low sun is redder at its
+    lower edge. Raises ParameterError outside turbidity 1 to 10 or with the sun's centre below the horizon.
+    """
+    d = np.asarray(direction, dtype=np.float64)
+    sun = np.asarray(sun_direction, dtype=np.float64)
+    _elevation(sun)  # refuses a sun below the horizon
+    half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the centre
+    limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_HALF_APERTURE)) ** 2
+    inside = (half < 0.5) & (limb >= 0) & (d[..., 1] >= 0)
+    result = np.zeros(d.shape)
+    result[inside] = _disc_radiance(np.arcsin(np.clip(d[..., 1][inside], 0, 1)), np.sqrt(limb[inside]), turbidity)
+    return result
+
+
+def sun_radiance(sun_direction: ArrayLike, turbidity: float) -> Floats:
+    """Mean radiance (3,) over the part of the sun's disc that is above the horizon."""
+    points, weight = sun_disc_points(sun_direction)
+    return np.asarray(weight @ sun_disc_radiance(points, sun_direction, turbidity) / weight.sum())
+
+
+def sun_disc_points(sun_direction: ArrayLike, rings: int = 24, spokes: int = 96) -> tuple[Floats, Floats]:
+    """Unit vectors (N, 3) spread evenly over the disc, and the solid angle [sr] (N,) of each; 0 below the horizon."""
+    sun = np.asarray(sun_direction, dtype=np.float64)
+    azimuth, elevation = (float(angle) for angle in angles(sun))
+    axes = np.stack([direction(azimuth + 90, 0), direction(azimuth, elevation + 90), direction(azimuth, elevation)])
+    cosine = 1 - (1 - np.cos(np.radians(SUN_HALF_APERTURE))) * (np.arange(rings) + 0.5) / rings
+    turn = 2 * np.pi * (np.arange(spokes) + 0.5) / spokes
+    sine, depth = np.sqrt(1 - cosine**2)[:, None], np.repeat(cosine[:, None], spokes, axis=1)
+    points = np.stack([sine * np.cos(turn), sine * np.sin(turn), depth], axis=-1).reshape(-1, 3) @ axes
+    return points, np.where(points[:, 1] >= 0, SUN_SOLID_ANGLE / len(points), 0.0)
+
+
+def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
+    """Radiance (N, 3) at elevations (N,) [rad] and cosines (N,) of the sun's surface normal to the line of sight."""
+    table = _at_turbidity(_table()["sun"], turbidity)
+    segments = len(table)
+    segment = np.clip((np.cbrt(elevation * 2 / np.pi) * segments).astype(np.intp), 0, segments - 1)
+    x = elevation - np.pi / 2 * (segment / segments) ** 3
+    by_limb = np.einsum("nckl,nl->nck", table[segment], np.vander(limb, table.shape[-1], increasing=True))
+    value = np.einsum("nck,nk->nc", by_limb, np.vander(x, table.shape[-2], increasing=True))
+    return np.asarray(np.maximum(value, 0) * (SUN_RGB_FACTOR / CIE_Y_INTEGRAL))
+
+
+@lru_cache(maxsize=1)
+def _table() -> dict[str, Floats]:
+    """The published coefficients; export/data/sky_table.py made the file and names its axes."""
+    with resources.files("lighting").joinpath("data", "hosek_wilkie.npz").open("rb") as file:
+        archive = np.load(file, allow_pickle=False)
+        return {name: archive[name].astype(np.float64) for name in archive.files}
+
+
+def _at_turbidity(table: Floats, turbidity: float) -> Floats:
+    """The table (10, ...) between whole turbidities."""
+    position = _checked("turbidity", turbidity) - 1
+    low = min(int(position), len(table) - 2)
+    share = position - low
+    return np.asarray(table[low] * (1 - share) + table[low + 1] * share)
+
+
+def _bezier(x: float) -> Floats:
+    """Weights (6,) of the control points of a quintic Bezier curve at x in [0, 1]."""
+    power = np.arange(6)
+    return np.asarray(_BINOMIAL * x**power * (1 - x) ** (5 - power))
+
+
+def _elevation(sun_direction: Floats) -> float:
+    return _checked("sun elevation", float(angles(sun_direction)[1]))
+
+
+def _checked(name: str, value: float) -> float:
+    low, high = _RANGES[name]
+    if not low - _ROUNDING <= value <= high + _ROUNDING:
+        raise ParameterError(f"The {name} is {value:g}; the sky model covers {low:g} to {high:g}.")
+    return min(max(float(value), low), high)

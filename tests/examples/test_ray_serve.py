@@ -1,0 +1,83 @@
+"""The service on Ray Serve: the example as it stands, asked over HTTP while a replica is lost."""
+
+import importlib
+import json
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ray = pytest.importorskip("ray", reason="needs Ray: pip install 'ray[serve]'")
+serve = pytest.importorskip("ray.serve", reason="needs Ray Serve: pip install 'ray[serve]'")
+pytest.importorskip("server.app", reason="needs the service: pip install 'outdoor-lighting[server]'")
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # Ray and its children warn of much
+
+ROOT = Path(__file__).parents[2]
+PHOTO = ROOT / "examples" / "wide_street.jpg"
+URL = "http://127.0.0.1:8642"
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[str]:
+    """The address of the example, with its replicas on two nodes."""
+    from ray.cluster_utils import Cluster
+
+    sys.path.insert(0, str(ROOT / "examples"))
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 2, "object_store_memory": 200_000_000})
+    cluster.add_node(num_cpus=1, object_store_memory=200_000_000)
+    ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
+    serve.start(http_options={"port": 8642})
+    serve.run(importlib.import_module("ray_serve").app)
+    yield URL
+    serve.shutdown()
+    ray.shutdown()
+    cluster.shutdown()
+    sys.path.remove(str(ROOT / "examples"))
+
+
+def post_photo() -> Any:
+    request = urllib.request.Request(
+        f"{URL}/v1/lighting", PHOTO.read_bytes(), {"Content-Type": "image/jpeg"}, method="POST"
+    )
+    with urllib.request.urlopen(request, timeout=60) as response:
+        return json.load(response)
+
+
+def replicas() -> list[Any]:
+    deployment = serve.status().applications["default"].deployments["Lighting"]
+    return [ray.get_actor(name, "serve") for name in replica_names()] if deployment.replica_states else []
+
+
+def replica_names() -> list[str]:
+    actors = ray.util.list_named_actors(all_namespaces=True)
+    return [actor["name"] for actor in actors if "#Lighting#" in actor["name"]]
+
+
+def test_a_photo_is_answered_and_a_lost_replica_is_replaced(service: str) -> None:
+    first = post_photo()
+    assert -180 <= first["sun"]["azimuth"] <= 180
+    assert len(replicas()) == 2
+    lost = replica_names()[0]
+    ray.kill(replicas()[0], no_restart=True)
+    answers = [answer for answer in (patiently_post() for _ in range(6)) if answer["sun"] == first["sun"]]
+    assert len(answers) == 6
+    end = time.monotonic() + 60
+    while (len(replica_names()) < 2 or lost in replica_names()) and time.monotonic() < end:
+        time.sleep(0.2)
+    assert len(replica_names()) == 2
+    assert service == URL
+
+
+def patiently_post() -> Any:
+    """An answer, of the second attempt where the replica at work is the one that goes."""
+    try:
+        return post_photo()
+    except urllib.error.HTTPError:
+        time.sleep(1)
+        return post_photo()

@@ -1,0 +1,270 @@
+"""Reading a folder of panoramas."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from export.data.panoramas import (
+    PATCH,
+    DataError,
+    Panorama,
+    decode,
+    is_permissive,
+    read_index,
+    read_linear,
+    read_patch,
+    read_picture,
+    shrink,
+)
+from export.data.synthetic import write_dataset
+
+PATCH_HEADER = "name,sun,sun_azimuth,sun_elevation,sun_uncertainty,direct,reason"
+
+ROW = {"name": "a", "file": "a.png", "kind": "ldr", "place": "here", "split": "train"}
+
+
+def write_index(folder: Path, *rows: dict[str, str]) -> Path:
+    Image.new("RGB", (8, 4), (10, 20, 30)).save(folder / "a.png")
+    lines = [",".join(rows[0]), *[",".join(row.values()) for row in rows]]
+    (folder / "panoramas.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def test_five_columns_are_enough(tmp_path: Path) -> None:
+    (panorama,) = read_index(write_index(tmp_path, ROW))
+    assert panorama == Panorama("a", (tmp_path / "a.png").resolve(), "ldr", "here", "train")
+    assert panorama.sun == "unknown"
+    assert panorama.sun_azimuth is None
+
+
+def test_all_columns_of_a_rendered_folder(tmp_path: Path) -> None:
+    write_dataset(tmp_path, 8, 16)
+    panoramas = read_index(tmp_path)
+    assert [p.name for p in panoramas] == [f"rendered_{number:04d}" for number in range(8)]
+    assert {p.sun for p in panoramas} >= {"visible", "none"}
+    assert all((p.sun_azimuth is None) == (p.sun == "none") for p in panoramas)
+    assert len(read_index(tmp_path, "val")) == 2
+    assert all(p.split == "train" for p in read_index(tmp_path, "train"))
+
+
+def test_an_empty_number_is_none_and_a_number_is_read(tmp_path: Path) -> None:
+    given = {**ROW, "sun": "visible", "sun_azimuth": "-12.5", "sun_elevation": "40", "sun_uncertainty": ""}
+    (panorama,) = read_index(write_index(tmp_path, given))
+    assert (panorama.sun_azimuth, panorama.sun_elevation, panorama.sun_uncertainty) == (-12.5, 40.0, None)
+
+
+@pytest.mark.parametrize(
+    ("licence", "permissive"),
+    [
+        ("Poly Haven CC0", True),
+        ("CC0 (Poly Haven; inferred from file name)", True),
+        ("CC-BY 3.0", True),
+        ("cc by 4.0", True),
+        ("MIT", True),
+        ("Apache-2.0", True),
+        ("public domain", True),
+        ("", False),
+        ("none stated", False),
+        ("as repo", False),
+        ("as repo (MIT)", False),
+        ("unknown", False),
+        ("unknown (shipped MIT; likely Poly Haven)", False),
+        ("CC BY-NC 4.0", False),
+        ("CC-BY-SA 4.0", False),
+        ("CC_BY_ND", False),
+        ("non-commercial research use", False),
+        ("permitted", False),
+    ],
+)
+def test_permissive_licences(licence: str, permissive: bool) -> None:
+    assert is_permissive(licence) is permissive
+
+
+@pytest.mark.parametrize(
+    ("notes", "altered"),
+    [
+        ("", False),
+        ("nadir logo; sun behind a tree", False),
+        ("strong HDR tone mapping", True),
+        ("some drone with filled zenith", True),
+        ("sky above el 30 synthetic fill", True),
+        ("violet colour cast", True),
+        ("sky may be replaced", True),
+    ],
+)
+def test_notes_tell_of_an_altered_sky(tmp_path: Path, notes: str, altered: bool) -> None:
+    (panorama,) = read_index(write_index(tmp_path, {**ROW, "notes": notes}))
+    assert panorama.sky_is_altered is altered
+
+
+def test_licensed_only_keeps_permissive_rows(tmp_path: Path) -> None:
+    rows = [{**ROW, "name": name, "licence": licence} for name, licence in (("a", "CC0"), ("b", "none stated"))]
+    write_index(tmp_path, *rows)
+    assert [p.name for p in read_index(tmp_path, licensed_only=True)] == ["a"]
+    assert len(read_index(tmp_path)) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "raw"}, "line 2: kind is 'raw'"),
+        ({"split": "test"}, "split is 'test'"),
+        ({"name": ""}, "the column name is empty"),
+        ({"file": "b.png"}, "there is no picture"),
+        ({"sun": "bright"}, "sun is 'bright'"),
+        ({"sun_azimuth": "north"}, "sun_azimuth is 'north', not a number from -180 to 180"),
+        ({"sun_elevation": "91"}, "sun_elevation is '91'"),
+        ({"sun_elevation": "nan"}, "sun_elevation is 'nan'"),
+        ({"sun_uncertainty": "-1"}, "sun_uncertainty is '-1'"),
+    ],
+)
+def test_bad_rows_are_refused_in_a_sentence(tmp_path: Path, change: dict[str, str], message: str) -> None:
+    with pytest.raises(DataError, match=message) as caught:
+        read_index(write_index(tmp_path, {**ROW, **change}))
+    assert str(caught.value).endswith(".")
+
+
+def test_a_missing_folder_index_or_column_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no folder"):
+        read_index(tmp_path / "nowhere")
+    with pytest.raises(DataError, match=r"has no panoramas\.csv"):
+        read_index(tmp_path)
+    with pytest.raises(DataError, match="no column place, split"):
+        read_index(write_index(tmp_path, {key: ROW[key] for key in ("name", "file", "kind")}))
+
+
+def test_an_index_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "panoramas.csv").write_bytes(b"name\xff\xfe\x00")
+    with pytest.raises(DataError, match="cannot be read"):
+        read_index(tmp_path)
+
+
+def test_a_place_in_both_splits_is_refused(tmp_path: Path) -> None:
+    write_index(tmp_path, ROW, {**ROW, "name": "b", "split": "val"})
+    with pytest.raises(DataError, match="here is in both splits"):
+        read_index(tmp_path, "train")
+
+
+def test_a_name_that_appears_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="appears twice"):
+        read_index(write_index(tmp_path, ROW, ROW))
+
+
+def test_an_ldr_picture_is_read_and_made_linear(tmp_path: Path) -> None:
+    (panorama,) = read_index(write_index(tmp_path, ROW))
+    picture = read_picture(panorama)
+    assert picture.dtype == np.uint8
+    assert picture.shape == (4, 8, 3)
+    linear = read_linear(panorama, 2)
+    assert linear.dtype == np.float32
+    assert linear.shape == (2, 4, 3)
+    np.testing.assert_allclose(linear[0, 0], decode(np.array([10, 20, 30], np.uint8)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_an_hdr_picture_is_read_and_cleaned(tmp_path: Path, channels: int, kind: type) -> None:
+    import OpenEXR
+
+    pixels: NDArray[np.floating[Any]] = np.full((4, 8, channels), 0.5, kind)
+    pixels[0, 0, :3] = (np.inf, np.nan, -1.0)
+    file = OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGBA"[:channels]: pixels})
+    file.write(str(tmp_path / "a.exr"))
+    panorama = Panorama("a", tmp_path / "a.exr", "hdr", "here", "train")
+    read = read_picture(panorama)
+    assert read.dtype == np.float32
+    assert read.shape == (4, 8, 3)
+    assert read[0, 0].tolist() == [65504.0, 0.0, 0.0]
+    assert np.all(read[1:] == 0.5)
+    assert np.array_equal(read_linear(panorama), read)
+
+
+@pytest.mark.parametrize(("kind", "message"), [("ldr", "cannot be read"), ("hdr", "cannot be read")])
+def test_a_damaged_picture_is_refused(tmp_path: Path, kind: str, message: str) -> None:
+    (tmp_path / "a").write_bytes(b"not a picture")
+    with pytest.raises(DataError, match=message):
+        read_picture(Panorama("a", tmp_path / "a", kind, "here", "train"))
+
+
+def test_a_picture_of_another_shape_is_refused(tmp_path: Path) -> None:
+    Image.new("RGB", (9, 4)).save(tmp_path / "a.png")
+    with pytest.raises(DataError, match="9 x 4 pixels"):
+        read_picture(Panorama("a", tmp_path / "a.png", "ldr", "here", "train"))
+
+
+def test_shrinking_keeps_the_mean_and_never_enlarges() -> None:
+    image = np.random.default_rng(0).random((12, 24, 3), dtype=np.float32)
+    np.testing.assert_allclose(shrink(image, 3)[1, 2], image[4:8, 8:12].mean(axis=(0, 1)), rtol=1e-5)
+    np.testing.assert_allclose(shrink(image, 5).mean(), image.mean(), rtol=1e-2)
+    assert shrink(image, 12) is image
+    assert shrink(image, 99) is image
+
+
+def patch_with(monkeypatch: pytest.MonkeyPatch, folder: Path, *lines: str, header: str = PATCH_HEADER) -> None:
+    """Corrections that stand in for those of the project."""
+    path = folder / "labels_patch.csv"
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    monkeypatch.setattr("export.data.panoramas.PATCH", path)
+
+
+GIVEN = {**ROW, "sun": "visible", "sun_azimuth": "10", "sun_elevation": "40", "sun_uncertainty": "3", "direct": "yes"}
+
+
+def test_the_projects_own_patch_can_be_read() -> None:
+    assert PATCH.read_text(encoding="utf-8").splitlines()[0] == PATCH_HEADER
+    read_patch(PATCH)
+
+
+def test_a_patch_changes_the_fields_that_it_fills_and_ignores_unknown_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    patch_with(monkeypatch, tmp_path, "a,,-170,,,partly,half a turn off", "b,,1,2,3,,of another folder")
+    (panorama,) = read_index(write_index(tmp_path, GIVEN))
+    assert (panorama.sun, panorama.sun_azimuth, panorama.sun_elevation) == ("visible", -170.0, 40.0)
+    assert (panorama.sun_uncertainty, panorama.direct) == (3.0, "partly")
+
+
+def test_a_patch_fills_columns_that_the_index_lacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    patch_with(monkeypatch, tmp_path, "a,inferred,20,30,5,no,from shadows")
+    (panorama,) = read_index(write_index(tmp_path, ROW))
+    assert (panorama.sun, panorama.sun_azimuth, panorama.direct) == ("inferred", 20.0, "no")
+
+
+@pytest.mark.parametrize("sun", ["none", "unknown"])
+def test_a_sun_that_is_taken_back_loses_its_direction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sun: str
+) -> None:
+    patch_with(monkeypatch, tmp_path, f"a,{sun},,,,,a lamp")
+    (panorama,) = read_index(write_index(tmp_path, GIVEN))
+    assert panorama.sun == sun
+    assert panorama.sun_azimuth is panorama.sun_elevation is panorama.sun_uncertainty is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["b,,200,,,,turned"], "labels_patch.csv, line 2: sun_azimuth is '200', not a number from -180 to 180"),
+        (["b,bright,,,,,seen"], "line 2: sun is 'bright'"),
+        (["b,,,,,maybe,seen"], "line 2: direct is 'maybe'"),
+        (["b,,,,,no,"], "line 2: a correction needs"),
+        ([",,,,,no,seen"], "line 2: a correction needs"),
+        (["b,,,,,no,seen", "b,,,,,yes,seen"], "line 3: the panorama b is already corrected"),
+    ],
+)
+def test_a_malformed_patch_is_refused_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str], message: str
+) -> None:
+    patch_with(monkeypatch, tmp_path, *lines)
+    with pytest.raises(DataError, match=message) as caught:
+        read_index(write_index(tmp_path, ROW))
+    assert str(caught.value).endswith(".")
+
+
+def test_a_patch_without_its_columns_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    patch_with(monkeypatch, tmp_path, header="name,azimuth,reason")
+    with pytest.raises(DataError, match="has no column sun, sun_azimuth"):
+        read_index(write_index(tmp_path, ROW))

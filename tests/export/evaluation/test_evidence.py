@@ -1,0 +1,47 @@
+"""The table of every subset of the evidence, and the share of warnings."""
+
+import numpy as np
+import pytest
+
+from export.evaluation.evidence import SUBSETS, evidence_report, warning_shares
+from export.evaluation.metrics import Truth
+from export.evaluation.simulated_metadata import take_metadata
+from lighting.geometry import angles
+from lighting.records import Prediction
+from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
+from tests.lighting.evidence.test_fusion import lobe
+
+
+def seeing(truth: Truth, off: float = 0.0, concentration: float = 60.0) -> list[Prediction]:
+    """Networks that put each sun `off` [deg] too high."""
+    azimuth, elevation = angles(truth.sun)
+    return [lobe(float(a), float(e) + off, concentration) for a, e in zip(azimuth, elevation, strict=True)]
+
+
+def test_all_subsets_of_the_evidence_are_there() -> None:
+    plain = {s for s in SUBSETS if "local time+place" not in s}
+    assert len(plain) == len(SUBSETS) - 2 == 8
+    assert max(plain, key=len) == ("time+place", "heading", "focal length")
+
+
+def test_time_and_place_correct_an_elevation_that_is_too_high() -> None:
+    truth = truth_of(2)
+    report = evidence_report("paper", truth, seeing(truth, off=12.0), take_metadata(truth, EACH))
+    rows = {cells[1].strip(): cells[2:] for line in report.splitlines() if len(cells := line.split("|")) > 5}
+    columns = [name.strip() for name in rows[""]]
+    elevation, heading = columns.index("elevation"), columns.index("heading")
+    assert float(rows["pixels"][elevation]) == pytest.approx(12.0, abs=1.0)
+    assert float(rows["pixels + time+place"][elevation]) == 0.0
+    assert rows["pixels + heading"] == rows["pixels"]
+    assert rows["pixels"][heading].strip() == "-"
+    assert float(rows["pixels + time+place"][heading]) < 2.0
+    assert "95 % interval" in report
+
+
+def test_sharp_pixels_find_out_false_records_and_pass_true_ones() -> None:
+    truth = truth_of(4)
+    high = np.arange(len(truth.sun)) % (2 * EACH) < EACH
+    truth.sun[high] = truth_of(4, 75.0).sun[high]
+    shares = warning_shares(truth, seeing(truth, concentration=300.0), take_metadata(truth, EACH))
+    assert [row["true"] for row in shares.values()] == [0.0, 0.0, 0.0]
+    assert [row["false"] for row in shares.values()] == pytest.approx([100.0, 100.0, 100.0], abs=10.0)

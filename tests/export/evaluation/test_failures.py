@@ -1,0 +1,118 @@
+"""The worst crops: which they are, what each is called, and how they are written."""
+
+import csv
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from export.evaluation.contact_sheet import ACROSS, PICTURE, SAID, TRUE, sheet, write_sheet
+from export.evaluation.failures import CAUSES, MOST_EACH, WORST, Failure, failures_report, worst, write_failures
+from export.evaluation.metrics import Answers, Truth, answers
+from lighting.geometry import angles, direction
+from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
+
+FAILURE = Failure(0, "p0", "sky in view", "yes", (10.0, 40.0), (90.0, 40.0), 12.0, 60.0, 80.0, 0.0)
+
+
+def off_by(truth: Truth, azimuth: np.ndarray) -> Answers:
+    """Answers with errors of azimuth alone."""
+    true, elevation = angles(truth.sun)
+    return answers(direction(true + azimuth, elevation), radius_50=np.full(len(true), 15.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({}, "confident and wrong"),
+        ({"azimuth_error": 100.0, "in_view": "no sky", "direct": "no", "radius_50": 60.0}, "no sky"),
+        ({"direct": "partly", "radius_50": 60.0}, "sun not shining"),
+        ({"direct": "no", "azimuth_error": 170.0}, "sun not shining"),
+        ({"direct": "", "azimuth_error": -170.0}, "front-back flip"),
+        ({"radius_50": 60.0, "azimuth_error": 170.0}, "wide distribution"),
+        ({"sun": (-80.0, 40.0), "azimuth_error": 130.0}, "confident and wrong"),
+        ({"sun": (-60.0, 40.0), "said": (65.0, 45.0), "azimuth_error": 125.0}, "left-right mirror"),
+        ({"azimuth_error": -5.0, "elevation_error": 50.0}, "elevation alone"),
+    ],
+)
+def test_the_first_rule_that_holds_names_the_cause(change: dict[str, object], cause: str) -> None:
+    said = {"said": (50.0, 10.0)} | change
+    assert replace(FAILURE, **said).cause == cause  # type: ignore[arg-type]
+
+
+def test_the_worst_come_first_few_of_each_panorama_and_none_unscored() -> None:
+    truth = truth_of(30)
+    truth.scored[:EACH] = False
+    error = np.linspace(170, 1, len(truth.sun))
+    found = worst(truth, off_by(truth, error))
+    assert len(found) == WORST
+    assert found[0].index == EACH
+    assert [f.index % EACH for f in found[:4]] == [0, 1, 2, 0]
+    assert max(Counter(f.panorama for f in found).values()) == MOST_EACH
+    assert [f.error for f in found] == sorted((f.error for f in found), reverse=True)
+    assert found[0].azimuth_error == pytest.approx(error[EACH])
+    assert found[0].elevation_error == pytest.approx(0, abs=1e-9)
+    assert found[0].direct == "yes"
+
+
+def test_a_sun_that_is_not_known_to_shine_says_nothing() -> None:
+    truth = replace(truth_of(1), visibility=np.array([np.nan, 0.5, 0, 1, 1, 1, 1, 1]))
+    found = worst(truth, off_by(truth, np.linspace(170, 100, EACH)))
+    assert [f.direct for f in found] == ["", "partly", "no"]
+
+
+def test_the_report_counts_every_cause_and_the_flips() -> None:
+    found = [
+        replace(FAILURE, error=151.0, azimuth_error=170.0),
+        replace(FAILURE, direct="no", azimuth_error=-160.0),
+        replace(FAILURE, direct="no", panorama="p1"),
+    ]
+    text = failures_report(found)
+    rows = {
+        cells[1].strip(): [c.strip() for c in cells[3:-1]]
+        for line in text.splitlines()
+        if len(cells := line.split("|")) > 4
+    }
+    assert {name: rows[name] for name in CAUSES if rows[name] != ["0", "0"]} == {
+        "sun not shining": ["2", "2"],
+        "front-back flip": ["1", "1"],
+    }
+    words = " ".join(text.split())
+    assert "The 3 worst crops" in words
+    assert "(2 panoramas): sun errors of 60 to 151°" in words
+    assert "2 of them have the sun on the wrong side" in words
+
+
+def test_the_file_has_a_line_a_failure(tmp_path: Path) -> None:
+    write_failures(tmp_path / "f.csv", [replace(FAILURE, index=2)], np.array([0.0, 0.0, -33.25]))
+    with (tmp_path / "f.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row == {
+        "panorama": "p0",
+        "azimuth": "-33.2",
+        "error": "60.0",
+        "azimuth_error": "80.0",
+        "elevation_error": "0.0",
+        "in_view": "sky in view",
+        "direct": "yes",
+        "cause": "confident and wrong",
+    }
+
+
+def test_the_sheet_shows_each_picture_with_both_suns(tmp_path: Path) -> None:
+    grey = np.full((30, 40, 3), 128, np.uint8)
+    found = [replace(FAILURE, sun=(90.0, 0.0), said=(-90.0, 0.0))] * (ACROSS + 1)
+    whole = sheet(found, [grey] * len(found))
+    assert whole.width == ACROSS * (PICTURE[0] + 4)
+    assert whole.height == 2 * sheet(found[:1], [grey]).height
+    first = np.asarray(whole)[: PICTURE[1], : PICTURE[0]]
+    assert (first[5, 5] == 128).all()
+    middle = {c: np.argwhere((first == c).all(axis=-1)).mean(axis=0) for c in (TRUE, SAID)}
+    assert middle[TRUE][1] > middle[SAID][1] + 40
+    assert middle[TRUE][0] == pytest.approx(middle[SAID][0], abs=1)
+    write_sheet(tmp_path / "s.png", found, [grey] * len(found))
+    with Image.open(tmp_path / "s.png") as again:
+        assert again.size == whole.size

@@ -1,0 +1,257 @@
+"""The command line with metadata: on by default, overridden, turned off, and never telling the place unasked."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+from lighting.evidence.metadata import Given
+from lighting.files.exr import read_exr
+from lighting.model import Model
+from lighting.photo.read import read_photo
+from lighting.pipeline import Estimator
+from tests.conftest import encode, munich, scene
+from tests.lighting.cli.test_commands import error_of, run
+
+COORDINATES = re.compile(r"48[.:]1|11[.:]5|latitude|longitude")
+MORNING = ["--time", "2024-06-01T09:10+02:00", "--lat", "48.1375", "--lon", "11.575"]
+
+
+def write(folder: Path, name: str, **tags: Any) -> Path:
+    path = folder / name
+    path.write_bytes(encode(scene(320, 240), exif=munich(**tags).tobytes()))
+    return path
+
+
+@pytest.fixture
+def phone(tmp_path: Path) -> Path:
+    return write(tmp_path, "phone.jpg")
+
+
+def records(result: Result) -> list[dict[str, Any]]:
+    assert result.exit_code == 0, result.output
+    return [json.loads(line)["lighting"] for line in result.stdout.splitlines()]
+
+
+def test_metadata_count_unless_turned_off(phone: Path, photo_path: Path, network: Path) -> None:
+    (known,) = records(run("estimate", "--json", "--model", network, phone))
+    assert known["evidence"] == ["pixels", "time+place", "heading", "focal length"]
+    assert known["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
+    assert known["camera"]["vertical_fov"] == pytest.approx(53.06, abs=0.01)
+    assert len(known["camera"]["heading_probability"]) == 360
+    (pixels,) = records(run("estimate", "--json", "--no-exif", "--model", network, phone))
+    assert [pixels] == records(run("estimate", "--json", "--model", network, photo_path))
+    assert pixels["evidence"] == ["pixels"]
+
+
+def test_info_says_what_a_photo_knows_but_not_where(phone: Path) -> None:
+    result = run("info", phone)
+    known = json.loads(result.stdout)["metadata"]
+    assert known["utc_time"] == "2024-06-01T07:10:00+00:00"
+    assert (known["local_time"], known["utc_offset"]) == ("2024-06-01T09:10:00", 2.0)
+    assert (known["heading"], known["location"]) == (60.0, True)
+    assert not COORDINATES.search(result.stdout)
+
+
+def test_the_library_gives_the_same(phone: Path, network: Path) -> None:
+    (record,) = records(run("estimate", "--json", "--model", network, "--fov", "40", "--heading", "10", phone))
+    light = Estimator(Model.load(network))(read_photo(phone), Given(vertical_fov=40.0, heading=10.0))
+    assert record == light.to_dict()
+
+
+def test_what_is_said_counts_for_a_photo_without_metadata(phone: Path, photo_path: Path, network: Path) -> None:
+    (said,) = records(run("estimate", "--json", "--model", network, *MORNING, photo_path))
+    assert said["evidence"] == ["pixels", "time+place"]
+    assert said["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
+    (all_said,) = records(run("estimate", "--json", "--no-exif", "--model", network, *MORNING, "--fov", "40", phone))
+    assert all_said["evidence"] == ["pixels", "time+place", "focal length"]
+    assert all_said["camera"]["vertical_fov"] == 40.0
+
+
+def test_an_offset_narrows_a_local_time(tmp_path: Path, network: Path) -> None:
+    local = write(tmp_path, "local.jpg", OffsetTimeOriginal=None)
+    (there,) = records(run("estimate", "--json", "--model", network, "--utc-offset", "+02:00", local))
+    assert there["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
+    (wide,) = records(run("estimate", "--json", "--model", network, local))
+    assert wide["evidence"] == there["evidence"]
+    assert wide["sun"]["radius_90"] > there["sun"]["radius_90"]
+
+
+def test_words_name_heading_and_evidence(phone: Path, photo_path: Path, network: Path) -> None:
+    words = run("estimate", "--model", network, phone).stdout
+    assert re.search(r", heading \d+° \(50 % within \d+°\); from pixels, time\+place, heading, focal length$", words)
+    assert "from pixels" not in run("estimate", "--model", network, photo_path).stdout
+
+
+# The place
+
+
+@pytest.mark.slow
+def test_no_output_tells_the_place_unasked(phone: Path, network: Path, tmp_path: Path) -> None:
+    exr, png = tmp_path / "sky.exr", tmp_path / "preview.png"
+    outputs = [
+        run("estimate", "--model", network, phone).output,
+        run("estimate", "--json", "--model", network, phone).output,
+        run("--debug", "envmap", "--model", network, phone, "-o", exr, "--height", "16", "--preview", png).output,
+        run("info", exr).output,
+        run("info", phone).output,
+        run("estimate", "--model", network, "--time", "2024-12-24T23:00Z", phone).output,
+        exr.read_bytes().decode("latin-1"),
+        png.read_bytes().decode("latin-1"),
+    ]
+    for output in outputs:
+        assert not COORDINATES.search(re.sub(r'"probability": \[.*?\]|[\d.]+e-\d+', "", output)), output[:500]
+
+
+def test_the_place_is_kept_if_asked_for(phone: Path, network: Path, tmp_path: Path) -> None:
+    place = {"latitude": pytest.approx(48.1375), "longitude": pytest.approx(11.575)}
+    (record,) = records(run("estimate", "--json", "--keep-location", "--model", network, phone))
+    assert record["place"] == place
+    exr = tmp_path / "sky.exr"
+    assert run("envmap", "--model", network, "--keep-location", phone, "-o", exr, "--height", "16").exit_code == 0
+    light = read_exr(exr)[1]
+    assert light is not None
+    assert light.to_dict()["place"] == place
+    assert light.to_dict()["evidence"] == ["pixels", "time+place", "heading", "focal length"]
+
+
+def test_a_turned_map_keeps_the_suns_compass_azimuth(phone: Path, network: Path, tmp_path: Path) -> None:
+    found = []
+    for yaw in ("0", "-90"):
+        assert (
+            run("envmap", "--model", network, phone, "-o", tmp_path / "a.exr", "--height=16", "--yaw", yaw).exit_code
+            == 0
+        )
+        light = read_exr(tmp_path / "a.exr")[1]
+        assert light is not None
+        assert light.camera_heading is not None
+        found.append((light.camera_heading + light.sun_azimuth) % 360.0)
+    assert found[0] == pytest.approx(found[1], abs=1e-3)
+    assert found[0] == pytest.approx(96.3, abs=1.0)
+
+
+# Several photos
+
+
+def test_photos_together_agree_on_the_sky(phone: Path, tmp_path: Path, network: Path) -> None:
+    other = tmp_path / "other.jpg"
+    other.write_bytes(encode(scene(200, 300)[::-1].copy()))
+    args: list[str | Path] = ["estimate", "--json", "--model", network, phone, other]
+    apart, together = records(run(*args)), records(run(*args, "--together"))
+    assert apart[0]["sky"]["turbidity"] != apart[1]["sky"]["turbidity"]
+    assert together[0]["sky"]["turbidity"] == together[1]["sky"]["turbidity"]
+    assert together[1]["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
+    assert all("other photos" in record["evidence"] for record in together)
+
+
+def test_headings_turn_one_sun_to_the_other(phone: Path, tmp_path: Path, network: Path) -> None:
+    other = write(tmp_path, "other.jpg", GPSImgDirection=None)
+    args: list[str | Path] = [
+        "estimate",
+        "--json",
+        "--model",
+        network,
+        phone,
+        other,
+        "--together",
+        "--headings",
+        "20,65",
+    ]
+    first, second = records(run(*args))
+    assert (first["sun"]["azimuth"] - second["sun"]["azimuth"]) % 360 == pytest.approx(45.0, abs=1.0)
+    assert (second["camera"]["heading"] - first["camera"]["heading"]) % 360 == pytest.approx(45.0, abs=1.0)
+
+
+def test_unknown_headings_are_inferred(photo_path: Path, network: Path) -> None:
+    result = run("estimate", "--no-exif", "--model", network, "--together", photo_path, photo_path)
+    assert result.stdout.count("° clockwise from the first photo") == 2
+
+
+def test_a_photo_that_cannot_be_read_is_left_out(phone: Path, tmp_path: Path, network: Path) -> None:
+    (tmp_path / "bad.jpg").write_bytes(b"no photo")
+    args: list[str | Path] = [
+        "--together",
+        "--headings",
+        "0,10,90",
+        phone,
+        tmp_path / "bad.jpg",
+        write(tmp_path, "b.jpg"),
+    ]
+    result = run("estimate", "--json", "--model", network, *args)
+    assert result.exit_code == 1
+    error, *good = map(json.loads, result.stdout.splitlines())
+    assert "error" in error
+    assert [Path(line["file"]).name for line in good] == ["phone.jpg", "b.jpg"]
+
+
+# One sentence for whatever goes wrong
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--lat", "95", "--lon", "0"], "latitude is 95; it must lie in -90 to 90."),
+        (["--lat", "nan", "--lon", "0"], "latitude must be a finite number"),
+        (["--lon", "10"], "needs a longitude"),
+        (["--time", "2024-02-30T10:00"], "is not a time"),
+        (["--time", "2024-02-20"], "a day without a time"),
+        (["--time", "2200-02-20T10:00"], "1900 to 2100"),
+        (["--time", "2024-06-01T10:00Z", "--utc-offset", "2"], "contradicts"),
+        (["--utc-offset", "CET"], "not an offset"),
+        (["--no-exif", "--utc-offset", "2"], "needs a time"),
+        (["--no-exif", "--time", "2024-06-01T10:00Z"], "needs a place"),
+        (["--heading", "1000"], "heading is 1000"),
+        (["--fov", "0"], "vertical_fov is 0"),
+        (["--together"], "two photos or more"),
+        (["--headings", "0"], "--headings needs --together"),
+        (["--together", "--headings", "0,1,2", "b.jpg"], "3 headings for 2 photos"),
+        (["--together", "--headings", "0,east", "b.jpg"], "not a list of degrees"),
+        (["--heading", "3", "b.jpg"], "--heading is that of one photo"),
+    ],
+)
+def test_contradictions_are_wrong_usage(arguments: list[str], words: str) -> None:
+    assert words in error_of(run("estimate", "a.jpg", *arguments), 2)
+
+
+@pytest.mark.parametrize("command", ["envmap", "preview"])
+def test_the_other_commands_refuse_them_too(command: str, tmp_path: Path) -> None:
+    assert "latitude" in error_of(run(command, "a.jpg", "-o", tmp_path / "a.png", "--lat", "95", "--lon", "0"), 2)
+
+
+def test_the_polar_night_is_one_sentence(phone: Path, network: Path) -> None:
+    place = ["--time", "2024-12-21T12:00Z", "--lat", "75", "--lon", "15"]
+    error = error_of(run("estimate", "--model", network, *place, phone))
+    assert "nautical twilight of the polar night; civil twilight ends at 6°" in error
+    result = run("estimate", "--json", "--model", network, *place, phone)
+    assert result.exit_code == 1
+    assert "below the horizon" in json.loads(result.stdout)["error"]
+
+
+def test_night_in_the_metadata_is_a_warning(tmp_path: Path, network: Path) -> None:
+    night = write(tmp_path, "night.jpg", DateTimeOriginal="2024:06:01 23:50:00")
+    result = run("estimate", "--model", network, night)
+    assert result.exit_code == 0
+    (warning,) = result.stderr.splitlines()
+    assert warning.startswith(f"Warning: {night}: At that time and place the sun is ")
+    assert run("estimate", "--quiet", "--model", network, night).stderr == ""
+    (record,) = records(run("estimate", "--json", "--quiet", "--model", network, night))
+    assert record["evidence"] == ["pixels", "focal length"]
+    assert len(record["warnings"]) == 1
+
+
+def test_a_scene_takes_the_same_metadata(phone: Path, photo_path: Path, network: Path, tmp_path: Path) -> None:
+    def evidence(name: str, *arguments: str | Path) -> list[str]:
+        done = run("scene", *arguments, "--for", "mitsuba", "-o", tmp_path / name, "--model", network)
+        assert done.exit_code == 0, done.output
+        said: list[str] = json.loads((tmp_path / name / "lighting.json").read_text())["evidence"]
+        return said
+
+    assert evidence("known", phone) == ["pixels", "time+place", "heading", "focal length"]
+    assert evidence("pixels", phone, "--no-exif") == ["pixels"]
+    record = tmp_path / "known" / "lighting.json"
+    refused = run("scene", photo_path, "--for", "usd", "--lighting", record, "--fov", "50", "-o", tmp_path / "no")
+    assert refused.exit_code == 2
+    assert "--lighting tells the light" in refused.output

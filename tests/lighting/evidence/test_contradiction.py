@@ -1,0 +1,67 @@
+"""Warnings when pixels and metadata contradict each other, and silence when they do not."""
+
+import numpy as np
+import pytest
+
+from lighting.evidence.contradiction import contradictions, elevation_tail, heading_tail, lens_ratio
+from lighting.evidence.fusion import Evidence, fuse, ring_density
+from lighting.sun_grid import grid_directions
+from tests.lighting.evidence.test_fusion import GRID, UNIFORM, lobe, prediction
+
+
+def test_the_tail_of_an_elevation_is_that_of_the_lobe() -> None:
+    said = lobe(0.0, 45.0, 80.0)  # 6.4 deg of standard deviation an axis, and 4 deg of smoothing
+    assert elevation_tail(said, np.array([45.0])) == pytest.approx(1.0, abs=0.1)
+    assert elevation_tail(said, np.array([45.0 + 7.6])) == pytest.approx(0.317, abs=0.06)
+    assert elevation_tail(said, np.array([5.0])) < 1e-3
+    assert elevation_tail(said, np.array([89.0])) < 1e-3
+
+
+def test_one_fitting_zone_is_enough() -> None:
+    said = lobe(0.0, 45.0, 80.0)
+    alone = elevation_tail(said, np.array([45.0]))
+    assert elevation_tail(said, np.array([2.0, 45.0, 88.0])) == pytest.approx(alone)
+
+
+def test_tails_of_suns_drawn_from_the_prediction_are_uniform() -> None:
+    random = np.random.default_rng(0)
+    said = lobe(30.0, 50.0, 15.0)
+    drawn = random.choice(len(UNIFORM), 400, p=said.sun_probability / said.sun_probability.sum())
+    elevation = np.degrees(np.arcsin(grid_directions(GRID)[drawn, 1]))
+    tails = np.array([elevation_tail(said, np.array([el])) for el in elevation])
+    for level in (0.1, 0.3, 0.5, 0.7, 0.9):
+        assert np.mean(tails < level) == pytest.approx(level, abs=0.09)
+
+
+def test_a_heading_where_the_pixels_see_it_is_no_surprise() -> None:
+    density = ring_density(lobe(0.0, 40.0, 80.0), np.array([[40.0, 100.0]]))
+    assert heading_tail(density, 100.0, 10.0) > 0.9
+    assert heading_tail(density, 280.0, 10.0) < 1e-3
+    assert heading_tail(density, 280.0 + 360.0, 10.0) == pytest.approx(heading_tail(density, 280.0, 10.0))
+
+
+def test_a_flat_sky_contradicts_nothing() -> None:
+    evidence = Evidence(((30.0, 120.0),), heading=77.0, vertical_fov=50.0)
+    assert fuse(prediction(UNIFORM), evidence).warnings == ()
+
+
+def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
+    said = lobe(0.0, 60.0, 150.0)
+    suns = np.array([[5.0, 100.0]])
+    warnings = list(contradictions(said, suns, ring_density(lobe(0.0, 5.0, 150.0), suns), (280.0, 10.0), 12.0))
+    assert [w.split(" ")[0] for w in warnings] == ["The", "The", "The"]
+    assert "elevation at this time and place, 5°" in warnings[0]
+    assert "heading of 280°" in warnings[1]
+    assert "12°" in warnings[2]
+    assert "cropped" in warnings[2]
+
+
+def test_several_zones_are_named_as_a_range() -> None:
+    said = lobe(0.0, 80.0, 150.0)
+    assert "3 to 12°" in fuse(said, Evidence(((3.0, 80.0), (12.0, 95.0)))).warnings[0]
+
+
+def test_lens_ratio_is_that_of_focal_lengths_either_way_round() -> None:
+    assert lens_ratio(90.0, 53.1301) == pytest.approx(2.0)
+    assert lens_ratio(53.1301, 90.0) == pytest.approx(2.0)
+    assert lens_ratio(40.0, 40.0) == 1.0

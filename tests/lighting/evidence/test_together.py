@@ -1,0 +1,192 @@
+"""Several photos of one place and light."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.errors import ParameterError
+from lighting.evidence.fusion import Evidence, Fused, fuse
+from lighting.evidence.together import CORRELATION, elevation_density, power, seen_from, together
+from lighting.geometry import wrap_azimuth
+from lighting.records import Prediction
+from tests.lighting.evidence.test_fusion import GRID, UNIFORM, lobe, prediction
+
+NOTHING = Evidence()
+TURNS = (0.0, 90.0, 200.0)
+
+
+def views(sun: float, turns: tuple[float, ...], concentration: float = 20.0) -> list[Prediction]:
+    """What cameras at headings `turns` see of a sun 40 deg high at compass azimuth `sun`."""
+    return [lobe(sun - turn, 40.0, concentration) for turn in turns]
+
+
+def azimuth_errors(answers: tuple[Fused, ...], sun: float, turns: tuple[float, ...]) -> list[float]:
+    return [abs(float(wrap_azimuth(a.sun.azimuth - (sun - t)))) for a, t in zip(answers, turns, strict=True)]
+
+
+@pytest.mark.parametrize("evidence", [NOTHING, Evidence(((33.0, 120.0),), 80.0, vertical_fov=44.0)])
+@pytest.mark.parametrize("headings", [None, [12.0]])
+def test_one_photo_together_is_one_alone(evidence: Evidence, headings: list[float] | None) -> None:
+    said = lobe(40.0, 30.0)
+    (answer,), alone = together([said], [evidence], headings), fuse(said, evidence)
+    assert answer.sun == alone.sun
+    assert answer.used == alone.used
+    assert (answer.probability == alone.probability).all()
+
+
+@pytest.mark.parametrize("suns", [(), ((38.0, 60.0),)])
+@pytest.mark.parametrize("headings", [None, TURNS])
+def test_the_order_of_the_photos_does_not_matter(
+    suns: tuple[tuple[float, float], ...], headings: tuple[float, ...] | None
+) -> None:
+    said = [lobe(50.0, 35.0, 10.0), lobe(-60.0, 45.0, 30.0), lobe(-120.0, 40.0, 5.0)]
+    evidence = [Evidence(suns)] * 3
+    order = [2, 0, 1]
+    there = together(said, evidence, headings)
+    back = together([said[i] for i in order], evidence, [headings[i] for i in order] if headings else None)
+    for i, j in enumerate(order):
+        assert back[i].probability == pytest.approx(there[j].probability, abs=1e-9)
+
+
+def test_known_headings_bring_the_suns_into_one_frame_and_narrow_them() -> None:
+    said = views(60.0, TURNS)
+    answers = together(said, [NOTHING] * 3, TURNS)
+    assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
+    assert all(a.sun.radius_90 < fuse(p, NOTHING).sun.radius_90 for a, p in zip(answers, said, strict=True))
+    assert answers[0].used == ("pixels", "other photos")
+
+
+def test_a_photo_that_sees_nothing_leaves_the_others_their_answer() -> None:
+    answers = together([lobe(30.0, 40.0), prediction(UNIFORM)], [NOTHING] * 2, [0.0, 100.0])
+    assert azimuth_errors(answers, 30.0, (0.0, 100.0)) == pytest.approx([0.0, 0.0], abs=1.0)
+
+
+def test_exact_headings_beat_compasses_that_disagree() -> None:
+    compasses = [Evidence(heading=h) for h in (0.0, 10.0, 20.0)]
+    answers = together(views(60.0, TURNS), compasses, TURNS)
+    assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
+
+
+def test_compass_headings_of_all_serve_as_relative_headings() -> None:
+    """All are wrong by the same 70 deg, which does not matter between them."""
+    answers = together(views(60.0, TURNS), [Evidence(heading=(t + 70.0) % 360) for t in TURNS])
+    assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
+    assert answers[0].used == ("pixels", "heading", "other photos")
+    exact = together(views(60.0, TURNS), [NOTHING] * 3, TURNS)
+    assert answers[0].sun.radius_90 > exact[0].sun.radius_90
+
+
+@pytest.mark.parametrize("suns", [(), ((40.0, 60.0),)])
+def test_one_gross_compass_error_is_outvoted(suns: tuple[tuple[float, float], ...]) -> None:
+    turns = (0.0, 50.0, 100.0, 150.0)
+    evidence = [Evidence(suns, heading) for heading in (0.0, 50.0, 100.0, 330.0)]
+    answers = together(views(60.0, turns, 40.0), evidence)
+    assert max(azimuth_errors(answers[:3], 60.0, turns[:3])) < 4.0
+
+
+def test_unknown_headings_share_the_elevation_and_are_inferred() -> None:
+    said = [lobe(-100.0, 50.0, 60.0), lobe(20.0, 30.0, 60.0)]
+    answers = together(said, [NOTHING] * 2)
+    assert [a.sun.elevation for a in answers] == pytest.approx([40.0, 40.0], abs=2.5)
+    assert [a.sun.azimuth for a in answers] == pytest.approx([-100.0, 20.0], abs=2.0)
+    assert answers[1].relative_heading is not None
+    assert answers[1].relative_heading.best == pytest.approx(240.0, abs=2.0)
+    assert answers[1].camera_heading is None
+
+
+def test_turbidity_and_exposure_are_shared() -> None:
+    first, second = replace(lobe(0.0, 40.0), turbidity=2.0), replace(lobe(0.0, 40.0), turbidity=8.0, exposure=0.4)
+    for answer in together([first, second], [NOTHING] * 2):
+        assert answer.prediction.turbidity == pytest.approx(4.0)
+        assert answer.prediction.exposure == pytest.approx(0.2)
+
+
+def test_the_fields_of_view_and_warnings_stay_each_photos_own() -> None:
+    evidence = [Evidence(vertical_fov=20.0), NOTHING]
+    answers = together([lobe(0.0, 40.0)] * 2, evidence, [0.0, 0.0])
+    assert [a.prediction.vertical_fov for a in answers] == [20.0, 50.0]
+    assert [len(a.warnings) for a in answers] == [1, 0]
+
+
+def test_with_time_and_place_the_group_has_one_heading() -> None:
+    sun = (40.0, 60.0)
+    answers = together(views(60.0, TURNS), [Evidence((sun,))] * 3, TURNS)
+    assert max(azimuth_errors(answers, 60.0, TURNS)) < 1.5
+    assert [a.sun.elevation for a in answers] == pytest.approx([40.0] * 3)
+    headings = [a.camera_heading.best for a in answers if a.camera_heading]
+    assert [abs(float(wrap_azimuth(h - t))) for h, t in zip(headings, TURNS, strict=True)] == pytest.approx(
+        [0] * 3, abs=1.5
+    )
+
+
+def test_a_time_lapse_follows_the_suns_motion() -> None:
+    """A still camera at heading 30 sees two sides of the sky, one of them wrong; only the true one moves as the sun."""
+    suns = [(30.0, 90.0), (50.0, 130.0), (55.0, 190.0), (35.0, 250.0)]
+    said = []
+    for elevation, compass in suns:
+        both = lobe(compass - 30.0, elevation, 60.0).sun_probability + lobe(-75.0, elevation, 60.0).sun_probability
+        said.append(prediction(both / 2))
+    answers = together(said, [Evidence((sun,)) for sun in suns], [0.0] * 4)
+    for answer in answers:
+        assert answer.camera_heading is not None
+        assert answer.camera_heading.best == pytest.approx(30.0, abs=2.0)
+    alone = fuse(said[0], Evidence((suns[0],))).camera_heading
+    assert alone is not None
+    assert alone.radius_90 > 90.0 > 20.0 > answers[0].camera_heading.radius_90  # type: ignore[union-attr]
+
+
+def test_a_zone_must_fit_all_photos() -> None:
+    """Both zones fit the first photo, and only the second zone fits the other."""
+    first, second = ((20.0, 100.0), (60.0, 180.0)), ((85.0, 110.0), (45.0, 200.0))
+    between = replace(
+        lobe(0.0, 20.0, 60.0), sun_probability=0.5 * (lobe(0, 20, 60).sun_probability + lobe(0, 60, 60).sun_probability)
+    )
+    answers = together([between, lobe(0.0, 45.0, 60.0)], [Evidence(first), Evidence(second)])
+    assert answers[0].sun.elevation == pytest.approx(60.0, abs=3.0)
+    assert answers[1].sun.elevation == pytest.approx(45.0, abs=2.0)
+
+
+def test_a_photo_without_time_takes_that_of_the_others() -> None:
+    answers = together([lobe(0.0, 40.0)] * 2, [NOTHING, Evidence(((33.0, 90.0),))])
+    assert [a.sun.elevation for a in answers] == pytest.approx([33.0, 33.0])
+
+
+def test_a_zone_at_night_in_one_photo_is_out_in_all() -> None:
+    evidence = [Evidence(((-5.0, 80.0), (30.0, 120.0))), Evidence(((10.0, 90.0), (45.0, 150.0)))]
+    answers = together([lobe(0.0, 10.0, 60.0)] * 2, evidence)
+    assert [a.sun.elevation for a in answers] == pytest.approx([30.0, 45.0])
+
+
+@pytest.mark.parametrize(
+    ("evidence", "headings", "sentence"),
+    [
+        ([NOTHING, NOTHING], [0.0], "There are 1 headings for 2 photos"),
+        ([Evidence(((30.0, 90.0),)), Evidence(((30.0, 90.0), (20.0, 70.0)))], None, "must all have a zone"),
+        ([Evidence(((30.0, 90.0), (-2.0, 70.0))), Evidence(((-2.0, 90.0), (30.0, 70.0)))], None, "below the horizon"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(
+    evidence: list[Evidence], headings: list[float] | None, sentence: str
+) -> None:
+    with pytest.raises(ParameterError, match=sentence):
+        together([lobe(0.0, 40.0)] * 2, evidence, headings)
+
+
+def test_correlated_photos_count_as_fewer() -> None:
+    assert power(1, CORRELATION) == 1.0
+    assert power(4, 0.0) == 1.0
+    assert power(4, 1.0) == 0.25
+    assert 8 * power(8, CORRELATION) < 1 / CORRELATION
+
+
+def test_a_turned_camera_sees_the_sun_turned_the_other_way() -> None:
+    turned = seen_from(lobe(50.0, 40.0).sun_probability, 30.0, GRID)
+    there = lobe(20.0, 40.0).sun_probability
+    assert np.corrcoef(turned, there)[0, 1] > 0.98
+
+
+def test_the_elevations_density_is_flat_for_a_flat_sky_and_peaks_at_the_sun() -> None:
+    elevation = np.arange(0.0, 91.0, 5.0)
+    assert elevation_density(prediction(UNIFORM), elevation) == pytest.approx(1 / (2 * np.pi), rel=1e-5)
+    assert elevation[elevation_density(lobe(10.0, 35.0, 100.0), elevation).argmax()] == 35.0

@@ -1,0 +1,74 @@
+"""Files appear whole or not at all."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from lighting.files.atomic import replacing
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def write_and_fail(target: Path, error: BaseException) -> None:
+    with replacing(target) as temporary:
+        temporary.write_bytes(b"half")
+        raise error
+
+
+def test_the_file_appears_when_the_block_ends(tmp_path: Path) -> None:
+    target = tmp_path / "map.exr"
+    with replacing(target) as temporary:
+        assert temporary.parent == tmp_path
+        assert temporary.suffix == ".exr"
+        temporary.write_bytes(b"whole")
+        assert not target.exists()
+    assert target.read_bytes() == b"whole"
+    assert names(tmp_path) == ["map.exr"]
+
+
+@pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt])
+def test_a_failure_leaves_nothing(tmp_path: Path, interruption: type[BaseException]) -> None:
+    with pytest.raises(interruption):
+        write_and_fail(tmp_path / "map.exr", interruption())
+    assert names(tmp_path) == []
+
+
+def test_a_failure_keeps_what_was_there(tmp_path: Path) -> None:
+    target = tmp_path / "map.exr"
+    target.write_bytes(b"old")
+    with pytest.raises(ValueError, match="half-way"):
+        write_and_fail(target, ValueError("half-way"))
+    assert target.read_bytes() == b"old"
+    assert names(tmp_path) == ["map.exr"]
+
+
+def test_an_existing_file_is_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "map.exr"
+    target.write_bytes(b"old")
+    with replacing(str(target)) as temporary:
+        temporary.write_bytes(b"new")
+    assert target.read_bytes() == b"new"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX")
+def test_permissions_are_those_of_a_plain_file(tmp_path: Path) -> None:
+    plain = tmp_path / "plain"
+    plain.write_bytes(b"")
+    with replacing(tmp_path / "made") as temporary:
+        temporary.write_bytes(b"")
+    assert (tmp_path / "made").stat().st_mode == plain.stat().st_mode
+
+
+def test_a_missing_folder_is_an_oserror(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError), replacing(tmp_path / "missing" / "map.exr"):
+        pass
+
+
+def test_a_folder_in_the_way_is_an_oserror_and_stays(tmp_path: Path) -> None:
+    (tmp_path / "map.exr").mkdir()
+    with pytest.raises(OSError), replacing(tmp_path / "map.exr"):  # noqa: PT011 (which one depends on the system)
+        pass
+    assert names(tmp_path) == ["map.exr"]

@@ -1,0 +1,227 @@
+"""The facts in an EXIF block, and that no block whatever rejects a photo."""
+
+import math
+import struct
+from datetime import UTC, datetime
+from typing import Any
+
+import pillow_heif
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import ExifTags, Image
+from PIL.TiffImagePlugin import IFDRational
+
+from lighting.photo.exif import PhotoFacts, read_facts, vertical_fov
+from lighting.photo.read import read_photo
+from tests.conftest import encode, exif, munich, scene
+
+pillow_heif.register_heif_opener()
+
+SCENE = scene(160, 120)
+BASE, GPS = ExifTags.Base, ExifTags.GPS
+
+
+def facts_of(block: Image.Exif, picture: Any = SCENE, file_format: str = "JPEG") -> PhotoFacts:
+    return read_photo(encode(picture, file_format, exif=block.tobytes())).facts
+
+
+@pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP", "HEIF"])
+def test_what_a_phone_notes(file_format: str) -> None:
+    facts = facts_of(munich(), file_format=file_format)
+    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
+    assert facts.utc_offset == 2.0
+    assert facts.utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert facts.latitude == pytest.approx(48 + 8 / 60 + 15 / 3600)
+    assert facts.longitude == pytest.approx(11 + 34 / 60 + 30 / 3600)
+    assert (facts.heading, facts.heading_reference) == (60.0, "magnetic")
+    assert facts.focal_length == 26.0
+
+
+def test_a_photo_without_exif_has_no_facts() -> None:
+    assert read_photo(encode(SCENE)).facts == PhotoFacts()
+
+
+def test_the_repr_does_not_tell_the_place() -> None:
+    photo = read_photo(encode(SCENE, exif=munich().tobytes()))
+    assert photo.facts.latitude is not None
+    for text in (repr(photo.facts), repr(photo)):
+        assert "48." not in text
+        assert "itude" not in text
+
+
+def test_the_southwest_is_negative() -> None:
+    facts = facts_of(munich(GPSLatitudeRef="S", GPSLongitudeRef="w"))
+    assert facts.latitude == pytest.approx(-48.1375)
+    assert facts.longitude == pytest.approx(-11.575)
+
+
+def test_a_local_time_without_zone_stays_local() -> None:
+    facts = facts_of(munich(OffsetTimeOriginal=None))
+    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
+    assert facts.utc_offset is None
+    assert facts.utc_time is None
+
+
+def test_the_satellites_time_is_utc() -> None:
+    time = {"GPSDateStamp": "2024:06:01", "GPSTimeStamp": (7.0, 9.0, 58.5)}
+    facts = facts_of(munich(OffsetTimeOriginal=None, **time))
+    assert facts.utc_time == datetime(2024, 6, 1, 7, 9, 58, 500000, tzinfo=UTC)
+    assert facts_of(munich(DateTimeOriginal=None, **time)).utc_time == facts.utc_time
+    assert facts_of(munich(**time)).utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+
+
+def test_the_day_a_film_was_scanned_counts_if_nothing_better_does() -> None:
+    facts = facts_of(munich(DateTimeOriginal=None, DateTimeDigitized="1998-04-05 16:20:00", OffsetTimeOriginal=None))
+    assert facts.local_time == datetime(1998, 4, 5, 16, 20)
+
+
+def test_the_offset_of_a_scan_is_not_that_of_the_picture() -> None:
+    scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
+    facts = facts_of(munich(OffsetTimeOriginal=None, **scan))
+    assert (facts.local_time, facts.utc_offset, facts.utc_time) == (datetime(2024, 6, 1, 9, 10), None, None)
+    same = {"DateTimeDigitized": "2024:06:01 09:10:00", "OffsetTimeDigitized": "+02:00"}
+    assert facts_of(munich(OffsetTimeOriginal=None, **same)).utc_offset == 2.0
+
+
+def test_a_blank_time_hides_no_good_one() -> None:
+    scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
+    facts = facts_of(munich(DateTimeOriginal="    :  :     :  :  ", **scan))
+    assert (facts.local_time, facts.utc_offset) == (datetime(2023, 2, 3, 12, 0), -8.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "lost"),
+    [
+        ("DateTimeOriginal", "0000:00:00 00:00:00", "local_time"),
+        ("DateTimeOriginal", "2024:02:30 09:10:00", "local_time"),
+        ("DateTimeOriginal", "0024:02:20 09:10:00", "local_time"),
+        ("DateTimeOriginal", "yesterday", "local_time"),
+        ("OffsetTimeOriginal", "+25:00", "utc_time"),
+        ("OffsetTimeOriginal", "Berlin", "utc_time"),
+        ("GPSLatitude", (95.0, 0.0, 0.0), "latitude"),
+        ("GPSLatitude", (48.0, math.nan, 0.0), "latitude"),
+        ("GPSLatitude", "48 N", "latitude"),
+        ("GPSLatitudeRef", None, "longitude"),
+        ("GPSLatitudeRef", "E", "longitude"),
+        ("GPSLongitude", (181.0, 0.0, 0.0), "latitude"),
+        ("GPSLongitude", None, "latitude"),
+        ("GPSImgDirection", 361.0, "heading"),
+        ("GPSImgDirection", None, "heading"),
+        ("GPSImgDirectionRef", None, "heading_reference"),
+        ("GPSImgDirectionRef", "X", "heading_reference"),
+        ("FocalLengthIn35mmFilm", 0, "vertical_fov"),
+        ("FocalLengthIn35mmFilm", 0, "focal_length"),
+        ("FocalLengthIn35mmFilm", None, "focal_length"),
+    ],
+)
+def test_a_bad_tag_is_an_absent_one(name: str, value: object, lost: str) -> None:
+    good = facts_of(munich())
+    image = Image.fromarray(SCENE)
+    image.info["exif"] = b""
+    block = munich(**{name: value})
+    image.getexif = lambda: block  # type: ignore[method-assign]  # what a file cannot hold as such
+    facts = read_facts(image, 160, 120)
+    assert getattr(good, lost) is not None
+    assert getattr(facts, lost) is None
+    assert sum(getattr(facts, field) is None for field in vars(good)) <= 3
+
+
+def test_zero_north_zero_east_is_nowhere() -> None:
+    facts = facts_of(munich(GPSLatitude=(0.0, 0.0, 0.0), GPSLongitude=(0.0, 0.0, 0.0)))
+    assert facts.latitude is facts.longitude is None
+
+
+# The lens
+
+
+@pytest.mark.parametrize(
+    ("focal_length", "size", "degrees"),
+    [
+        (24.0, (3600, 2400), 53.13),  # full frame, 24 mm: 24 mm of height
+        (24.0, (2400, 3600), 73.74),
+        (26.0, (4032, 3024), 53.06),  # a phone: 4:3 on the same diagonal is 25.96 mm high
+        (26.0, (3024, 4032), 67.30),
+    ],
+)
+def test_field_of_view_by_the_diagonal(focal_length: float, size: tuple[int, int], degrees: float) -> None:
+    assert vertical_fov(focal_length, *size) == pytest.approx(degrees, abs=0.01)
+
+
+@pytest.mark.parametrize(("focal_length", "degrees"), [(1.0, 120.0), (65535.0, 5.0)])
+def test_field_of_view_is_clamped(focal_length: float, degrees: float) -> None:
+    assert vertical_fov(focal_length, 400, 300) == degrees
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_field_of_view_is_that_of_the_upright_photo(orientation: int) -> None:
+    block = munich()
+    block[BASE.Orientation] = orientation
+    photo = read_photo(encode(SCENE, exif=block.tobytes()))
+    assert photo.facts.vertical_fov == pytest.approx(vertical_fov(26.0, photo.width, photo.height))
+    assert (photo.width, photo.height) == ((120, 160) if orientation > 4 else (160, 120))
+
+
+@pytest.mark.parametrize(
+    ("noted", "known"), [((4032, 3024), True), ((3024, 4032), True), ((4032, 2268), False), ((0, 3024), True)]
+)
+def test_a_crop_has_no_known_field_of_view(noted: tuple[int, int], known: bool) -> None:
+    facts = facts_of(munich(ExifImageWidth=noted[0], ExifImageHeight=noted[1]))
+    assert (facts.vertical_fov is not None) is known
+    assert facts.focal_length == 26.0
+
+
+# Hostile input
+
+VALUES = st.one_of(
+    st.integers(),
+    st.floats(),
+    st.text(max_size=30),
+    st.binary(max_size=30),
+    st.booleans(),
+    st.none(),
+    st.builds(IFDRational, st.integers(0, 5), st.integers(0, 3)),
+)
+TAGS = st.sampled_from(
+    [
+        BASE.DateTimeOriginal,
+        BASE.DateTimeDigitized,
+        BASE.OffsetTimeOriginal,
+        BASE.OffsetTimeDigitized,
+        BASE.FocalLengthIn35mmFilm,
+        BASE.ExifImageWidth,
+        BASE.ExifImageHeight,
+        *GPS,
+    ]
+)
+
+
+@pytest.mark.slow
+@given(st.dictionaries(TAGS, VALUES | st.tuples(VALUES) | st.tuples(VALUES, VALUES, VALUES)))
+def test_any_value_of_any_tag_gives_facts(tags: dict[int, Any]) -> None:
+    image = Image.new("RGB", (40, 60))
+    image.getexif = lambda: exif(tags, tags)  # type: ignore[method-assign]
+    facts = read_facts(image, 40, 60)
+    assert facts.vertical_fov is None or 5.0 <= facts.vertical_fov <= 120.0
+    assert (facts.latitude is None) is (facts.longitude is None)
+    assert facts.latitude is None or abs(facts.latitude) <= 90
+    assert facts.heading is None or 0 <= facts.heading < 360
+
+
+GOOD = munich().tobytes()
+
+
+@pytest.mark.slow
+@given(st.lists(st.tuples(st.integers(6, len(GOOD) - 1), st.integers(0, 255)), min_size=1, max_size=12))
+def test_a_damaged_block_never_rejects_a_photo(changes: list[tuple[int, int]]) -> None:
+    block = bytearray(GOOD)
+    for position, value in changes:
+        block[position] = value
+    photo = read_photo(encode(SCENE, exif=bytes(block)))
+    assert {photo.width, photo.height} == {160, 120}
+
+
+@given(st.binary(max_size=200))
+def test_nor_does_a_block_of_noise(noise: bytes) -> None:
+    photo = read_photo(encode(SCENE, exif=b"Exif\0\0" + struct.pack("<2sHI", b"II", 42, 8) + noise))
+    assert photo.facts.utc_time is None or isinstance(photo.facts.utc_time, datetime)

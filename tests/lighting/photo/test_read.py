@@ -1,0 +1,490 @@
+"""Reading photos of every kind, refusing the rest, and the letterbox."""
+
+import struct
+import sys
+import warnings
+import zlib
+from concurrent.futures import ThreadPoolExecutor
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pillow_heif
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from PIL import ExifTags, Image, ImageCms
+
+from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.photo import read as photo_module
+from lighting.photo.read import Photo, Source, fit_size, place, read_photo, to_tensor
+from tests.conftest import TINY, encode, scene
+
+pillow_heif.register_heif_opener()
+
+UNDO = {  # how a camera stores an upright picture under each orientation
+    1: None,
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_90,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_270,
+}
+LOSSLESS: dict[str, dict[str, object]] = {
+    "JPEG": {"quality": 98, "subsampling": 0},
+    "PNG": {},
+    "WEBP": {"lossless": True},
+    "HEIF": {"quality": -1},
+}
+SCENE = scene(160, 120)
+TEXTUAL_ORIENTATION = b"Exif\0\0II*\0" + struct.pack("<IHHHI4sI", 8, 1, 0x0112, 2, 2, b"6\0", 0)
+
+
+def sentence(error: BaseException) -> str:
+    text = str(error)
+    assert text.endswith(".")
+    assert "\n" not in text
+    assert len(text) < 250
+    return text
+
+
+def refusal(data: bytes, **limits: int) -> str:
+    with pytest.raises(PhotoError) as caught:
+        read_photo(data, **limits)
+    return sentence(caught.value)
+
+
+def png(width: int, height: int, depth: int, colour_type: int, rows: bytes) -> bytes:
+    """A PNG from its parts, for what Pillow does not write."""
+
+    def chunk(name: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+    header = struct.pack(">IIBBBBB", width, height, depth, colour_type, 0, 0, 0)
+    body = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + body
+
+
+def assert_close(photo: Photo, expected: NDArray[np.uint8], tolerance: int = 4) -> None:
+    assert photo.pixels.dtype == np.uint8
+    assert photo.pixels.shape == expected.shape
+    assert np.abs(photo.pixels.astype(int) - expected).max() <= tolerance
+
+
+@pytest.mark.parametrize("mode", ["L", "P", "RGB", "RGBA", "I;16"])
+def test_strips_make_the_same_picture(mode: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    grey = (np.arange(203 * 151, dtype=np.uint16) * 3).reshape(151, 203)
+    whole = Image.fromarray(grey) if mode == "I;16" else Image.fromarray(SCENE).resize((203, 151)).convert(mode)
+    if mode == "RGBA":
+        whole.putalpha(Image.fromarray((np.indices((151, 203)).sum(axis=0) % 256).astype(np.uint8)))
+    stream = BytesIO()
+    whole.save(stream, "PNG", **({"transparency": 0} if mode == "P" else {}))
+    at_once = read_photo(stream.getvalue(), target=40)
+    monkeypatch.setattr(photo_module, "_STRIP", 1000)
+    in_strips = read_photo(stream.getvalue(), target=40)
+    assert at_once.pixels.shape == (31, 41, 3)
+    assert np.array_equal(at_once.pixels, in_strips.pixels)
+
+
+@pytest.mark.parametrize("file_format", LOSSLESS)
+def test_each_format_is_read(file_format: str) -> None:
+    photo = read_photo(encode(SCENE, file_format, **LOSSLESS[file_format]))
+    assert (photo.width, photo.height, photo.format) == (160, 120, file_format)
+    assert_close(photo, SCENE)
+
+
+@pytest.mark.parametrize("file_format", LOSSLESS)
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_every_exif_orientation_ends_upright(file_format: str, orientation: int) -> None:
+    method = UNDO[orientation]
+    picture = Image.fromarray(SCENE)
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    stored = picture if method is None else picture.transpose(method)
+    photo = read_photo(encode(stored, file_format, exif=exif.tobytes(), **LOSSLESS[file_format]))
+    assert (photo.width, photo.height) == (160, 120)
+    assert_close(photo, SCENE)
+
+
+@pytest.mark.parametrize(
+    "exif",
+    [
+        TEXTUAL_ORIENTATION,
+        b"",
+        b"garbage",
+        b"Exif\0\0garbage",
+        b"Exif\0\0II*\0\xff\xff\xff\xff",
+        b"Exif\0\0MM\0*\0\0\0\x08\xff\xff\x01\x12",
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP"])
+def test_damaged_exif_does_not_reject_a_photo(exif: bytes, file_format: str) -> None:
+    assert_close(read_photo(encode(SCENE, file_format, exif=exif, **LOSSLESS[file_format])), SCENE)
+
+
+@pytest.mark.parametrize("orientation", [0, 9, 65535])
+def test_an_impossible_orientation_counts_as_none(orientation: int) -> None:
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    assert_close(read_photo(encode(SCENE, "PNG", exif=exif.tobytes())), SCENE)
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+@pytest.mark.parametrize("file_format", ["JPEG", "PNG"])
+def test_a_large_photo_is_decoded_at_reduced_scale(file_format: str, orientation: int) -> None:
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    stored = scene(2000, 1500)
+    photo = read_photo(encode(stored, file_format, exif=exif.tobytes()), target=400)
+    upright = (2000, 1500) if orientation == 1 else (1500, 2000)
+    assert (photo.width, photo.height) == upright
+    height, width = photo.pixels.shape[:2]
+    assert 400 <= max(width, height) < 800
+    assert width / height == pytest.approx(upright[0] / upright[1], rel=0.01)
+    plain = (
+        Image.fromarray(stored) if orientation == 1 else Image.fromarray(stored).transpose(Image.Transpose.ROTATE_270)
+    )
+    assert_close(photo, np.asarray(plain.resize((width, height), Image.Resampling.BOX)), 6)
+
+
+def test_the_default_target_leaves_a_small_photo_whole() -> None:
+    assert read_photo(encode(scene(447, 300))).pixels.shape == (300, 447, 3)
+    assert max(read_photo(encode(scene(1792, 1344), "PNG", compress_level=1)).pixels.shape) == 448
+
+
+def test_no_target_keeps_every_pixel() -> None:
+    assert read_photo(encode(scene(2600, 1400)), target=None).pixels.shape == (1400, 2600, 3)
+
+
+def test_path_stream_and_bytes_are_the_same(photo_path: Path) -> None:
+    expected = read_photo(photo_path.read_bytes())
+    with photo_path.open("rb") as stream:
+        sources: list[Source] = [photo_path, str(photo_path), stream, BytesIO(photo_path.read_bytes())]
+        for source in sources:
+            assert (read_photo(source).pixels == expected.pixels).all()
+
+
+def test_a_stream_that_gives_a_little_at_a_time_is_read_to_its_end(photo_path: Path) -> None:
+    class Slow(BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            return super().read(min(size or 0, 100))
+
+    assert read_photo(Slow(photo_path.read_bytes())).width == 320
+
+
+def test_missing_files_and_folders_are_os_errors(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        read_photo(tmp_path / "absent.jpg")
+    with pytest.raises(IsADirectoryError):
+        read_photo(tmp_path)
+
+
+# Colour and depth
+
+
+def test_grey_one_bit_and_palette_become_rgb() -> None:
+    grey = Image.fromarray(SCENE).convert("L")
+    expected = np.repeat(np.asarray(grey)[..., None], 3, axis=-1)
+    assert_close(read_photo(encode(grey, "PNG")), expected, 0)
+    assert_close(read_photo(encode(grey, "JPEG", quality=98)), expected)
+    palette = Image.fromarray(SCENE).quantize(64)
+    assert_close(read_photo(encode(palette, "PNG")), np.asarray(palette.convert("RGB")), 0)
+    bits = grey.convert("1")
+    assert set(np.unique(read_photo(encode(bits, "PNG")).pixels)) == {0, 255}
+
+
+def test_sixteen_bit_grey_is_scaled_and_not_clipped() -> None:
+    ramp = np.tile(np.linspace(0, 65535, 64).round().astype(np.uint16), (48, 1))
+    photo = read_photo(encode(ramp, "PNG"))
+    expected = np.tile(np.linspace(0, 255, 64), (48, 1))
+    assert np.abs(photo.pixels - expected[..., None]).max() <= 1
+    assert (photo.pixels[..., :1] == photo.pixels).all()
+
+
+@pytest.mark.parametrize(("colour_type", "channels"), [(2, 3), (6, 4), (4, 2)])
+def test_sixteen_bit_colour_and_alpha_are_scaled(colour_type: int, channels: int) -> None:
+    ramp = np.linspace(0, 65535, 40).round().astype(">u2")
+    samples = np.full((40, 40, channels), 65535, dtype=">u2")
+    samples[..., 0] = ramp[None]
+    photo = read_photo(png(40, 40, 16, colour_type, b"".join(b"\0" + row.tobytes() for row in samples)))
+    assert np.abs(photo.pixels[..., 0] - np.linspace(0, 255, 40)).max() <= 1
+
+
+def test_cmyk_keeps_its_colours() -> None:
+    for rgb in [(255, 255, 255), (0, 0, 0), (200, 40, 90)]:
+        cmyk = Image.new("RGB", (64, 48), rgb).convert("CMYK")
+        photo = read_photo(encode(cmyk, "JPEG", quality=98))
+        assert_close(photo, np.full((48, 64, 3), rgb, dtype=np.uint8), 6)
+
+
+@pytest.mark.parametrize("file_format", ["PNG", "WEBP", "HEIF"])
+def test_transparent_parts_become_mid_grey(file_format: str) -> None:
+    rgba = np.dstack([SCENE, np.full(SCENE.shape[:2], 255, dtype=np.uint8)])
+    rgba[:60, :, :3] = 255
+    rgba[:60, :, 3] = 0
+    photo = read_photo(encode(rgba, file_format, **LOSSLESS[file_format]))
+    expected = SCENE.copy()
+    expected[:60] = 128
+    assert_close(photo, expected)
+
+
+def test_hidden_colours_do_not_bleed_when_a_photo_is_reduced() -> None:
+    rgba = np.zeros((400, 400, 4), dtype=np.uint8)
+    rgba[:, 200:] = 255
+    photo = read_photo(encode(rgba, "PNG"), target=50)
+    assert set(np.unique(photo.pixels)) == {128, 255}
+
+
+def test_a_transparent_palette_entry_becomes_mid_grey() -> None:
+    palette = Image.new("P", (64, 48), 1)
+    palette.putpalette([255, 0, 0, 0, 255, 0])
+    palette.paste(0, (0, 0, 64, 24))
+    pixels = read_photo(encode(palette, "PNG", transparency=0)).pixels
+    assert (pixels[0, 0] == 128).all()
+    assert pixels[-1, -1].tolist() == [0, 255, 0]
+
+
+def test_a_fully_transparent_photo_is_refused() -> None:
+    assert refusal(encode(Image.new("RGBA", (64, 48), (9, 9, 9, 0)), "PNG")) == "The photo is fully transparent."
+
+
+def swapped_profile() -> bytes:
+    """A colour profile of the sRGB kind whose red and green primaries changed places."""
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    swapped = profile.replace(b"rXYZ", b"????").replace(b"gXYZ", b"rXYZ").replace(b"????", b"gXYZ")
+    renamed = swapped.replace("sRGB".encode("utf-16-be"), "Test".encode("utf-16-be"))
+    assert renamed not in (swapped, profile)
+    return renamed
+
+
+@pytest.mark.parametrize("file_format", LOSSLESS)
+def test_a_colour_profile_is_converted_to_srgb(file_format: str) -> None:
+    red = Image.new("RGB", (64, 48), (255, 0, 0))
+    pixels = read_photo(encode(red, file_format, icc_profile=swapped_profile(), **LOSSLESS[file_format])).pixels
+    assert pixels.reshape(-1, 3).mean(axis=0) == pytest.approx([0, 255, 0], abs=8)
+
+
+def test_a_grey_photo_ignores_a_profile_of_rgb() -> None:
+    grey = np.full((48, 64), 77, dtype=np.uint8)
+    photo = read_photo(encode(grey, "PNG", icc_profile=swapped_profile()))
+    assert_close(photo, np.full((48, 64, 3), 77, dtype=np.uint8), 0)
+
+
+def test_a_profile_survives_palette_reduction_and_rotation() -> None:
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = 6
+    red = Image.new("RGB", (640, 480), (255, 0, 0)).quantize(4)
+    data = encode(red, "PNG", icc_profile=swapped_profile(), exif=exif.tobytes())
+    photo = read_photo(data, target=200)
+    assert photo.pixels.shape == (214, 160, 3)
+    assert photo.pixels.reshape(-1, 3).mean(axis=0) == pytest.approx([0, 255, 0], abs=8)
+
+
+@pytest.mark.parametrize(
+    "profile",
+    [b"garbage", swapped_profile()[:200], ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()],
+    ids=["garbage", "cut short", "another colour space"],
+)
+@pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP"])
+def test_an_unfit_profile_does_not_reject_a_photo(profile: bytes, file_format: str) -> None:
+    assert_close(read_photo(encode(SCENE, file_format, icc_profile=profile, **LOSSLESS[file_format])), SCENE)
+
+
+@pytest.mark.parametrize("file_format", ["PNG", "WEBP", "MPO"])
+def test_of_several_pictures_the_first_counts(file_format: str) -> None:
+    first, second = Image.fromarray(SCENE), Image.new("RGB", (160, 120), (255, 0, 255))
+    options = {"quality": 98} if file_format == "MPO" else {"lossless": True} if file_format == "WEBP" else {}
+    photo = read_photo(encode(first, file_format, save_all=True, append_images=[second], **options))
+    assert_close(photo, SCENE, 8)
+
+
+# What is refused
+
+
+@pytest.mark.parametrize("source", [b"", BytesIO()], ids=["bytes", "stream"])
+def test_an_empty_source_says_so(source: Source) -> None:
+    with pytest.raises(PhotoError, match=r"^The photo is empty\.$"):
+        read_photo(source)
+
+
+@pytest.mark.parametrize("data", [b"\0", b"hello", b"\xff\xd8\xff", b"<svg/>", b"\0\0\0\x18ftypavif" + b"\0" * 99])
+def test_what_is_no_photo_is_refused(data: bytes) -> None:
+    refusal(data)
+
+
+@pytest.mark.parametrize("file_format", ["GIF", "BMP", "TIFF", "PPM", "TGA", "AVIF"])
+def test_other_formats_are_refused_by_name(file_format: str) -> None:
+    text = refusal(encode(SCENE, file_format))
+    assert text == "The file is not a JPEG, PNG, WebP or HEIC photo that can be read."
+
+
+def test_heic_without_its_reader_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = encode(SCENE, "HEIF")
+    photo_module._heif_format.cache_clear()
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    assert "pip install 'outdoor-lighting[heif]'" in refusal(data)
+
+
+@pytest.mark.parametrize("file_format", LOSSLESS)
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_photo_cut_short_is_refused(file_format: str, share: float) -> None:
+    data = encode(SCENE, file_format, **LOSSLESS[file_format])
+    refusal(data[: int(len(data) * share)])
+
+
+def test_too_many_bytes_are_refused_without_reading_on() -> None:
+    data = encode(SCENE)
+    with pytest.raises(PhotoTooLargeError, match=r"larger than the limit of 0.001 MB\.$"):
+        read_photo(data, max_bytes=1000)
+    stream = BytesIO(data)
+    with pytest.raises(PhotoTooLargeError):
+        read_photo(stream, max_bytes=1000)
+    assert stream.tell() == 1001
+    assert read_photo(data, max_bytes=len(data)).width == 160
+
+
+def test_an_endless_file_is_refused() -> None:
+    with pytest.raises(PhotoTooLargeError):
+        read_photo("/dev/zero", max_bytes=100_000)
+
+
+@pytest.mark.parametrize("file_format", LOSSLESS)
+def test_too_many_pixels_are_refused(file_format: str) -> None:
+    data = encode(SCENE, file_format)
+    with pytest.raises(PhotoTooLargeError, match=r"^The photo of 160 x 120 pixels has more than .* 0.019199 million"):
+        read_photo(data, max_pixels=160 * 120 - 1)
+    assert read_photo(data, max_pixels=160 * 120).width == 160
+
+
+@pytest.mark.parametrize(("width", "height"), [(12_000, 11_000), (60_000, 60_000), (2**31 - 1, 2**31 - 1)])
+def test_a_bomb_is_refused_by_its_header(width: int, height: int) -> None:
+    with pytest.raises(PhotoTooLargeError) as caught:
+        read_photo(png(width, height, 8, 2, b"\0" * 100))
+    sentence(caught.value)
+
+
+def test_a_photo_between_the_limit_of_pillow_and_ours_is_read_quietly() -> None:
+    rows = (b"\0" + b"\x55" * (10_000 // 8)) * 10_000
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert read_photo(png(10_000, 10_000, 1, 0, rows)).width == 10_000
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (31, 400), (400, 31), (100, 801), (6000, 40)])
+def test_absurd_shapes_are_refused(width: int, height: int) -> None:
+    assert refusal(encode(scene(width, height), "PNG")).startswith(f"The photo is {width} x {height} pixels;")
+
+
+@pytest.mark.parametrize(("width", "height"), [(32, 32), (32, 256), (256, 32), (1080, 1920)])
+def test_unusual_shapes_are_read(width: int, height: int) -> None:
+    photo = read_photo(encode(scene(width, height)), target=None)
+    assert photo.pixels.shape == (height, width, 3)
+
+
+@given(st.binary(max_size=200))
+def test_random_bytes_are_refused(data: bytes) -> None:
+    refusal(data)
+
+
+HEADS = {"JPEG": 20, "PNG": 8, "WEBP": 16, "HEIF": 12}
+SMALL = {name: encode(scene(48, 40), name, **LOSSLESS[name]) for name in LOSSLESS}
+
+
+@given(st.sampled_from(sorted(HEADS)), st.binary(max_size=300))
+def test_a_good_beginning_does_not_help_random_bytes(file_format: str, data: bytes) -> None:
+    refusal(SMALL[file_format][: HEADS[file_format]] + data)
+
+
+@given(st.sampled_from(sorted(SMALL)), st.floats(0, 1), st.binary(min_size=1, max_size=8))
+def test_damage_anywhere_gives_a_photo_or_a_refusal(file_format: str, where: float, damage: bytes) -> None:
+    data = SMALL[file_format]
+    start = int(where * (len(data) - len(damage)))
+    damaged = data[:start] + damage + data[start + len(damage) :]
+    try:
+        photo = read_photo(damaged, max_pixels=1_000_000)
+    except PhotoError as error:
+        sentence(error)
+    else:
+        assert photo.pixels.dtype == np.uint8
+        assert photo.pixels.shape[2:] == (3,)
+
+
+@given(st.sampled_from(sorted(SMALL)), st.floats(0, 1))
+def test_a_cut_anywhere_gives_a_photo_or_a_refusal(file_format: str, where: float) -> None:
+    data = SMALL[file_format][: int(where * len(SMALL[file_format]))]
+    try:
+        photo = read_photo(data)
+    except PhotoError as error:
+        sentence(error)
+    else:
+        assert photo.pixels.shape == (40, 48, 3)
+
+
+def test_threads_leave_the_warning_filters_as_they_were() -> None:
+    before = list(warnings.filters)
+    data = [encode(SCENE, name, exif=b"Exif\0\0garbage", **LOSSLESS[name]) for name in ("JPEG", "PNG", "WEBP")] * 10
+    with ThreadPoolExecutor(4) as pool:
+        assert all(photo.width == 160 for photo in pool.map(read_photo, data))
+    assert list(warnings.filters) == before
+
+
+# The letterbox
+
+
+@given(st.integers(1, 20_000), st.integers(1, 20_000))
+def test_the_photo_fills_one_side_of_the_canvas(width: int, height: int) -> None:
+    w, h = fit_size(width, height, TINY)
+    assert 1 <= w <= TINY.width
+    assert 1 <= h <= TINY.height
+    assert w == TINY.width or h == TINY.height
+    assert abs(w - width * h / height) <= 0.5 * width / height + 0.5 or min(w, h) == 1
+
+
+@pytest.mark.parametrize(
+    ("size", "fitted"), [((96, 64), (48, 32)), ((64, 96), (21, 32)), ((480, 10), (48, 1)), ((3, 2), (48, 32))]
+)
+def test_fit_size_of_known_shapes(size: tuple[int, int], fitted: tuple[int, int]) -> None:
+    assert fit_size(*size, TINY) == fitted
+
+
+@pytest.mark.parametrize(("width", "height", "left", "top"), [(48, 10, 0, 11), (21, 32, 13, 0), (48, 32, 0, 0)])
+def test_place_centres_the_normalised_photo_on_the_mean(width: int, height: int, left: int, top: int) -> None:
+    pixels = scene(width, height)
+    canvas = place(pixels, TINY)
+    assert canvas.shape == (3, 32, 48)
+    assert canvas.dtype == np.float32
+    expected = (pixels / 255.0 - TINY.mean) / TINY.std
+    inside = canvas[:, top : top + height, left : left + width].transpose(1, 2, 0)
+    assert inside == pytest.approx(expected, abs=1e-5)
+    assert np.count_nonzero(canvas) <= 3 * width * height
+
+
+def test_place_refuses_what_does_not_fit() -> None:
+    with pytest.raises(ValueError, match="49 x 10 pixels do not fit the canvas of 48 x 32"):
+        place(scene(49, 10), TINY)
+
+
+def test_to_tensor_is_place_of_the_resized_photo() -> None:
+    tensor = to_tensor(read_photo(encode(scene(480, 320), "PNG")), TINY)
+    assert tensor.shape == (1, 3, 32, 48)
+    assert np.abs(tensor[0] - place(scene(48, 32), TINY)).max() < 0.1
+
+
+def test_to_tensor_does_not_alias() -> None:
+    """A one-pixel chequerboard is grey from afar."""
+    board = (np.indices((640, 960)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    photo = Photo(np.repeat(board[..., None], 3, axis=-1), 960, 640, "PNG")
+    grey = (0.5 - np.array(TINY.mean)) / TINY.std
+    assert to_tensor(photo, TINY)[0].transpose(1, 2, 0) == pytest.approx(np.broadcast_to(grey, (32, 48, 3)), abs=0.05)
+
+
+@pytest.mark.parametrize("rotate", [False, True])
+def test_the_scale_of_decoding_hardly_changes_the_tensor(rotate: bool) -> None:
+    pixels = scene(1500, 2000) if rotate else scene(2000, 1500)
+    data = encode(pixels, quality=95)
+    whole, reduced = (to_tensor(read_photo(data, target=target), TINY) for target in (None, 200))
+    assert np.abs(whole - reduced).max() < 0.1

@@ -1,0 +1,132 @@
+"""The glTF file: by the Khronos validator, and number by number."""
+
+import json
+import shutil
+import struct
+import subprocess
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.scene import cubemap, gltf
+from tests.scenes import known_scene
+
+NODE = Path(__file__).parents[2] / "node"
+NOTED = {"IMAGE_NPOT_DIMENSIONS", "UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"}  # a photo's size; what it does not know
+
+
+def document_of(folder: Path) -> tuple[dict[str, Any], bytes]:
+    """The JSON and the binary chunk of the file in a folder."""
+    data = (folder / gltf.FILE).read_bytes()
+    assert struct.unpack_from("<4sII", data) == (b"glTF", 2, len(data))
+    length, kind = struct.unpack_from("<I4s", data, 12)
+    assert kind == b"JSON"
+    size, kind = struct.unpack_from("<I4s", data, 20 + length)
+    assert (kind, 28 + length + size) == (b"BIN\0", len(data))
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def node(document: dict[str, Any], name: str) -> dict[str, Any]:
+    return next(dict(item) for item in document["nodes"] if item["name"] == name)
+
+
+def matrix(item: dict[str, Any]) -> NDArray[Any]:
+    return np.reshape(item["matrix"], (4, 4)).T
+
+
+def validated(file: Path) -> dict[str, Any]:
+    """The Khronos validator's report."""
+    program = shutil.which("node")
+    if program is None or not (NODE / "node_modules" / "gltf-validator").is_dir():
+        pytest.skip("node or the Khronos validator is not installed: npm ci --prefix tests/node")
+    done = subprocess.run([program, NODE / "validate.cjs", file], capture_output=True, text=True, check=True)
+    return dict(json.loads(done.stdout)["issues"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("image_based_light", [False, True])
+def test_the_khronos_validator_finds_neither_errors_nor_warnings(tmp_path: Path, image_based_light: bool) -> None:
+    gltf.write(known_scene(), tmp_path, image_based_light=image_based_light)
+    issues = validated(tmp_path / gltf.FILE)
+    assert (issues["numErrors"], issues["numWarnings"], issues["numHints"]) == (0, 0, 0), issues["messages"]
+    assert {message["code"] for message in issues["messages"]} <= NOTED
+
+
+def test_the_validator_does_find_faults(tmp_path: Path) -> None:
+    gltf.write(known_scene(), tmp_path)
+    file = tmp_path / gltf.FILE
+    file.write_bytes(file.read_bytes().replace(b'"intensity":', b'"intensitx":').replace(b'"camera":0', b'"camera":7'))
+    assert validated(file)["numErrors"] >= 1
+
+
+def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
+    scene = known_scene()
+    gltf.write(scene, tmp_path)
+    document, _ = document_of(tmp_path)
+    assert matrix(node(document, "Camera")) == pytest.approx(scene.camera_matrix)
+    camera = document["cameras"][0]["perspective"]
+    assert np.degrees(camera["yfov"]) == pytest.approx(scene.vertical_fov)
+    assert camera["aspectRatio"] == pytest.approx(scene.width / scene.height)
+
+
+def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -> None:
+    scene = known_scene()
+    gltf.write(scene, tmp_path)
+    document, _ = document_of(tmp_path)
+    shining = matrix(node(document, "Sun")) @ [0, 0, -1, 0]
+    assert shining[:3] == pytest.approx(-scene.sun_direction)
+    (light,) = document["extensions"]["KHR_lights_punctual"]["lights"]
+    assert light["type"] == "directional"
+    assert light["intensity"] * np.array(light["color"]) == pytest.approx(scene.sun_irradiance)
+    assert max(light["color"]) == pytest.approx(1)
+
+
+def test_no_direct_sun_is_a_light_of_no_intensity(tmp_path: Path) -> None:
+    gltf.write(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    (light,) = document_of(tmp_path)[0]["extensions"]["KHR_lights_punctual"]["lights"]
+    assert (light["intensity"], light["color"]) == (0, [1, 1, 1])
+
+
+def test_the_plate_is_the_photo_and_fills_the_view(tmp_path: Path) -> None:
+    scene = known_scene()
+    gltf.write(scene, tmp_path)
+    document, binary = document_of(tmp_path)
+    view = document["bufferViews"][document["images"][0]["bufferView"]]
+    data = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+    assert np.array_equal(np.asarray(Image.open(BytesIO(data))), scene.plate)
+    in_camera = np.linalg.inv(scene.camera_matrix) @ matrix(node(document, "Plate"))
+    distance = -in_camera[2, 3]
+    assert in_camera == pytest.approx(np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -distance], [0, 0, 0, 1]]))
+    attributes = document["meshes"][node(document, "Plate")["mesh"]]["primitives"][0]["attributes"]
+    right, top, _ = document["accessors"][attributes["POSITION"]]["max"]
+    assert np.degrees(2 * np.arctan(top / distance)) == pytest.approx(scene.vertical_fov, abs=1e-4)
+    assert right / top == pytest.approx(scene.width / scene.height)
+
+
+def test_the_map_is_there_only_if_asked_for(tmp_path: Path) -> None:
+    gltf.write(known_scene(), tmp_path)
+    document, _ = document_of(tmp_path)
+    assert "EXT_lights_image_based" not in document["extensionsUsed"]
+    assert len(document["images"]) == 1
+
+
+@pytest.mark.slow
+def test_the_map_as_an_image_based_light(tmp_path: Path) -> None:
+    gltf.write(known_scene(), tmp_path, image_based_light=True)
+    document, binary = document_of(tmp_path)
+    (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
+    assert document["scenes"][0]["extensions"]["EXT_lights_image_based"] == {"light": 0}
+    assert np.shape(light["irradianceCoefficients"]) == (9, 3)
+    assert np.shape(light["specularImages"]) == (cubemap.LEVELS, 6)
+    for level, faces in enumerate(light["specularImages"]):
+        view = document["bufferViews"][document["images"][faces[0]]["bufferView"]]
+        image = Image.open(BytesIO(binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]))
+        assert image.size == (cubemap.SIZE >> level,) * 2
+        assert image.mode == "RGBA"
+    assert light["specularImageSize"] == cubemap.SIZE

@@ -1,0 +1,142 @@
+"""The USD stage, as OpenUSD itself reads it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdValidation
+
+from lighting.errors import SceneError
+from lighting.files.exr import read_exr
+from lighting.geometry import latlong_directions
+from lighting.scene import usd
+from tests.scenes import known_scene
+
+UP_AXES = pytest.mark.parametrize("up_axis", usd.UP_AXES)
+
+
+def opened(folder: Path, up_axis: str) -> Any:
+    usd.write(known_scene(), folder, up_axis=up_axis)
+    return Usd.Stage.Open(str(folder / usd.STAGE))
+
+
+def complaints(stage: Any) -> list[str]:
+    """What every validator that comes with OpenUSD has against a stage."""
+    context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
+    return [error.GetErrorAsString() for error in context.Validate(stage)]
+
+
+def ours(vector: Any, up_axis: str) -> NDArray[np.float64]:
+    """A stage's vector, or three arrays of its coordinates, in our frame."""
+    x, y, z = vector
+    return np.array([x, z, -y] if up_axis == "Z" else [x, y, z])
+
+
+def to_world(stage: Any, path: str) -> Any:
+    return UsdGeom.Xformable(stage.GetPrimAtPath(path)).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+
+
+@UP_AXES
+def test_openusds_own_checker_finds_nothing(tmp_path: Path, up_axis: str) -> None:
+    stage = opened(tmp_path, up_axis)
+    assert complaints(stage) == []
+    assert UsdGeom.GetStageUpAxis(stage) == up_axis
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1
+
+
+def test_the_checker_does_find_faults(tmp_path: Path) -> None:
+    stage = opened(tmp_path, "Y")
+    stage.ClearDefaultPrim()
+    stage.GetPrimAtPath("/World/Ground").RemoveAPI("MaterialBindingAPI")
+    (tmp_path / "environment.exr").unlink()
+    assert len(complaints(stage)) >= 2
+
+
+@UP_AXES
+def test_the_camera_stands_and_sees_as_the_scene_says(tmp_path: Path, up_axis: str) -> None:
+    scene = known_scene()
+    stage = opened(tmp_path, up_axis)
+    camera = UsdGeom.Camera(stage.GetPrimAtPath("/World/Camera")).GetCamera(Usd.TimeCode.Default())
+    frustum = camera.frustum
+    _, up, forward = scene.camera_axes
+    assert ours(frustum.GetPosition(), up_axis) == pytest.approx(scene.camera_position, abs=1e-6)
+    assert ours(frustum.ComputeViewDirection(), up_axis) == pytest.approx(forward, abs=1e-6)
+    assert ours(frustum.ComputeUpVector(), up_axis) == pytest.approx(up, abs=1e-6)
+    assert camera.GetFieldOfView(Gf.Camera.FOVVertical) == pytest.approx(scene.vertical_fov, abs=1e-4)
+    assert camera.aspectRatio == pytest.approx(scene.width / scene.height, abs=1e-5)
+
+
+@UP_AXES
+def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, up_axis: str) -> None:
+    scene = known_scene()
+    stage = opened(tmp_path, up_axis)
+    sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun"))
+    backwards = to_world(stage, "/World/Sun").TransformDir(Gf.Vec3d(0, 0, 1))  # it shines along -Z
+    assert ours(backwards, up_axis) == pytest.approx(scene.sun_direction, abs=1e-6)
+    assert sun.GetNormalizeAttr().Get() is True  # so that intensity is irradiance, whatever the angle
+    irradiance = sun.GetIntensityAttr().Get() * 2 ** sun.GetExposureAttr().Get() * np.array(sun.GetColorAttr().Get())
+    assert irradiance == pytest.approx(scene.sun_irradiance, rel=1e-5)
+    assert sun.GetAngleAttr().Get() == pytest.approx(0.533)
+
+
+@UP_AXES
+def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str) -> None:
+    """A map with one bright pixel, by OpenEXR's definition: +Z at the centre, longitude falls to the right."""
+    environment = np.zeros_like(known_scene().environment)
+    environment[30, 400] = 1.0
+    usd.write(replace(known_scene(), environment=environment), tmp_path, up_axis=up_axis)
+    stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
+    dome = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
+    assert dome.GetTextureFormatAttr().Get() == "latlong"
+    image, _ = read_exr(dome.GetTextureFileAttr().Get().resolvedPath)
+    row, column = np.argwhere(image[..., 0])[0]
+    latitude = np.pi * (0.5 - (row + 0.5) / image.shape[0])
+    longitude = 2 * np.pi * (0.5 - (column + 0.5) / image.shape[1])
+    local = [np.sin(longitude) * np.cos(latitude), np.sin(latitude), np.cos(longitude) * np.cos(latitude)]
+    world = ours(to_world(stage, "/World/Sky").TransformDir(Gf.Vec3d(*local)), up_axis)
+    assert world == pytest.approx(latlong_directions(len(environment))[30, 400], abs=1e-6)
+
+
+@UP_AXES
+def test_ground_and_placeholder_lie_where_the_scene_has_them(tmp_path: Path, up_axis: str) -> None:
+    scene = known_scene()
+    stage = opened(tmp_path, up_axis)
+    ball = to_world(stage, "/World/YourObject/Ball").ExtractTranslation()
+    assert ours(ball, up_axis) == pytest.approx(scene.ball_centre, abs=1e-6)
+    ground = np.array(UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ground")).GetPointsAttr().Get())
+    assert ours(ground.T, up_axis)[1] == pytest.approx(0, abs=1e-9)
+    a, b, c = (ours(point, up_axis) for point in ground[:3])
+    assert np.cross(b - a, c - a)[1] > 0  # faces up
+    stick = UsdGeom.Imageable(stage.GetPrimAtPath("/World/YourObject/Stick"))
+    box = stick.ComputeWorldBound(Usd.TimeCode.Default(), "default").ComputeAlignedRange()
+    ends = sorted(ours(corner, up_axis)[1] for corner in (box.GetMin(), box.GetMax()))
+    assert ends == pytest.approx([0, scene.stick_height], abs=1e-6)
+
+
+def test_the_plate_is_a_guide_that_fills_the_view(tmp_path: Path) -> None:
+    scene = known_scene()
+    stage = opened(tmp_path, "Y")
+    plate = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Camera/Plate"))
+    assert plate.GetPurposeAttr().Get() == "guide"
+    x, y, z = np.array(plate.GetPointsAttr().Get()).T
+    assert np.degrees(2 * np.arctan(y.max() / -z[0])) == pytest.approx(scene.vertical_fov, abs=1e-4)
+    assert x.max() / y.max() == pytest.approx(scene.width / scene.height)
+    settings = UsdRender.Settings(stage.GetPrimAtPath("/Render/Settings"))
+    assert tuple(settings.GetResolutionAttr().Get()) == (scene.width, scene.height)
+
+
+def test_without_direct_sun_the_light_stays_and_is_dark(tmp_path: Path) -> None:
+    usd.write(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
+    sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun"))
+    assert sun.GetIntensityAttr().Get() == 0
+    assert tuple(sun.GetColorAttr().Get()) == (1, 1, 1)
+
+
+def test_another_up_axis_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="must be Y or Z"):
+        usd.write(known_scene(), tmp_path, up_axis="X")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,93 @@
+"""The chain from a photo to its light."""
+
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lighting
+from lighting import model as model_module
+from lighting import pipeline
+from lighting.errors import ModelError, PhotoError
+from lighting.geometry import angle_between, direction
+from lighting.model import Model
+from lighting.photo.read import read_photo
+from lighting.pipeline import Estimator, estimate
+from lighting.records import Lighting, lighting_from
+from tests.conftest import encode, scene
+
+
+@pytest.fixture
+def packaged(monkeypatch: pytest.MonkeyPatch, network: Path) -> Iterator[None]:
+    """The tiny network in the place of the packaged one."""
+    monkeypatch.setattr(model_module, "packaged_model", lambda: network)
+    pipeline._packaged.cache_clear()
+    yield
+    pipeline._packaged.cache_clear()
+
+
+def test_an_estimator_gives_the_lighting_of_its_prediction(network: Path, photo_path: Path) -> None:
+    estimator = Estimator(Model.load(network))
+    photo = read_photo(photo_path)
+    prediction = estimator.predict(photo)
+    assert estimator(photo) == lighting_from(prediction)
+    assert prediction.sun_probability.sum() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_the_same_photo_gives_the_same_light_and_another_gives_another(network: Path) -> None:
+    estimator = Estimator(Model.load(network))
+    bright, dark = (read_photo(encode(np.full((64, 96, 3), v, dtype=np.uint8))) for v in (220, 30))
+    assert estimator(bright) == estimator(bright)
+    assert estimator(bright).turbidity != estimator(dark).turbidity
+
+
+@pytest.mark.usefixtures("packaged")
+def test_estimate_takes_a_path_bytes_or_a_stream(photo_path: Path) -> None:
+    expected = Estimator()(read_photo(photo_path))
+    assert isinstance(expected, Lighting)
+    for source in (photo_path, str(photo_path), photo_path.read_bytes(), BytesIO(photo_path.read_bytes())):
+        assert estimate(source) == expected
+
+
+@pytest.mark.usefixtures("packaged")
+def test_estimate_loads_the_network_once(photo_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    estimate(photo_path)
+    monkeypatch.setattr(model_module, "packaged_model", lambda: pytest.fail("loaded again"))
+    estimate(photo_path)
+
+
+@pytest.mark.usefixtures("packaged")
+def test_errors_pass_through(tmp_path: Path) -> None:
+    with pytest.raises(PhotoError):
+        estimate(b"not a photo")
+    with pytest.raises(FileNotFoundError):
+        estimate(tmp_path / "absent.jpg")
+
+
+def test_a_missing_network_is_a_model_error(tmp_path: Path) -> None:
+    with pytest.raises(ModelError):
+        Estimator(Model.load(tmp_path / "absent.onnx"))
+
+
+def test_the_public_face_is_lazy_and_small() -> None:
+    assert len(lighting.__all__) < 10
+    assert lighting.Estimator is Estimator
+    assert lighting.estimate is estimate
+    with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
+        _ = lighting.nonsense
+
+
+@pytest.mark.usefixtures("packaged")
+def test_photo_to_map_puts_the_sun_where_the_record_says(photo_path: Path) -> None:
+    found = estimate(photo_path)
+    image = lighting.render(found, 128, sun=True)
+    row, column = np.unravel_index(int(image.sum(axis=-1).argmax()), image.shape[:2])
+    azimuth, elevation = (column + 0.5) / 256 * 360 - 180, 90 - (row + 0.5) / 128 * 180
+    assert angle_between(direction(azimuth, elevation), found.sun_direction) < 1.5
+
+
+def test_a_portrait_photo_is_letterboxed(network: Path) -> None:
+    photo = read_photo(encode(scene(200, 600)))
+    assert isinstance(Estimator(Model.load(network))(photo), Lighting)

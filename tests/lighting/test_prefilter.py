@@ -1,0 +1,37 @@
+"""The sun taken out of a map, and what remains as irradiance."""
+
+import numpy as np
+import pytest
+
+from lighting.envmap import render
+from lighting.geometry import direction, latlong_directions, latlong_solid_angle
+from lighting.prefilter import irradiance, without_sun
+from lighting.records import Lighting
+
+SUNNY = Lighting(35.0, 40.0, 3.0, 5.0)
+SHADED = Lighting(35.0, 40.0, 3.0, 5.0, sun_visibility=0.0)
+
+
+@pytest.mark.parametrize("height", [64, 128, 512])
+def test_sun_is_taken_out_of_the_map_with_its_whole_power(height: int) -> None:
+    envmap = render(SUNNY, height)
+    sky, power = without_sun(envmap, SUNNY.sun_direction)
+    solid_angle = latlong_solid_angle(height)[:, None, None]
+    half = height // 2
+    expected = ((envmap - render(SHADED, height)) * solid_angle)[:half].sum(axis=(0, 1))
+    np.testing.assert_allclose(power, expected, rtol=0.05)
+    assert sky.max() < 0.2 * envmap.max()
+
+
+def test_map_without_disc_gives_almost_no_sun() -> None:
+    powers = [without_sun(render(each, 512), each.sun_direction)[1] for each in (SUNNY, SHADED)]
+    assert powers[1].max() < 0.01 * powers[0].max()
+
+
+@pytest.mark.parametrize(("a", "b"), [(0, 1), (1, 2), (0, 2)])
+def test_irradiance_of_a_product_map(a: int, b: int) -> None:
+    d = latlong_directions(64)
+    envmap = np.repeat((1 + 0.5 * d[..., a] + d[..., a] * d[..., b])[..., None], 3, axis=-1).astype(np.float32)
+    normals = direction(np.array([30.0, 70.0, -130.0]), np.array([20.0, 10.0, -60.0]))
+    clamped_cosine = np.pi + np.pi / 3 * normals[:, a] + np.pi / 4 * normals[:, a] * normals[:, b]
+    np.testing.assert_allclose(irradiance(envmap, normals), np.repeat(clamped_cosine[:, None], 3, axis=1), rtol=3e-3)

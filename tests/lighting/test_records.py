@@ -1,0 +1,316 @@
+"""The records: JSON and back, ranges, hostile input."""
+
+import json
+import math
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lighting.errors import ModelError, ParameterError
+from lighting.geometry import angle_between, direction
+from lighting.records import OPTIONAL_RANGES, RANGES, Lighting, ModelSpec, Prediction, lighting_from
+from lighting.sun_grid import soft_label
+from tests.conftest import TINY
+
+LIGHTING = Lighting(
+    sun_azimuth=-41.2,
+    sun_elevation=33.0,
+    turbidity=3.4,
+    exposure=0.021,
+    ground_albedo=0.25,
+    sun_visibility=0.93,
+    radius_50=9.5,
+    radius_90=31.0,
+    camera_elevation=4.1,
+    camera_roll=-0.6,
+    vertical_fov=48.7,
+    model_name="outdoor",
+    model_version="1.0.0",
+)
+PLACES = {  # of each field in the JSON record
+    "sun_azimuth": ("sun", "azimuth"),
+    "sun_elevation": ("sun", "elevation"),
+    "sun_visibility": ("sun", "visibility"),
+    "radius_50": ("sun", "radius_50"),
+    "radius_90": ("sun", "radius_90"),
+    "turbidity": ("sky", "turbidity"),
+    "ground_albedo": ("sky", "ground_albedo"),
+    "exposure": ("sky", "exposure"),
+    "camera_elevation": ("camera", "elevation"),
+    "camera_roll": ("camera", "roll"),
+    "vertical_fov": ("camera", "vertical_fov"),
+}
+WRONG = [None, "3", True, [3.0], {"value": 3.0}, math.nan, math.inf, -math.inf, 10**4000, np.float32(3)]
+
+
+def record_with(name: str, value: object) -> dict[str, Any]:
+    record = deepcopy(LIGHTING.to_dict())
+    section, key = PLACES[name]
+    record[section][key] = value
+    return record
+
+
+def changed(name: str, value: object) -> Lighting:
+    fields: dict[str, Any] = {name: value}
+    return replace(LIGHTING, **fields)
+
+
+def sentence(error: BaseException) -> str:
+    text = str(error)
+    assert text.endswith(".")
+    assert "\n" not in text
+    assert len(text) < 200
+    return text
+
+
+def test_the_record_survives_json() -> None:
+    text = json.dumps(LIGHTING.to_dict(), allow_nan=False)
+    assert Lighting.from_dict(json.loads(text)) == LIGHTING
+
+
+def test_the_record_has_the_documented_shape() -> None:
+    record = LIGHTING.to_dict()
+    assert set(record) == {"model", "sun", "sky", "camera", "evidence", "warnings"}
+    assert record["model"] == {"name": "outdoor", "version": "1.0.0"}
+    assert record["sun"]["direction"] == pytest.approx(direction(-41.2, 33.0), abs=1e-6)
+    assert record["sky"]["model"] == "hosek-wilkie"
+    assert {k: len(v) for k, v in record["sky"]["coefficients"].items()} == {"r": 9, "g": 9, "b": 9, "radiance": 3}
+    for name, (section, key) in PLACES.items():
+        assert record[section][key] == getattr(LIGHTING, name)
+
+
+@given(st.fixed_dictionaries({name: st.floats(low, high) for name, (low, high) in RANGES.items()}))
+def test_every_record_in_range_survives_json(values: dict[str, Any]) -> None:
+    lighting = Lighting(**values)
+    assert Lighting.from_dict(json.loads(json.dumps(lighting.to_dict(), allow_nan=False))) == lighting
+
+
+def test_only_the_sun_and_the_sky_are_needed() -> None:
+    record = {"sun": {"azimuth": 10, "elevation": 20}, "sky": {"turbidity": 3, "exposure": 0.1}}
+    assert Lighting.from_dict(record) == Lighting(10.0, 20.0, 3.0, 0.1)
+
+
+def test_derived_values_are_recomputed_rather_than_believed() -> None:
+    record = LIGHTING.to_dict()
+    record["sun"]["direction"] = "nonsense"
+    record["sky"]["coefficients"] = None
+    assert Lighting.from_dict(record) == LIGHTING
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_values_outside_a_range_are_named(name: str) -> None:
+    low, high = RANGES[name]
+    for value in (low - 1e-3 * (abs(low) + 1e-3), high * 1.001):
+        with pytest.raises(ParameterError) as caught:
+            changed(name, value)
+        assert sentence(caught.value).startswith(f"{name} is ")
+        with pytest.raises(ParameterError, match=f"^{name} is "):
+            Lighting.from_dict(record_with(name, value))
+    for value in (low, high):
+        assert getattr(changed(name, value), name) == value
+
+
+@pytest.mark.parametrize("value", WRONG[1:], ids=lambda v: repr(v)[:12])
+@pytest.mark.parametrize("name", RANGES)
+def test_values_of_the_wrong_type_are_named(name: str, value: object) -> None:
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict(record_with(name, value))
+    assert sentence(caught.value).startswith(f"{name} must be a finite number")
+
+
+@pytest.mark.parametrize("name", ["sun_azimuth", "sun_elevation", "turbidity", "exposure"])
+def test_a_missing_value_is_named(name: str) -> None:
+    record = LIGHTING.to_dict()
+    section, key = PLACES[name]
+    del record[section][key]
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict(record)
+    assert sentence(caught.value) == f"The lighting record lacks {name}."
+
+
+@pytest.mark.parametrize("name", ["ground_albedo", "vertical_fov", "sun_visibility"])
+def test_null_means_the_default(name: str) -> None:
+    default = Lighting(0.0, 0.0, 2.0, 1.0)
+    assert getattr(Lighting.from_dict(record_with(name, None)), name) == getattr(default, name)
+
+
+@pytest.mark.parametrize("record", [None, 3, "text", [], [1, 2], {}, {"sun": 1}, {"sun": []}], ids=repr)
+def test_what_is_no_record_is_refused(record: Any) -> None:
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict(record)
+    assert sentence(caught.value) == "The lighting record needs an object 'sun'."
+
+
+@pytest.mark.parametrize("name", ["sun", "sky", "camera", "model"])
+@pytest.mark.parametrize("value", [3, "text", [1.0]], ids=repr)
+def test_a_section_that_is_no_object_is_refused(name: str, value: object) -> None:
+    with pytest.raises(ParameterError, match=f"'{name}'"):
+        Lighting.from_dict({**LIGHTING.to_dict(), name: value})
+
+
+@pytest.mark.parametrize("model", ["preetham", None, ["hosek-wilkie"], "x" * 10_000], ids=lambda v: repr(v)[:12])
+def test_another_sky_model_is_refused(model: object) -> None:
+    record = LIGHTING.to_dict()
+    record["sky"]["model"] = model
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict(record)
+    assert sentence(caught.value).endswith("only 'hosek-wilkie' is known.")
+
+
+def test_a_model_name_must_be_text() -> None:
+    with pytest.raises(ParameterError, match=r"^model\.name must be a text"):
+        Lighting.from_dict({**LIGHTING.to_dict(), "model": {"name": {"deep": 1}}})
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["azimuth", "elevation", "x"]), inner),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.sampled_from(["sun", "sky", "camera", "model"]), json_values))
+def test_any_json_is_a_record_or_a_parameter_error(record: dict[str, Any]) -> None:
+    try:
+        assert isinstance(Lighting.from_dict(record), Lighting)
+    except ParameterError as error:
+        sentence(error)
+
+
+def prediction(**values: float) -> Prediction:
+    grid = "fibonacci:1024"
+    given = {
+        "sun_visibility": 0.8,
+        "turbidity": 3.0,
+        "exposure": 0.05,
+        "camera_elevation": 2.0,
+        "camera_roll": 1.0,
+        "vertical_fov": 50.0,
+        **values,
+    }
+    probability = soft_label(direction(-70.0, 40.0), 80.0, grid).astype(np.float32)
+    return Prediction(spec=replace(TINY, sun_grid=grid), sun_probability=probability, **given)
+
+
+def test_lighting_from_a_prediction() -> None:
+    lighting = lighting_from(prediction())
+    assert angle_between(lighting.sun_direction, direction(-70.0, 40.0)) < 0.5
+    assert (lighting.turbidity, lighting.exposure, lighting.vertical_fov) == (3.0, 0.05, 50.0)
+    assert (lighting.model_name, lighting.model_version) == ("tiny", "0.0.1")
+    assert lighting.radius_50 == pytest.approx(7.55, abs=0.75)
+    assert lighting.radius_90 == pytest.approx(13.78, abs=0.75)
+    json.dumps(lighting.to_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_network_that_overshoots_is_clipped_into_the_ranges(sign: float) -> None:
+    names = ["sun_visibility", "turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov"]
+    lighting = lighting_from(prediction(**dict.fromkeys(names, sign * 1e9)))
+    for name in names:
+        assert getattr(lighting, name) == RANGES[name][sign > 0]
+
+
+def test_the_spec_survives_json() -> None:
+    assert ModelSpec.from_json(TINY.to_json()) == TINY
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"width": 0},
+        {"width": "48"},
+        {"height": -3},
+        {"height": 4.5},
+        {"width": True},
+        {"mean": [0.5, 0.5]},
+        {"mean": "abc"},
+        {"mean": None},
+        {"std": [0.2, 0.0, 0.2]},
+        {"std": [math.nan, 1.0, 1.0]},
+        {"sun_grid": 5},
+        {"sun_grid": "healpix:4"},
+        {"name": None},
+        {"licence": []},
+        {"surprise": 1},
+    ],
+    ids=repr,
+)
+def test_a_spec_of_another_layout_is_refused(change: dict[str, object]) -> None:
+    with pytest.raises(ModelError) as caught:
+        ModelSpec.from_json(json.dumps({**json.loads(TINY.to_json()), **change}))
+    sentence(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", "3", "{}", '{"mean": [1,2,3], "std": [1,2,3]}'])
+def test_what_is_no_spec_is_refused(text: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        ModelSpec.from_json(text)
+    sentence(caught.value)
+
+
+# What is not always known
+
+KNOWING = replace(
+    LIGHTING,
+    evidence=("pixels", "time+place"),
+    warnings=("The pixels say otherwise.",),
+    camera_heading=123.0,
+    camera_heading_radius_50=7.5,
+    camera_heading_radius_90=20.0,
+    camera_heading_probability=tuple(1 / 360 for _ in range(360)),
+    relative_heading=45.0,
+    latitude=48.1,
+    longitude=-11.6,
+)
+
+
+def test_a_record_keeps_what_is_known() -> None:
+    record = json.loads(json.dumps(KNOWING.to_dict(), allow_nan=False))
+    assert Lighting.from_dict(record) == KNOWING
+    assert record["evidence"] == ["pixels", "time+place"]
+    assert record["warnings"] == ["The pixels say otherwise."]
+    assert record["camera"]["heading"] == 123.0
+    assert len(record["camera"]["heading_probability"]) == 360
+    assert record["camera"]["relative_heading"] == 45.0
+    assert record["place"] == {"latitude": 48.1, "longitude": -11.6}
+
+
+def test_a_record_leaves_out_what_is_unknown() -> None:
+    record = LIGHTING.to_dict()
+    assert set(record["camera"]) == {"elevation", "roll", "vertical_fov"}
+    assert (record["evidence"], record["warnings"]) == ([], [])
+
+
+def test_a_record_of_the_first_version_is_still_read() -> None:
+    record = {key: value for key, value in LIGHTING.to_dict().items() if key not in ("evidence", "warnings")}
+    assert Lighting.from_dict(record) == LIGHTING
+    assert Lighting.from_dict({**record, "evidence": None, "warnings": None, "place": None}) == LIGHTING
+
+
+@pytest.mark.parametrize("name", OPTIONAL_RANGES)
+def test_what_is_known_is_checked_too(name: str) -> None:
+    low, high = OPTIONAL_RANGES[name]
+    assert changed(name, None) == LIGHTING
+    for value in (low - 0.01, high + 0.01, math.nan, "3"):
+        with pytest.raises(ParameterError, match=name):
+            changed(name, value)
+
+
+@pytest.mark.parametrize("value", [[0.5], [0.5] * 359 + [2.0], [0.5] * 359 + ["x"], 3.0, "text"])
+def test_headings_are_360_probabilities(value: object) -> None:
+    record = deepcopy(KNOWING.to_dict())
+    record["camera"]["heading_probability"] = value
+    with pytest.raises(ParameterError, match="heading_probability"):
+        Lighting.from_dict(record)
+
+
+@pytest.mark.parametrize("name", ["evidence", "warnings"])
+@pytest.mark.parametrize("value", ["pixels", [3], {"a": 1}, 7])
+def test_evidence_and_warnings_are_texts(name: str, value: object) -> None:
+    with pytest.raises(ParameterError, match=name):
+        Lighting.from_dict({**LIGHTING.to_dict(), name: value})
