@@ -30,7 +30,7 @@ from pathlib import Path
 from statistics import median
 from PIL import Image
 from lighting.model import Model
-from lighting.photo.read import TARGET, read_photo, to_tensor
+from lighting.photo import TARGET, read_photo, to_tensor
 path, count = Path(sys.argv[1]), int(sys.argv[2])
 model = Model.load(threads=1)
 tensor = to_tensor(read_photo(path), model.spec)

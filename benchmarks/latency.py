@@ -28,12 +28,13 @@ from PIL import Image
 
 from export.data.panoramas import DataError
 from export.towns.llvm import find_llvm
+from lighting.decoding import lighting_from
 from lighting.envmap import render
-from lighting.files.exr import write_exr
+from lighting.files import write_exr
 from lighting.geometry import latlong_directions
 from lighting.model import Model
-from lighting.photo.read import TARGET, read_photo, to_tensor
-from lighting.records import Lighting, lighting_from
+from lighting.photo import TARGET, read_photo, to_tensor
+from lighting.records import Lighting
 
 PARTS = ("decode", "network", "sky and sun", "EXR")
 

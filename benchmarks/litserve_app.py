@@ -10,11 +10,12 @@ import litserve
 import onnxruntime
 from fastapi import Request, Response
 
+from lighting.decoding import lighting_from
 from lighting.envmap import render
-from lighting.files.formats import encode_envmap
+from lighting.files import encode_envmap
 from lighting.model import OUTPUTS, PARAMETERS, packaged_model
-from lighting.photo.read import Photo, read_photo, to_tensor
-from lighting.records import ModelSpec, Prediction, lighting_from
+from lighting.photo import Photo, read_photo, to_tensor
+from lighting.records import ModelSpec, Prediction
 
 
 class EnvmapAPI(litserve.LitAPI):

@@ -22,7 +22,7 @@ from common import ROOT, machine, milliseconds
 from numpy.typing import NDArray
 
 from lighting.model import Model, packaged_model
-from lighting.photo.read import read_photo, to_tensor
+from lighting.photo import read_photo, to_tensor
 
 Batch = NDArray[np.float32]
 
@@ -142,7 +142,7 @@ def _batches(crops: Any, size: int = 16) -> Iterator[tuple[Batch, list[Any]]]:
     """The network's inputs and the crops that they show."""
     from export.crops.crops import take
     from lighting.colour import tone_map
-    from lighting.photo.read import place
+    from lighting.photo import place
 
     spec = Model.load().spec
     for first in range(0, len(crops), size):

@@ -23,7 +23,7 @@ from load import RECORD, run, started
 from performance_page import SIZE, page
 
 from lighting.envmap import render
-from lighting.files.exr import write_exr
+from lighting.files import write_exr
 from lighting.model import available_cpus
 from lighting.records import Lighting
 

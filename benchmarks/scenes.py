@@ -49,7 +49,7 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-from lighting.photo.read import Photo
+from lighting.photo import Photo
 from lighting.preview.ink import write
 from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 from lighting.records import Lighting

@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from lighting.version import __version__
 
 if TYPE_CHECKING:
     from lighting.envmap import render
-    from lighting.evidence.metadata import Given
-    from lighting.files.exr import read_exr, write_exr
+    from lighting.evidence import Given
+    from lighting.files import read_exr, write_exr
     from lighting.pipeline import Estimator, estimate
     from lighting.records import Lighting
 

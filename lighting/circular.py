@@ -2,21 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from lighting.geometry import angles, direction, wrap_azimuth
-from lighting.records import Sun
+from lighting.geometry import Floats, direction, wrap_azimuth
 from lighting.sun_grid import radii
 
 HEADINGS = np.arange(360.0)  # deg clockwise from true north
 
-_MODE_WIDTH = 25.5  # deg around the strongest mode over which the decoding averages: 25 bins to either side
-_MODE_SMOOTHING = 15.0  # deg, spread of the kernel that finds the strongest mode
-
-Floats = NDArray[np.floating[Any]]
+MODE_WIDTH = 25.5  # deg around the strongest mode over which the decoding averages: 25 bins to either side
+MODE_SMOOTHING = 15.0  # deg, spread of the kernel that finds the strongest mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +46,9 @@ def correlate(a: Floats, b: Floats) -> Floats:
 def best_angle(angle: Floats, probability: Floats) -> float:
     """The strongest mode [deg, -180 to 180] of probabilities (N,) of angles (N,): the mean of what lies around it."""
     histogram = np.bincount(np.round(angle).astype(int) % 360, probability, 360).astype(np.float64)
-    peak = np.argmax(blur(histogram, _MODE_SMOOTHING))
+    peak = np.argmax(blur(histogram, MODE_SMOOTHING))
     offset = wrap_azimuth(angle - peak)
-    near = probability * (np.abs(offset) <= _MODE_WIDTH)
+    near = probability * (np.abs(offset) <= MODE_WIDTH)
     return float(wrap_azimuth(peak + near @ offset / near.sum()))
 
 
@@ -62,25 +58,3 @@ def heading(probability: Floats) -> Heading:
     ground = direction(HEADINGS, 0.0)
     radius_50, radius_90 = radii(probability, ground, direction(best, 0.0))
     return Heading(probability, best, radius_50, radius_90)
-
-
-def sun_on_rings(directions: Floats, probability: Floats) -> Sun:
-    """Where a distribution (N,) over suns (N, 3) of few elevations puts the sun.
-
-    Azimuth and elevation are averaged apart: the mean of the vectors of one ring would lie above the ring.
-    """
-    azimuth, elevation = angles(directions)
-    best = best_angle(azimuth, probability)
-    near = probability * (np.abs(wrap_azimuth(azimuth - best)) <= _MODE_WIDTH)
-    near = near * (np.abs(elevation - _likeliest_ring(elevation, near)) <= _MODE_WIDTH)
-    centre_elevation = float(near @ elevation / near.sum())
-    centre = direction(best, centre_elevation)
-    radius_50, radius_90 = radii(probability, directions, centre)
-    return Sun(best, centre_elevation, radius_50, radius_90)
-
-
-def _likeliest_ring(elevation: Floats, probability: Floats) -> float:
-    """The elevation [deg], one of those given (N,), around which most of the probability (N,) lies."""
-    rings, member = np.unique(np.round(elevation, 6), return_inverse=True)
-    kernel = np.exp(-0.5 * ((rings[:, None] - rings) / _MODE_SMOOTHING) ** 2)
-    return float(rings[np.argmax(kernel @ np.bincount(member, probability))])

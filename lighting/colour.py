@@ -1,11 +1,9 @@
 """Transfer functions between linear light and display values, Rec.709 primaries throughout."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709, D65
 

@@ -6,16 +6,14 @@ values are `exposure` x the sky model's radiance, which are the photo's own line
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
-from lighting.geometry import angles, direction, latlong_angles, latlong_solid_angle, wrap_azimuth
+from lighting.geometry import SUN_RADIUS, Floats, angles, direction, latlong_angles, latlong_solid_angle, wrap_azimuth
 from lighting.records import Lighting
 from lighting.sky import (
-    SUN_HALF_APERTURE,
     sky_gradation,
     sky_lobe,
     sky_parameters,
@@ -24,7 +22,6 @@ from lighting.sky import (
 )
 
 Image = NDArray[np.float32]
-Floats = NDArray[np.floating[Any]]
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096
 
@@ -193,15 +190,15 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
     column (C,) that each of its rows and columns lies in; columns may run over the seam.
     """
     azimuth, elevation = (float(angle) for angle in angles(lighting.sun_direction))
-    widest = math.cos(math.radians(max(elevation - SUN_HALF_APERTURE, 0.0)))
+    widest = math.cos(math.radians(max(elevation - SUN_RADIUS, 0.0)))
     split = max(_FINE_PER_PIXEL, -(-_FINE_HEIGHT // height))
     across = math.ceil(split * widest)
-    if elevation + SUN_HALF_APERTURE >= 90.0:
+    if elevation + SUN_RADIUS >= 90.0:
         columns = np.arange(2 * height * across)
     else:
-        reach = math.degrees(math.asin(math.sin(math.radians(SUN_HALF_APERTURE)) / math.cos(math.radians(elevation))))
+        reach = math.degrees(math.asin(math.sin(math.radians(SUN_RADIUS)) / math.cos(math.radians(elevation))))
         columns = _cells(azimuth + 180.0 - reach, azimuth + 180.0 + reach, height * across / 180.0)
-    rows = _cells(90.0 - elevation - SUN_HALF_APERTURE, 90.0 - elevation + SUN_HALF_APERTURE, height * split / 180.0)
+    rows = _cells(90.0 - elevation - SUN_RADIUS, 90.0 - elevation + SUN_RADIUS, height * split / 180.0)
     rows = rows[rows >= 0]
     fine_azimuth = (columns + 0.5) * (180.0 / (height * across)) - 180.0
     fine_elevation = 90.0 - (rows + 0.5) * (180.0 / (height * split))

@@ -34,3 +34,8 @@ class SceneError(LightingError):
 
 class BatchError(LightingError):
     """A batch of photos cannot start or go on; what is finished stays."""
+
+
+def reason(error: Exception) -> str:
+    """An error as one sentence, without the name of the file that an OSError carries."""
+    return f"{error.strerror or error}." if isinstance(error, OSError) else str(error)

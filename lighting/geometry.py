@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.floating[Any]]
 
+SUN_RADIUS = 0.2679  # deg, angular radius of the disc: half of 0.5358, as the Hosek-Wilkie sun has it
+
 
 def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
     """Unit vectors (..., 3) of azimuth and elevation [deg], which broadcast."""

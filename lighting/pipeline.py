@@ -1,48 +1,48 @@
-"""The chain from a photo to its light, and nothing else."""
+"""From a photo to its light: the whole chain, and nothing else."""
 
 from collections.abc import Sequence
 from functools import lru_cache
 
-from lighting.evidence.fusion import Fused, fuse
-from lighting.evidence.metadata import Given, Known, known, known_together, lighting_of
-from lighting.evidence.together import together
+from lighting.evidence import Given, estimate_of, fuse, fuse_together, known, known_together
 from lighting.model import Model
-from lighting.photo.read import Photo, Source, read_photo, to_tensor
-from lighting.records import Lighting, Prediction
+from lighting.photo import Photo, Source, read_photo, to_tensor
+from lighting.records import Estimate, Prediction
 
 NOTHING_GIVEN = Given()
 
 
 class Estimator:
-    """A network ready for many photos; `Estimator()(read_photo("photo.jpg"))` is a Lighting."""
+    """A network ready for many photos; `Estimator()(read_photo("photo.jpg"))` is an Estimate."""
 
     def __init__(self, model: Model | None = None) -> None:
         """Uses the network in this package unless given another; raises ModelError."""
         self.model = model or Model.load()
 
     def predict(self, photo: Photo) -> Prediction:
-        """What the network says about the photo: the sun's probability on its grid, and raw parameters."""
+        """What the network says of the pixels alone: the sun's probability on its grid, and raw parameters."""
         return self.model.predict(to_tensor(photo, self.model.spec))[0]
 
-    def fuse(self, photo: Photo, given: Given = NOTHING_GIVEN) -> tuple[Fused, Known]:
-        """What pixels, metadata and user say together; ParameterError where the user's time and place are of night."""
+    def __call__(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Estimate:
+        """The photo's light by its pixels, its metadata and what the user says of it.
+
+        Raises ModelError, and ParameterError where the user's own time and place are of night.
+        """
         facts = known(photo.facts, given)
-        return fuse(self.predict(photo), facts.evidence), facts
+        return estimate_of(fuse(self.predict(photo), facts.evidence), facts)
 
-    def fuse_together(
+    def together(
         self, photos: Sequence[Photo], given: Given = NOTHING_GIVEN, headings: Sequence[float] | None = None
-    ) -> list[tuple[Fused, Known]]:
-        """The same for photos of one place and light; `headings` [deg] are theirs from any common direction."""
+    ) -> list[Estimate]:
+        """The light of photos of one place and time; one Estimate each, in its own camera's frame.
+
+        `headings` [deg, clockwise from any common direction] say where each camera points. Raises as a call does.
+        """
         facts = known_together([photo.facts for photo in photos], given)
-        answers = together([self.predict(photo) for photo in photos], [fact.evidence for fact in facts], headings)
-        return list(zip(answers, facts, strict=True))
-
-    def __call__(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Lighting:
-        """The photo's light, by its pixels, its metadata and what is given; raises as `fuse` does."""
-        return lighting_of(*self.fuse(photo, given))
+        fused = fuse_together([self.predict(photo) for photo in photos], [fact.evidence for fact in facts], headings)
+        return [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)]
 
 
-def estimate(source: Source, given: Given = NOTHING_GIVEN) -> Lighting:
+def estimate(source: Source, given: Given = NOTHING_GIVEN) -> Estimate:
     """The light of the photo in a file, in bytes or in a binary stream, by the network in this package.
 
     Raises PhotoError, ModelError, ParameterError or OSError.

@@ -1,15 +1,9 @@
 """Environment maps for shading: the sun's disc apart, fewer pixels, blurred copies, irradiance."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import angle_between, latlong_directions, latlong_solid_angle
-
-Floats = NDArray[np.floating[Any]]
-
-SUN_RADIUS = 0.2665  # deg, mean over the year
+from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directions, latlong_solid_angle
 
 
 def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ModelError, ParameterError
-from lighting.geometry import angles, direction
-from lighting.sky import sky_coefficients
-from lighting.sun_grid import best_guess, grid_directions, radii
+from lighting.geometry import Floats, direction
 
 SKY_MODEL = "hosek-wilkie"
+EVIDENCE = ("pixels", "time+place", "heading", "focal length", "other photos")  # what an answer may rest on
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 
 RANGES: dict[str, tuple[float, float]] = {
@@ -80,7 +79,6 @@ class ModelSpec:
             spec = cls(**{**values, "mean": tuple(values["mean"]), "std": tuple(values["std"])})
         except (ValueError, TypeError, KeyError) as error:
             raise ModelError(f"The model's metadata does not describe its input: {error}.") from error
-        grid_directions(spec.sun_grid)
         return spec
 
 
@@ -99,7 +97,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Sun:
+class SunEstimate:
     """Where a distribution puts the sun; units as in RANGES."""
 
     azimuth: float
@@ -125,9 +123,7 @@ class Lighting:
     vertical_fov: float = 50.0
     model_name: str = "none"
     model_version: str = "0"
-    evidence: tuple[
-        str, ...
-    ] = ()  # what it rests on: "pixels", "time+place", "heading", "focal length", "other photos"
+    evidence: tuple[str, ...] = ()  # of EVIDENCE
     warnings: tuple[str, ...] = ()  # sentences, above all about evidence that contradicts the pixels
     camera_heading: float | None = None
     camera_heading_radius_50: float | None = None
@@ -151,97 +147,99 @@ class Lighting:
         return self.sun_visibility >= 0.5
 
     @property
-    def sun_direction(self) -> NDArray[np.floating[Any]]:
+    def sun_direction(self) -> Floats:
         """Unit vector (3,) towards the sun, in the frame of geometry.py."""
         return direction(self.sun_azimuth, self.sun_elevation)
 
     def to_dict(self) -> dict[str, Any]:
-        """The JSON record; `sun.direction` and `sky.coefficients` follow from the other fields."""
-        return {
-            "model": {"name": self.model_name, "version": self.model_version},
-            "sun": {
-                "azimuth": self.sun_azimuth,
-                "elevation": self.sun_elevation,
-                "direction": [round(float(v), 6) for v in self.sun_direction],
-                "visibility": self.sun_visibility,
-                "radius_50": self.radius_50,
-                "radius_90": self.radius_90,
-            },
-            "sky": {
-                "model": SKY_MODEL,
-                "turbidity": self.turbidity,
-                "ground_albedo": self.ground_albedo,
-                "exposure": self.exposure,
-                "coefficients": sky_coefficients(self.sun_elevation, self.turbidity, self.ground_albedo),
-            },
-            "camera": {
-                "elevation": self.camera_elevation,
-                "roll": self.camera_roll,
-                "vertical_fov": self.vertical_fov,
-                **self._headings(),
-            },
-            "evidence": list(self.evidence),
-            "warnings": list(self.warnings),
-            **self._place(),
-        }
-
-    def _headings(self) -> dict[str, Any]:
-        known = {name: getattr(self, attribute) for name, attribute in _HEADINGS.items()}
-        said = {name: value for name, value in known.items() if value is not None}
+        """The JSON record; `sun.direction` follows from the other fields, what is not known is left out."""
+        record: dict[str, Any] = {"model": {"name": self.model_name, "version": self.model_version}}
+        for section, names in _SECTIONS.items():
+            values = {name: getattr(self, attribute) for name, attribute in names.items()}
+            record[section] = {name: value for name, value in values.items() if value not in (None, ())}
+        record["sun"]["direction"] = [round(float(v), 6) for v in self.sun_direction]
+        record["sky"]["model"] = SKY_MODEL
         if self.camera_heading_probability:
-            said["heading_probability"] = list(self.camera_heading_probability)
-        return said
-
-    def _place(self) -> dict[str, Any]:
-        if self.latitude is None and self.longitude is None:
-            return {}
-        return {"place": {"latitude": self.latitude, "longitude": self.longitude}}
+            record["camera"]["heading_probability"] = list(self.camera_heading_probability)
+        if not record["place"]:
+            del record["place"]
+        return record | {"evidence": list(self.evidence), "warnings": list(self.warnings)}
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
-        """The record that `to_dict` wrote; what may be absent takes its default, derived values are recomputed.
+        """The record that `to_dict` wrote; what may be absent takes its default, derived values are ignored.
 
         Raises ParameterError, naming the field, for one that is missing, of the wrong type or out of range.
         """
-        sun, sky = _section(record, "sun", required=True), _section(record, "sky", required=True)
-        camera, model, place = (_section(record, name) for name in ("camera", "model", "place"))
-        if sky.get("model", SKY_MODEL) != SKY_MODEL:
-            raise ParameterError(f"sky.model is {reprlib.repr(sky['model'])}; only {SKY_MODEL!r} is known.")
-        given: dict[str, Any] = {
-            "sun_azimuth": sun.get("azimuth"),
-            "sun_elevation": sun.get("elevation"),
-            "sun_visibility": sun.get("visibility"),
-            "radius_50": sun.get("radius_50"),
-            "radius_90": sun.get("radius_90"),
-            "turbidity": sky.get("turbidity"),
-            "ground_albedo": sky.get("ground_albedo"),
-            "exposure": sky.get("exposure"),
-            "camera_elevation": camera.get("elevation"),
-            "camera_roll": camera.get("roll"),
-            "vertical_fov": camera.get("vertical_fov"),
-            **{attribute: camera.get(name) for name, attribute in _HEADINGS.items()},
-            "camera_heading_probability": _numbers(camera, "heading_probability"),
-            "latitude": place.get("latitude"),
-            "longitude": place.get("longitude"),
-            "evidence": _texts(record, "evidence"),
-            "warnings": _texts(record, "warnings"),
+        found = {name: _section(record, name, required=name in ("sun", "sky")) for name in (*_SECTIONS, "model")}
+        if found["sky"].get("model", SKY_MODEL) != SKY_MODEL:
+            raise ParameterError(f"sky.model is {reprlib.repr(found['sky']['model'])}; only {SKY_MODEL!r} is known.")
+        values = {
+            attribute: found[section].get(name)
+            for section, names in _SECTIONS.items()
+            for name, attribute in names.items()
         }
         for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
-            if given[name] is None:
+            if values[name] is None:
                 raise ParameterError(f"The lighting record lacks {name}.")
-        present = {name: value for name, value in given.items() if value is not None}
-        for name in ("name", "version"):
-            if not isinstance(model.get(name, ""), str):
-                raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(model[name])}.")
-        return cls(**present, model_name=model.get("name", "none"), model_version=model.get("version", "0"))
+        values |= {f"model_{name}": _text(found["model"], name) for name in ("name", "version")}
+        values |= {name: _texts(record, name) for name in ("evidence", "warnings")}
+        values["camera_heading_probability"] = _numbers(found["camera"], "heading_probability")
+        return cls(**{name: value for name, value in values.items() if value is not None})
 
 
-_HEADINGS = {  # names inside the record's `camera`
-    "heading": "camera_heading",
-    "heading_radius_50": "camera_heading_radius_50",
-    "heading_radius_90": "camera_heading_radius_90",
-    "relative_heading": "relative_heading",
+_SECTIONS = {  # the groups of the JSON record: each name in it, and the attribute that it holds
+    "sun": {
+        "azimuth": "sun_azimuth",
+        "elevation": "sun_elevation",
+        "visibility": "sun_visibility",
+        "radius_50": "radius_50",
+        "radius_90": "radius_90",
+    },
+    "sky": {"turbidity": "turbidity", "ground_albedo": "ground_albedo", "exposure": "exposure"},
+    "camera": {
+        "elevation": "camera_elevation",
+        "roll": "camera_roll",
+        "vertical_fov": "vertical_fov",
+        "heading": "camera_heading",
+        "heading_radius_50": "camera_heading_radius_50",
+        "heading_radius_90": "camera_heading_radius_90",
+        "relative_heading": "relative_heading",
+    },
+    "place": {"latitude": "latitude", "longitude": "longitude"},
 }
+
+
+@dataclass(frozen=True, eq=False)
+class SunDistribution:
+    """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""
+
+    grid: str  # layout name, see sun_grid.py
+    probability: NDArray[np.float32]  # (N,) over the grid's cells, sums to 1
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The answer about one photo: its light, and where else the sun may be."""
+
+    lighting: Lighting
+    distribution: SunDistribution  # with all evidence counted
+
+    @property
+    def evidence(self) -> tuple[str, ...]:
+        """What the answer rests on, of EVIDENCE."""
+        return self.lighting.evidence
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences for people, above all about evidence that contradicts the pixels."""
+        return self.lighting.warnings
+
+
+def _text(section: Mapping[str, Any], name: str) -> str | None:
+    if not isinstance(section.get(name, ""), str):
+        raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(section[name])}.")
+    return section.get(name)
 
 
 def _texts(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
@@ -293,41 +291,3 @@ def _section(record: Mapping[str, Any], name: str, *, required: bool = False) ->
     if not isinstance(section, Mapping):
         raise ParameterError(f"The lighting record needs an object {name!r}.")
     return section
-
-
-def sun_of(prediction: Prediction) -> Sun:
-    """Where the pixels alone put the sun."""
-    grid = prediction.spec.sun_grid
-    sun = best_guess(prediction.sun_probability, grid)
-    azimuth, elevation = angles(sun)
-    radius_50, radius_90 = radii(prediction.sun_probability, grid_directions(grid), sun)
-    return Sun(float(azimuth), float(elevation), radius_50, radius_90)
-
-
-def lighting_from(prediction: Prediction, sun: Sun | None = None) -> Lighting:
-    """What the user gets of what the network said: every value inside its range.
-
-    The sun is where the pixels put it unless something else is known, see fusion.py.
-    """
-    where = sun or sun_of(prediction)
-    values = {
-        "sun_azimuth": where.azimuth,
-        "sun_elevation": where.elevation,
-        "sun_visibility": prediction.sun_visibility,
-        "radius_50": where.radius_50,
-        "radius_90": where.radius_90,
-        "turbidity": prediction.turbidity,
-        "exposure": prediction.exposure,
-        "camera_elevation": prediction.camera_elevation,
-        "camera_roll": prediction.camera_roll,
-        "vertical_fov": prediction.vertical_fov,
-    }
-    inside: dict[str, Any] = {
-        name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()
-    }
-    spec = prediction.spec
-    return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=("pixels",))
-
-
-def _significant(value: float, digits: int = 6) -> float:
-    return float(f"{value:.{digits}g}")

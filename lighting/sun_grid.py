@@ -10,21 +10,14 @@ Cells belong to the upper hemisphere: a sun is at or above the horizon.
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lighting.errors import ModelError
-from lighting.geometry import angle_between, direction
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats, angle_between, direction
 
 _GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # degrees
-_CANDIDATES = 64  # cells that may be the answer, the likeliest: it is where suns are likely, not between
-_LIKELY = 0.05  # of the likeliest cell's probability, the least that a candidate has
-_WRONG = 60.0  # deg beyond which errors count alike; on crops of unseen places 45 does as well
-_REFINED = 25.0  # deg around the best cell over which the answer is averaged
 _SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) of densities between cells
 
 
@@ -74,30 +67,6 @@ def soft_label(direction: ArrayLike, concentration: ArrayLike, layout: str) -> F
     cosine = np.asarray(direction) @ grid_directions(layout).T
     weight = np.exp(np.asarray(concentration)[..., None] * (cosine - 1.0)) * grid_solid_angle(layout)
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
-
-
-def best_guess(probability: ArrayLike, layout: str) -> Floats:
-    """The sun's direction (3,) of probabilities (N,): of the likeliest cells the one expected to err least, refined.
-
-    An error beyond 60 deg counts as 60: a sun far off is wrong however far, or the answer would drift to where no sun
-    is likely. The average over 25 deg around the cell removes the grid's own error.
-    """
-    p = np.asarray(probability, dtype=np.float64)
-    cells = grid_directions(layout)
-    likely = np.argpartition(p, -min(_CANDIDATES, len(p)))[-_CANDIDATES:]
-    likely = likely[p[likely] >= _LIKELY * p.max()]
-    centre = cells[likely[int(np.argmin(_bounded_errors(layout)[likely] @ p.astype(np.float32)))]]
-    near = p * (cells @ centre >= np.cos(np.radians(_REFINED)))
-    mean = near @ cells
-    return np.asarray(mean / np.linalg.norm(mean))
-
-
-@lru_cache(maxsize=8)
-def _bounded_errors(layout: str) -> NDArray[np.float32]:
-    """Angles [deg] (N, N) between cells, none beyond _WRONG."""
-    cells = grid_directions(layout).astype(np.float32)
-    cosine = np.clip(cells @ cells.T, np.float32(-1), np.float32(1))
-    return np.asarray(np.minimum(np.degrees(np.arccos(cosine)), np.float32(_WRONG)))
 
 
 def radii(

@@ -8,25 +8,27 @@ from urllib.parse import urlencode
 import numpy as np
 from fastapi import Request, Response
 
-from lighting import __version__
+from lighting.files import full_record
 from lighting.geometry import angles
-from lighting.records import Lighting, Prediction
+from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
+from lighting.version import __version__
 from server.queries import LightingQuery, Query
 from server.schemas import MEDIA_TYPES, Format
-from server.service import Estimate, Service
+from server.service import Service
 
 
 def estimates(found: Sequence[Estimate], query: LightingQuery, root: str) -> dict[str, Any]:
-    """The JSON of one estimate, or of several in a list."""
-    records = [estimate_record(lighting, known if query.probability else None, root) for known, lighting in found]
+    """The JSON of one estimate, or of several in a list; with the sun's probability where the query asks for it."""
+    records = [estimate_record(estimate, root, query.probability) for estimate in found]
     return records[0] if len(records) == 1 else {"lightings": records}
 
 
-def estimate_record(lighting: Lighting, prediction: Prediction | None, root: str) -> dict[str, Any]:
-    """The JSON of an estimate; a prediction adds the sun's probability."""
-    record = {**lighting.to_dict(), "links": {"envmap": envmap_link(lighting, root)}}
-    return record if prediction is None else {**record, "probability": sun_probability(prediction)}
+def estimate_record(estimate: Estimate, root: str, probability: bool) -> dict[str, Any]:
+    """The JSON of an estimate, with a link to its environment map."""
+    lighting = estimate.lighting
+    record = {**full_record(lighting), "links": {"envmap": envmap_link(lighting, root)}}
+    return {**record, "probability": sun_probability(estimate.distribution)} if probability else record
 
 
 def envmap_link(lighting: Lighting, root: str) -> str:
@@ -36,14 +38,14 @@ def envmap_link(lighting: Lighting, root: str) -> str:
     return f"{root}/v1/envmap?{query}"
 
 
-def sun_probability(prediction: Prediction) -> dict[str, Any]:
-    """The probability of each cell of the sun grid with the cell's angles."""
-    azimuth, elevation = angles(grid_directions(prediction.spec.sun_grid))
+def sun_probability(sun: SunDistribution) -> dict[str, Any]:
+    """The probability of each cell of the sun grid with the cell's angles [deg]."""
+    azimuth, elevation = angles(grid_directions(sun.grid))
     return {
-        "grid": prediction.spec.sun_grid,
+        "grid": sun.grid,
         "azimuth": np.round(azimuth, 3).tolist(),
         "elevation": np.round(elevation, 3).tolist(),
-        "probability": [float(f"{value:.6g}") for value in prediction.sun_probability],
+        "probability": [float(f"{value:.6g}") for value in sun.probability],
     }
 
 

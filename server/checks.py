@@ -1,22 +1,24 @@
-"""What parameters of one request must fit: its photos, its body, each other."""
+"""What the parameters of one request must fit: its photos, its body, each other."""
 
+from lighting.errors import ParameterError
+from lighting.evidence import check_heading, check_headings
 from server.problems import invalid
 from server.queries import GivenQuery, LightingQuery
 
 
 def check_photos(photos: int, query: LightingQuery) -> None:
     """Raise ProblemError where what is said of headings does not fit the number of photos."""
-    turns = query.turns()
-    if turns is not None and photos == 1:
-        raise invalid("headings", "They are those of several photos; for one there is heading.")
-    if turns is not None and len(turns) != photos:
-        raise invalid("headings", f"There are {len(turns)} headings for {photos} photos.")
-    if query.heading is not None and photos > 1:
-        raise invalid("heading", "It is that of one photo; for several there is headings.")
+    field = "headings"
+    try:
+        check_headings(photos, query.turns())
+        field = "heading"
+        check_heading(photos, query.heading)
+    except ParameterError as error:
+        raise invalid(field, str(error)) from error
 
 
 def refuse_given(query: GivenQuery) -> None:
-    """Raise ProblemError where a lighting record comes with what is known of a photo."""
+    """Raise ProblemError where a lighting record comes with parameters that describe a photo."""
     for name in GivenQuery.model_fields:
         if name in query.model_fields_set:
             raise invalid(name, "It goes with a photo; a lighting record is rendered as it is.")

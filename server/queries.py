@@ -10,10 +10,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSche
 from pydantic_core import PydanticCustomError
 
 from lighting.errors import ParameterError
-from lighting.evidence.metadata import Given
-from lighting.evidence.together import read_headings
-from lighting.photo.clock import read_offset, read_time
-from lighting.photo.read import MIN_SIDE
+from lighting.evidence import SHORT_NAMES, Given, read_headings
+from lighting.photo import MIN_SIDE, read_offset, read_time
 from lighting.records import GROUND_ALBEDO, Lighting
 from lighting.scene.common import PLATE_SIDE
 from server.schemas import (
@@ -108,16 +106,8 @@ class GivenQuery(Query):
 
     def given(self) -> Given:
         """The same as the library takes it; raises ParameterError for what contradicts itself."""
-        return Given(
-            use_exif=self.exif,
-            time=self.time,
-            utc_offset=self.utc_offset,
-            latitude=self.lat,
-            longitude=self.lon,
-            heading=self.heading,
-            vertical_fov=self.fov,
-            keep_location=self.keep_location,
-        )
+        said = self.model_dump(include=set(GivenQuery.model_fields))
+        return Given(**{SHORT_NAMES.get(name, name): value for name, value in said.items()})
 
 
 class LightingQuery(GivenQuery):

@@ -10,7 +10,7 @@ from server.problems import ProblemError
 from server.schemas import LightingRecord
 
 
-def lighting_of(data: bytes) -> Lighting:
+def parse_record(data: bytes) -> Lighting:
     """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
 
     Raises ProblemError for what is not JSON, RequestValidationError for wrong fields.

@@ -5,15 +5,15 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
 
-from server import work
+from server import tasks
 from server.answers import caching, estimates, map_response
 from server.card import accuracy
 from server.checks import check_photos, refuse_given
 from server.problems import documented
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkyQuery, SkySceneQuery
-from server.records import lighting_of
+from server.records import parse_record
 from server.schemas import MEDIA_TYPES, Estimate, Estimates, ModelCard
-from server.service import PhotoBytes, PhotosBytes, Placed, Services
+from server.service import Admitted, PhotoBytes, PhotosBytes, Services
 from server.settings import Settings
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
 
@@ -50,14 +50,14 @@ def body(content: dict[str, Any]) -> dict[str, Any]:
     openapi_extra=body(PHOTO_BODY | PHOTOS_FORM),
 )
 async def estimate_lighting(
-    request: Request, place: Placed, photos: PhotosBytes, query: Annotated[LightingQuery, Query()]
+    request: Request, admission: Admitted, photos: PhotosBytes, query: Annotated[LightingQuery, Query()]
 ) -> JSONResponse:
     """Where the sun is, what the sky is like and how the camera stood, by pixels, metadata and what is given.
 
     Several files `photo` in one form are taken together: a burst, a panorama sweep or a drive.
     """
     check_photos(len(photos), query)
-    found = await place.run(work.estimated_together, place.service, photos, query)
+    found = await admission.run(tasks.estimated_together, admission.service, photos, query)
     return JSONResponse(estimates(found, query, request.scope.get("root_path", "")))
 
 
@@ -67,12 +67,12 @@ async def estimate_lighting(
     response_class=Response,
     responses={200: MAPS, 304: FRESH, **documented(422, 500, 503)},
 )
-async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQuery, Query()]) -> Response:
+async def render_envmap(request: Request, admission: Admitted, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
-    headers, unchanged = caching(request, place.service, query)
+    headers, unchanged = caching(request, admission.service, query)
     if unchanged:
         return unchanged
-    data = await place.run(work.envmap_file, query.lighting(), query)
+    data = await admission.run(tasks.envmap_file, query.lighting(), query)
     return map_response(data, query.format, headers)
 
 
@@ -83,15 +83,15 @@ async def render_envmap(request: Request, place: Placed, query: Annotated[SkyQue
     responses={200: MAPS, **PHOTO_PROBLEMS},
     openapi_extra=body(PHOTO_BODY | RECORD_BODY),
 )
-async def estimate_envmap(request: Request, place: Placed, query: Annotated[EnvmapQuery, Query()]) -> Response:
+async def estimate_envmap(request: Request, admission: Admitted, query: Annotated[EnvmapQuery, Query()]) -> Response:
     """From a record nothing is estimated: edit it and render again."""
     if media_type(request) == JSON:
         refuse_given(query)
-        lighting = lighting_of(await place.body.record())
-        data = await place.run(work.envmap_file, lighting, query)
+        lighting = parse_record(await admission.body.record())
+        data = await admission.run(tasks.envmap_file, lighting, query)
     else:
-        photo = await place.body.photo(JSON)
-        data = await place.run(work.envmap_file_of_photo, place.service, photo, query)
+        photo = await admission.body.photo(JSON)
+        data = await admission.run(tasks.envmap_file_of_photo, admission.service, photo, query)
     return map_response(data, query.format)
 
 
@@ -102,9 +102,9 @@ async def estimate_envmap(request: Request, place: Placed, query: Annotated[Envm
     responses={200: PNG, **PHOTO_PROBLEMS},
     openapi_extra=body(PHOTO_BODY),
 )
-async def draw_preview(place: Placed, photo: PhotoBytes, query: Annotated[GivenQuery, Query()]) -> Response:
+async def draw_preview(admission: Admitted, photo: PhotoBytes, query: Annotated[GivenQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
-    return Response(await place.run(work.preview_file, place.service, photo, query), media_type="image/png")
+    return Response(await admission.run(tasks.preview_file, admission.service, photo, query), media_type="image/png")
 
 
 @router.get(
@@ -113,12 +113,12 @@ async def draw_preview(place: Placed, photo: PhotoBytes, query: Annotated[GivenQ
     response_class=Response,
     responses={200: ZIP, 304: FRESH, **documented(422, 500, 503)},
 )
-async def render_scene(request: Request, place: Placed, query: Annotated[SkySceneQuery, Query()]) -> Response:
+async def render_scene(request: Request, admission: Admitted, query: Annotated[SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
-    headers, unchanged = caching(request, place.service, query)
+    headers, unchanged = caching(request, admission.service, query)
     if unchanged:
         return unchanged
-    data = await place.run(work.scene_file_of_sky, query)
+    data = await admission.run(tasks.scene_file_of_sky, query)
     return Response(data, media_type="application/zip", headers=headers)
 
 
@@ -129,9 +129,11 @@ async def render_scene(request: Request, place: Placed, query: Annotated[SkyScen
     responses={200: ZIP, **PHOTO_PROBLEMS},
     openapi_extra=body(PHOTO_BODY),
 )
-async def estimate_scene(place: Placed, photo: PhotoBytes, query: Annotated[PhotoSceneQuery, Query()]) -> Response:
+async def estimate_scene(
+    admission: Admitted, photo: PhotoBytes, query: Annotated[PhotoSceneQuery, Query()]
+) -> Response:
     """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP."""
-    data = await place.run(work.scene_file_of_photo, place.service, photo, query)
+    data = await admission.run(tasks.scene_file_of_photo, admission.service, photo, query)
     return Response(data, media_type="application/zip")
 
 

@@ -1,4 +1,4 @@
-"""What the requests of one app share, and the place that one of them holds."""
+"""What the requests of one app share, and the admission of one of them."""
 
 import logging
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -8,11 +8,11 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from fastapi import Depends, Request
 
-from lighting.evidence.metadata import Given, lighting_of
+from lighting.evidence import Given
 from lighting.model import Model, packaged_model
-from lighting.photo.read import TARGET, Photo, read_photo
+from lighting.photo import TARGET, Photo, read_photo
 from lighting.pipeline import Estimator
-from lighting.records import Lighting, Prediction
+from lighting.records import Estimate
 from server import problems
 from server.limiter import Limiter
 from server.metrics import Metrics
@@ -22,7 +22,6 @@ from server.settings import Settings
 from server.uploads import Body
 
 T = TypeVar("T")
-Estimate = tuple[Prediction, Lighting]  # of one photo, the sun's probability with all that is known counted
 
 log = logging.getLogger(__name__)
 
@@ -89,8 +88,7 @@ class Service:
     ) -> list[Estimate]:
         """What pixels, metadata and client say about photos of one place and light; raises ParameterError."""
         with self.metrics.inference.time():
-            found = self.estimator.fuse_together(photos, given, headings)
-        return [(fused.on_cells(), lighting_of(fused, known)) for fused, known in found]
+            return self.estimator.together(photos, given, headings)
 
 
 def service_of(request: Request) -> Service:
@@ -98,8 +96,8 @@ def service_of(request: Request) -> Service:
     return service
 
 
-class Place:
-    """A request's place in the service, held from before its body is read until its answer is there."""
+class Admission:
+    """An admitted request: it counts against the limit from before its body is read until its answer is sent."""
 
     def __init__(self, request: Request, service: Service) -> None:
         self.request = request
@@ -114,26 +112,26 @@ class Place:
 Services = Annotated[Service, Depends(service_of)]
 
 
-async def place(request: Request, service: Services) -> AsyncIterator[Place]:
+async def admitted(request: Request, service: Services) -> AsyncIterator[Admission]:
     """Admit a request; raises BusyError."""
     with service.limiter.admission():
-        yield Place(request, service)
+        yield Admission(request, service)
 
 
-Placed = Annotated[Place, Depends(place, scope="function")]
+Admitted = Annotated[Admission, Depends(admitted, scope="function")]
 
 
-async def photo_bytes(place: Placed) -> bytes:
+async def photo_bytes(request: Admitted) -> bytes:
     """The photo that a request brings; raises ProblemError."""
-    return await place.body.photo()
+    return await request.body.photo()
 
 
 PhotoBytes = Annotated[bytes, Depends(photo_bytes)]
 
 
-async def photos_bytes(place: Placed) -> list[bytes]:
+async def photos_bytes(request: Admitted) -> list[bytes]:
     """The photos of one place that a request brings; raises ProblemError."""
-    return await place.body.photos(place.service.settings.max_photos)
+    return await request.body.photos(request.service.settings.max_photos)
 
 
 PhotosBytes = Annotated[list[bytes], Depends(photos_bytes)]

@@ -9,7 +9,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from lighting.errors import LightingError
 from lighting.model import available_cpus
-from lighting.photo.read import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
+from lighting.photo import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
 
 PREFIX = "LIGHTING_"
 

@@ -17,7 +17,7 @@ from export.data.labels import Label
 from export.data.panoramas import Panorama, decode, read_picture
 from lighting.colour import luminance
 from lighting.geometry import camera_directions, camera_pixel, direction, sample_latlong, wrap_azimuth
-from lighting.photo.read import fit_size
+from lighting.photo import fit_size
 from lighting.records import ModelSpec
 
 MAX_HORIZONTAL_FOV = 106.0  # deg, about what the ultra-wide lens of a phone takes

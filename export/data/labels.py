@@ -11,7 +11,7 @@ from export.data.panoramas import DataError, Panorama, read_linear
 from export.data.regions import HEIGHT
 from export.data.sky_fit import fit_sky
 from export.data.sun_finder import Sun, find_sun
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.geometry import direction
 
 WEAKEST_SUN = 12.0  # deg; a sun less certain than this gives no fit to be trusted

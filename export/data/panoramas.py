@@ -19,7 +19,7 @@ from PIL import Image
 
 from lighting.colour import srgb_decode
 from lighting.errors import LightingError
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 
 INDEX = "panoramas.csv"
 REQUIRED = ("name", "file", "kind", "place", "split")

@@ -13,7 +13,7 @@ from PIL import Image
 
 from export.data.panoramas import write_index
 from lighting.colour import luminance, tone_map
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.geometry import angle_between, angles, direction, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import SUN_SOLID_ANGLE, sky_radiance, sun_radiance

@@ -10,7 +10,7 @@ from pathlib import Path
 from export.data.label_report import agreement, check_rendered
 from export.data.labels import read_labels
 from export.data.panoramas import Panorama, is_permissive, read_index
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.model import CARD, Model
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from export.evaluation.failures import Failure
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 
 ACROSS = 5  # crops in a row
 PICTURE = (320, 240)  # pixels

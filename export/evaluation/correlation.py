@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from export.evaluation.metrics import Truth
 from export.evaluation.report import figures_table
-from lighting.circular import HEADINGS, sun_on_rings
-from lighting.evidence.together import elevation_density, power, ring_of, seen_from
+from lighting.circular import HEADINGS
+from lighting.decoding import sun_of, sun_on_rings
+from lighting.evidence import elevation_density, power, ring_of, seen_from
 from lighting.geometry import angle_between, angles, direction
-from lighting.records import Prediction, Sun, sun_of
+from lighting.records import Prediction, SunEstimate
 from lighting.sun_grid import grid_directions
 
 SIZES = (2, 4, 8)  # views; one panorama has 8 crops
@@ -120,7 +121,7 @@ def _inside(views: Views, kind: str, part: NDArray[np.intp], correlation: float)
     return float(angle_between(direction(sun.azimuth, sun.elevation), views.truth)) <= sun.radius_90
 
 
-def _decode(views: Views, kind: str, probability: Floats) -> Sun:
+def _decode(views: Views, kind: str, probability: Floats) -> SunEstimate:
     if kind == "azimuth":
         return sun_on_rings(direction(HEADINGS, float(angles(views.truth)[1])), probability)
     return sun_of(replace(views.said, sun_probability=probability))

@@ -22,11 +22,12 @@ from export.evaluation.report import in_view_report, report
 from export.evaluation.simulated_metadata import take_metadata
 from export.training.train import labels_of, load_sources
 from lighting.colour import tone_map
-from lighting.files.atomic import replacing
+from lighting.decoding import lighting_from
+from lighting.files import replacing
 from lighting.geometry import angle_between, camera_directions, direction
 from lighting.model import Model
-from lighting.photo.read import place
-from lighting.records import Prediction, lighting_from
+from lighting.photo import place
+from lighting.records import Prediction
 from lighting.sun_grid import density
 
 CONSTANT = "constant direction"

@@ -21,11 +21,9 @@ from export.evaluation.metrics import (
 from export.evaluation.metrics import answers as answers_of
 from export.evaluation.report import figures_table, interval
 from export.evaluation.simulated_metadata import GROSS, Taken, only
-from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
-from lighting.evidence.fusion import Fused, fuse
-from lighting.evidence.metadata import Given, known
+from lighting.evidence import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO, Fused, Given, fuse, known
 from lighting.geometry import angles, direction, wrap_azimuth
-from lighting.photo.exif import PhotoFacts
+from lighting.photo import PhotoFacts
 from lighting.records import Prediction
 
 PARTS = ("time+place", "heading", "focal length")

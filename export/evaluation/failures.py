@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.evaluation.metrics import FLIP, Answers, Truth, azimuth_error, elevation_error, sun_error, table
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.geometry import angle_between, angles, direction
 
 WORST = 50  # crops shown

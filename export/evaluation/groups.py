@@ -14,9 +14,7 @@ from export.evaluation.metrics import Truth, median, share
 from export.evaluation.report import figures_table
 from export.evaluation.simulated_metadata import COMPASS_NOISE, Taken, only
 from lighting.circular import Heading
-from lighting.evidence.fusion import Evidence, Fused
-from lighting.evidence.metadata import Given, known
-from lighting.evidence.together import together
+from lighting.evidence import Evidence, Fused, Given, fuse_together, known
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.records import Prediction
 
@@ -108,7 +106,7 @@ def _answer(
     shared = rng.normal(0, COMPASS_NOISE)
     given = [evidence(taken[i], rng, shared) for i in group.members]
     headings = [float(azimuth[i]) for i in group.members] if known_headings else None
-    return together([said[i] for i in group.members], given, headings)
+    return fuse_together([said[i] for i in group.members], given, headings)
 
 
 def figures(

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from export.evaluation import suncompass
 from export.evaluation.metrics import Floats, median
 from export.evaluation.report import figures_table
+from lighting.decoding import lighting_from
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model
-from lighting.photo.read import Photo, read_photo, to_tensor
-from lighting.records import lighting_from
+from lighting.photo import Photo, read_photo, to_tensor
 
 Seer = Callable[[Sequence[Photo]], Floats]  # photos to sun directions (N, 3)
 

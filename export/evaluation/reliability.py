@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from export.evaluation.metrics import Truth, select, share
 from export.evaluation.report import IN_VIEW, figures_table, groups
-from lighting.files.atomic import replacing
+from lighting.decoding import best_guess
+from lighting.files import replacing
 from lighting.geometry import angle_between
 from lighting.records import Prediction
-from lighting.sun_grid import best_guess, cones, grid_directions, grid_solid_angle
+from lighting.sun_grid import cones, grid_directions, grid_solid_angle
 
 LEVELS = tuple(range(5, 100, 5))  # %, drawn
 QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table

@@ -22,12 +22,13 @@ from export.evaluation.evaluate import Scene, by_name, cameras
 from export.evaluation.metrics import difference_interval, table
 from export.training.train import labels_of, load_sources
 from lighting.colour import tone_map
+from lighting.decoding import lighting_from
 from lighting.envmap import render, rotate
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.geometry import direction, latlong_directions, latlong_solid_angle
 from lighting.model import Model
-from lighting.photo.read import place
-from lighting.records import Lighting, ModelSpec, lighting_from
+from lighting.photo import place
+from lighting.records import Lighting, ModelSpec
 
 Floats = NDArray[np.floating[Any]]
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from export.crops.crops import generator
 from export.evaluation.metrics import Truth
-from lighting.evidence.ephemeris import sun_position
-from lighting.evidence.metadata import zones
+from lighting.evidence import sun_position, zones
 from lighting.geometry import angles
-from lighting.photo.exif import PhotoFacts
+from lighting.photo import PhotoFacts
 
 LATITUDES = (-55.0, 65.0)  # deg, where people live
 FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652

@@ -24,7 +24,7 @@ from export.evaluation.metrics import Floats
 from lighting.colour import tone_map
 from lighting.errors import ModelError
 from lighting.geometry import direction
-from lighting.photo.read import Photo, fit_size
+from lighting.photo import Photo, fit_size
 from lighting.records import ModelSpec
 
 PACKAGE, VERSION = "suncompass", "0.0.1"

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from export.evaluation.correlation import halves_of
 from export.evaluation.metrics import Bools, Truth, answers, select, sun_figures
 from export.evaluation.report import figures_table
+from lighting.decoding import sun_of
 from lighting.geometry import direction
-from lighting.records import Prediction, sun_of
+from lighting.records import Prediction
 from lighting.sun_grid import density, grid_directions, grid_solid_angle
 
 TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3

@@ -14,7 +14,7 @@ from export.data.panoramas import DataError
 from export.networks.onnx import differ
 from export.networks.runs import RECORD, history, read_record
 from export.training.train import averaged_weights
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 
 
 def merge(folders: Sequence[Path], out: Path) -> None:

@@ -21,7 +21,7 @@ from export.networks.network import Served, build, load_weights
 from export.networks.runs import describe_data, history, read_record, read_spec
 from export.training.train import averaged_weights
 from lighting.errors import ModelError
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.model import OUTPUTS, Model
 from lighting.records import ModelSpec
 

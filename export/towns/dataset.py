@@ -13,7 +13,7 @@ from export.towns.mesh import Floats
 from export.towns.path_trace import Place
 from export.towns.place import place
 from export.towns.sky import Sky, random_sky
-from lighting.files.exr import write_exr
+from lighting.files import write_exr
 
 LABELS = "labels.csv"
 SAVE_EVERY = 20  # places

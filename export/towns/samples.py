@@ -11,7 +11,7 @@ from export.data.panoramas import DataError, read_index
 from export.networks.network import specs
 from export.towns.dataset import LABELS
 from lighting.colour import tone_map
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 
 ACROSS, DOWN = 8, 6  # one crop each of the first 48 places
 

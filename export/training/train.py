@@ -44,8 +44,8 @@ from export.data.panoramas import DataError, Panorama, read_index
 from export.networks.network import TARGET_WIDTH, Said, build, encode, load_weights, specs
 from export.networks.runs import RECORD, history, read_record
 from export.towns.dataset import LABELS
-from lighting.files.atomic import replacing
-from lighting.photo.read import place
+from lighting.files import replacing
+from lighting.photo import place
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions, soft_label
 

@@ -19,13 +19,12 @@ from typing import TYPE_CHECKING, Any
 
 from lighting.batch.journal import Journal, open_journal
 from lighting.batch.workers import work_through
-from lighting.errors import BatchError, EnvironmentMapError, ModelError, ParameterError, PhotoError
-from lighting.files.atomic import replacing
-from lighting.files.jsonl import json_line, reason
+from lighting.errors import BatchError, EnvironmentMapError, ModelError, ParameterError, PhotoError, reason
+from lighting.files import json_line, replacing
 
 if TYPE_CHECKING:
-    from lighting.evidence.metadata import Given
-    from lighting.photo.read import Source
+    from lighting.evidence import Given
+    from lighting.photo import Source
     from lighting.pipeline import Estimator
     from lighting.records import Lighting
 
@@ -149,29 +148,29 @@ def run_pool(job: Job, names: Sequence[str], journal: Journal, workers: int) -> 
     """Work through the photos that the journal lacks, in processes of one thread each; yields each finished name."""
     missing = [name for name in names if name not in journal.done]
     for name, result in work_through(missing, partial(prepare, job), min(workers, len(missing))):
-        line, failed = result or (json_line(name, error=LOST), True)
+        line, failed = result or (json_line(name, LOST), True)
         journal.append(name, line, failed=failed)
         yield name
 
 
 def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
     """The work on one photo, with a network loaded: from its name to its line, and whether that tells of a failure."""
-    from lighting.evidence.metadata import Given
+    from lighting.evidence import Given
 
     estimator, given = load_estimator(job.model), Given(**job.given)
 
     def work(name: str) -> tuple[str, bool]:
         light = light_of(estimator, Path(job.source, name), given)
         if isinstance(light, str):
-            return json_line(name, error=light), True
+            return json_line(name, light), True
         if job.maps:
             try:
                 _write_map(Path(job.out, f"{name}.exr"), light, job.maps)
             except EnvironmentMapError as error:
                 if not _name_is_too_long(error.__cause__):
                     raise
-                return json_line(name, error="The photo's name is too long for a map of that name."), True
-        return json_line(name, lighting=light.to_dict()), False
+                return json_line(name, "The photo's name is too long for a map of that name."), True
+        return json_line(name, light), False
 
     return work
 
@@ -186,10 +185,10 @@ def load_estimator(model: str | None) -> "Estimator":
 
 def light_of(estimator: "Estimator", source: "Source", given: "Given") -> "Lighting | str":
     """The light of a photo, or the reason why there is none; an error that is not the photo's is raised."""
-    from lighting.photo.read import read_photo
+    from lighting.photo import read_photo
 
     try:
-        return estimator(read_photo(source), given)
+        return estimator(read_photo(source), given).lighting
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return reason(error)
 
@@ -200,7 +199,7 @@ def _name_is_too_long(cause: BaseException | None) -> bool:
 
 def _write_map(path: Path, light: "Lighting", maps: Maps) -> None:
     from lighting.envmap import view
-    from lighting.files.exr import write_exr
+    from lighting.files import write_exr
 
     path.parent.mkdir(parents=True, exist_ok=True)
     write_exr(path, *view(light, **asdict(maps)))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from lighting.errors import BatchError
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 
 
 class Journal:

@@ -56,7 +56,7 @@ class PhotoActor:
     """One estimator, from the bytes of photos to rows of the table."""
 
     def __init__(self, job: Job) -> None:
-        from lighting.evidence.metadata import Given
+        from lighting.evidence import Given
 
         self.job = job
         self.estimator, self.given = load_estimator(job.model), Given(**job.given)
@@ -157,7 +157,7 @@ def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
 
 def _write_map(job: Job, name: str, light: Any) -> None:
     from lighting.envmap import view
-    from lighting.files.exr import write_exr
+    from lighting.files import write_exr
 
     assert job.maps
     filesystem, out = _place(job.out)

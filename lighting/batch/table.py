@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from lighting.errors import BatchError
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.records import Lighting
 
 FILE = "lighting.parquet"

@@ -1,4 +1,4 @@
-"""The answers about photos, each apart or all together, with what failed in their place."""
+"""The estimates of photos, each apart or all together, with the error of one that failed in its place."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -7,16 +7,16 @@ from lighting.cli.files import open_photo
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
-    from lighting.evidence.metadata import Given
-    from lighting.photo.read import Photo
+    from lighting.evidence import Given
+    from lighting.photo import Photo
     from lighting.pipeline import Estimator
-    from lighting.records import Lighting
+    from lighting.records import Estimate
 
-Answer = tuple[str, "Lighting | Exception"]
+Answer = tuple[str, "Estimate | Exception"]
 
 
 def answers(estimator: "Estimator", names: Iterable[str], given: "Given") -> Iterator[Answer]:
-    """The light of each photo or the error that it made."""
+    """The estimate of each photo, or the error that it raised."""
     for name in names:
         try:
             yield name, estimator(open_photo(name), given)
@@ -27,9 +27,7 @@ def answers(estimator: "Estimator", names: Iterable[str], given: "Given") -> Ite
 def answers_together(
     estimator: "Estimator", names: Iterable[str], given: "Given", headings: Sequence[float] | None
 ) -> Iterator[Answer]:
-    """First the errors, then the light of the photos that could be read, taken together."""
-    from lighting.evidence.metadata import lighting_of
-
+    """First the errors, then the estimates of the photos that could be read, taken together."""
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
@@ -39,6 +37,5 @@ def answers_together(
     if not read:
         return
     turns = None if headings is None else [headings[i] for i in read]
-    fused = estimator.fuse_together([photo for _, photo in read.values()], given, turns)
-    for (name, _), answer in zip(read.values(), fused, strict=True):
-        yield name, lighting_of(*answer)
+    found = estimator.together([photo for _, photo in read.values()], given, turns)
+    yield from zip((name for name, _ in read.values()), found, strict=True)

@@ -15,7 +15,7 @@ from lighting.cli.options import map_options, model_option, quiet_option
 
 if TYPE_CHECKING:
     from lighting.batch.job import Job
-    from lighting.evidence.metadata import Given
+    from lighting.evidence import Given
 
 
 @cli.command()

@@ -26,11 +26,10 @@ from lighting.cli.given import check_together, given_options, headings_option, t
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
 from lighting.cli.words import in_words, progress_over, report_failure, report_warnings
-from lighting.files.jsonl import json_line
 
 if TYPE_CHECKING:
-    from lighting.evidence.metadata import Given
-    from lighting.photo.exif import PhotoFacts
+    from lighting.evidence import Given
+    from lighting.photo import PhotoFacts
 
 
 @cli.command()
@@ -57,6 +56,8 @@ def estimate(
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
+    from lighting.files import json_line
+
     check_together(len(photos), together, headings, given)
     estimator = load_estimator(model)
     failed = 0
@@ -71,10 +72,10 @@ def estimate(
                 failed += 1
                 report_failure(name, answer, as_json, progress)
             elif as_json:
-                click.echo(json_line(name, lighting=answer.to_dict()))
+                click.echo(json_line(name, answer.lighting))
             else:
-                click.echo(in_words(name, answer))
-                report_warnings(name, answer, quiet)
+                click.echo(in_words(name, answer.lighting))
+                report_warnings(name, answer.warnings, quiet)
     if failed and len(photos) > 1:
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     ctx.exit(1 if failed else 0)
@@ -93,16 +94,15 @@ def envmap(
 ) -> None:
     """Estimate the light of PHOTO and render its environment map."""
     refuse_collisions(photo, output, preview)
-    estimator = load_estimator(model)
     with naming(photo):
         data = photo_bytes(photo)
-        prediction, lighting = estimated(estimator, data, given)
-    write_map(output, lighting, **view)
+        estimate = estimated(data, given, model)
+    write_map(output, estimate.lighting, **view)
     if preview:
-        write_preview(preview, data, prediction, lighting)
+        write_preview(preview, data, estimate)
     if not quiet and "-" not in (output, preview):
-        click.echo(in_words(photo, lighting))
-    report_warnings(photo, lighting, quiet)
+        click.echo(in_words(photo, estimate.lighting))
+    report_warnings(photo, estimate.warnings, quiet)
 
 
 @cli.command()
@@ -126,12 +126,11 @@ def render(record: str, output: str, **view: Any) -> None:
 def preview(photo: str, output: str, given: "Given", model: str | None) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
-    estimator = load_estimator(model)
     with naming(photo):
         data = photo_bytes(photo)
-        prediction, lighting = estimated(estimator, data, given)
-    write_preview(output, data, prediction, lighting)
-    report_warnings(photo, lighting)
+        estimate = estimated(data, given, model)
+    write_preview(output, data, estimate)
+    report_warnings(photo, estimate.warnings)
 
 
 @cli.command()
@@ -149,8 +148,8 @@ def _describe_network(file: str) -> dict[str, Any]:
 
 
 def _describe_picture(file: str) -> dict[str, Any]:
-    from lighting.files.exr import MAGIC
-    from lighting.photo.read import read_photo
+    from lighting.files import MAGIC
+    from lighting.photo import read_photo
 
     data = read_bytes(file)
     if data.startswith(MAGIC):
@@ -172,8 +171,8 @@ def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
 
 
 def _describe_map(data: bytes) -> dict[str, Any]:
-    from lighting.files.exr import read_exr
+    from lighting.files import full_record, read_exr
 
     image, lighting = read_exr(BytesIO(data))
-    record = None if lighting is None else lighting.to_dict()
+    record = None if lighting is None else full_record(lighting)
     return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}

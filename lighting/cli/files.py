@@ -14,13 +14,10 @@ from lighting.cli.words import shown
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from lighting.evidence.metadata import Given
-    from lighting.photo.read import Photo
+    from lighting.evidence import Given
+    from lighting.photo import Photo
     from lighting.pipeline import Estimator
-    from lighting.records import Lighting, Prediction
+    from lighting.records import Estimate, Lighting
 
 
 def read_bytes(name: str) -> bytes:
@@ -29,9 +26,9 @@ def read_bytes(name: str) -> bytes:
 
 def photo_bytes(name: str) -> bytes:
     """What the file of a photo holds, as far as a photo may; PhotoError, PhotoTooLargeError or OSError."""
-    from lighting.photo.read import read_bytes as photo_bytes
+    from lighting.photo import photo_data
 
-    return photo_bytes(stdin() if name == "-" else name)
+    return photo_data(stdin() if name == "-" else name)
 
 
 @contextmanager
@@ -44,7 +41,7 @@ def naming(photo: str) -> Iterator[None]:
 
 
 def open_photo(name: str) -> "Photo":
-    from lighting.photo.read import read_photo
+    from lighting.photo import read_photo
 
     return read_photo(photo_bytes(name))
 
@@ -75,13 +72,10 @@ def load_estimator(model: str | None) -> "Estimator":
     return Estimator(Model.load(model))
 
 
-def estimated(estimator: "Estimator", photo: bytes, given: "Given") -> "tuple[Prediction, Lighting]":
-    """What is said of a photo, the sun's probability over the network's cells with all that is known counted."""
-    from lighting.evidence.metadata import lighting_of
-    from lighting.photo.read import read_photo
+def estimated(photo: bytes, given: "Given", model: str | None) -> "Estimate":
+    from lighting.photo import read_photo
 
-    fused, known = estimator.fuse(read_photo(photo), given)
-    return fused.on_cells(), lighting_of(fused, known)
+    return load_estimator(model)(read_photo(photo), given)
 
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:
@@ -94,7 +88,7 @@ def refuse_collisions(source: str, *outputs: str | None) -> None:
 def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, yaw: float) -> None:
     """Render and write; with a yaw, the record in the file is turned with the map."""
     from lighting.envmap import view
-    from lighting.files.formats import encode_envmap, write_envmap
+    from lighting.files import encode_envmap, write_envmap
 
     image, lighting = view(lighting, height, sun=sun, yaw=yaw)
     if output == "-":
@@ -103,21 +97,12 @@ def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, 
         write_envmap(output, image, lighting)
 
 
-def write_preview(output: str, photo: bytes, prediction: "Prediction", lighting: "Lighting") -> None:
-    from lighting.envmap import render
-    from lighting.photo.read import read_photo
-    from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview
+def write_preview(output: str, photo: bytes, estimate: "Estimate") -> None:
+    from lighting.files import replacing
+    from lighting.photo import read_photo
+    from lighting.preview import PHOTO_SIDE, preview_png
 
-    light, picture = render(lighting, MAP_HEIGHT), read_photo(photo, target=PHOTO_SIDE)
-    drawing = draw_preview(picture.pixels, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
-    _write_png(output, drawing)
-
-
-def _write_png(output: str, pixels: "NDArray[np.uint8]") -> None:
-    from lighting.files.atomic import replacing
-    from lighting.files.formats import encode_png
-
-    data = encode_png(pixels)
+    data = preview_png(read_photo(photo, target=PHOTO_SIDE).pixels, estimate)
     if output == "-":
         write_stdout(data)
     else:

@@ -8,22 +8,25 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.errors import ParameterError
-from lighting.photo.clock import read_offset, read_time
 
 if TYPE_CHECKING:
-    from lighting.evidence.metadata import Given
+    from lighting.evidence import Given
 
 
 def _time(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
+    from lighting.photo import read_time
+
     return None if text is None else _parsed(read_time, text)
 
 
 def _offset(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
+    from lighting.photo import read_offset
+
     return None if text is None else _parsed(read_offset, text)
 
 
 def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:
-    from lighting.evidence.together import read_headings
+    from lighting.evidence import read_headings
 
     return None if text is None else _parsed(read_headings, text)
 
@@ -38,8 +41,8 @@ def _parsed(read: Callable[[str], Any], text: str) -> Any:
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
 _OPTIONS: dict[str, Decorator] = {
-    "use_exif": click.option(
-        "--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
+    "exif": click.option(
+        "--no-exif", "exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
     ),
     "time": click.option(
         "--time", metavar="TIME", callback=_time, help="When: 2024-06-01T14:30, +02:00 behind it if known."
@@ -47,12 +50,12 @@ _OPTIONS: dict[str, Decorator] = {
     "utc_offset": click.option(
         "--utc-offset", metavar="HOURS", callback=_offset, help="Zone of a local time: +02:00 or 2."
     ),
-    "latitude": click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
-    "longitude": click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
+    "lat": click.option("--lat", type=float, metavar="DEG", help="Where: latitude, positive north."),
+    "lon": click.option("--lon", type=float, metavar="DEG", help="Longitude, positive east."),
     "heading": click.option(
         "--heading", type=float, metavar="DEG", help="Where the camera points, clockwise from true north."
     ),
-    "vertical_fov": click.option("--fov", "vertical_fov", type=float, metavar="DEG", help="Vertical field of view."),
+    "fov": click.option("--fov", type=float, metavar="DEG", help="Vertical field of view."),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
 together_option = click.option("--together", is_flag=True, help="The photos are of one place and light.")
@@ -82,10 +85,10 @@ given_of_many_options = _options(*(name for name in _OPTIONS if name not in ("ti
 
 
 def _given(**options: Any) -> "Given":
-    from lighting.evidence.metadata import Given
+    from lighting.evidence import SHORT_NAMES, Given
 
     try:
-        return Given(**options)
+        return Given(**{SHORT_NAMES.get(name, name): value for name, value in options.items()})
     except ParameterError as error:
         raise click.UsageError(str(error)) from error
 
@@ -96,7 +99,10 @@ def check_together(photos: int, together: bool, headings: list[float] | None, gi
         raise click.UsageError("--together needs two photos or more.")
     if headings is not None and not together:
         raise click.UsageError("--headings needs --together.")
-    if headings is not None and len(headings) != photos:
-        raise click.UsageError(f"There are {len(headings)} headings for {photos} photos.")
-    if given.heading is not None and photos > 1:
-        raise click.UsageError("--heading is that of one photo; for several there are --together and --headings.")
+    from lighting.evidence import check_heading, check_headings
+
+    try:
+        check_headings(photos, headings)
+        check_heading(photos, given.heading)
+    except ParameterError as error:
+        raise click.UsageError(str(error)) from error

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lighting.cli.files import load_estimator, naming, open_lighting, photo_bytes
+from lighting.cli.files import estimated, naming, open_lighting, photo_bytes
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import height_option, model_option, quiet_option, sun_option
@@ -14,8 +14,7 @@ from lighting.cli.words import in_words, report_warnings
 from lighting.scene import TOOLS
 
 if TYPE_CHECKING:
-    from lighting.evidence.metadata import Given
-    from lighting.records import Lighting
+    from lighting.evidence import Given
 
 
 @cli.command()
@@ -55,7 +54,7 @@ def scene(
     _check_record(record, given, model)
     if "-" in (photo, record) and photo == record:
         raise click.UsageError("The photo and the record cannot both be stdin.")
-    from lighting.photo.read import read_photo
+    from lighting.photo import read_photo
     from lighting.scene.common import PLATE_SIDE, make_scene
     from lighting.scene.files import check_target, write_scene
 
@@ -63,12 +62,12 @@ def scene(
     with naming(photo):
         data = photo_bytes(photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        lighting = open_lighting(record) if record else _estimated(data, given, model)
+        lighting = open_lighting(record) if record else estimated(data, given, model).lighting
     made = make_scene(plate, lighting, map_height=height, sun=sun)
     write_scene(made, tool, output, overwrite=overwrite, **options)
     if not quiet:
         click.echo(in_words(photo, lighting))
-    report_warnings(photo, lighting, quiet)
+    report_warnings(photo, lighting.warnings, quiet)
 
 
 def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> dict[str, Any]:
@@ -93,15 +92,9 @@ def _check_map_options(tool: str, image_based_light: bool) -> None:
 
 def _check_record(record: str | None, given: "Given", model: str | None) -> None:
     """Raise UsageError where metadata or a network is given for a light that a record tells."""
-    from lighting.evidence.metadata import Given
+    from lighting.evidence import Given
 
     if record and model is not None:
         raise click.UsageError("--lighting tells the light; no network is asked, so --model does not go with it.")
     if record and given != Given():
         raise click.UsageError("--lighting tells the light; time, place, heading and the like do not go with it.")
-
-
-def _estimated(data: bytes, given: "Given", model: str | None) -> "Lighting":
-    from lighting.photo.read import read_photo
-
-    return load_estimator(model)(read_photo(data), given)

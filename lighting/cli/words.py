@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.files.jsonl import json_line, reason
+from lighting.errors import reason
 
 if TYPE_CHECKING:
     from lighting.records import Lighting
@@ -22,8 +22,10 @@ def progress_over(items: Sequence[str], quiet: bool) -> Any:
 
 
 def report_failure(name: str, error: Exception, as_json: bool, progress: Any) -> None:
+    from lighting.files import json_line
+
     if as_json:
-        click.echo(json_line(name, error=reason(error)))
+        click.echo(json_line(name, reason(error)))
     with progress.external_write_mode(file=sys.stderr):
         click.echo(f"Error: {shown(name)}: {reason(error)}", err=True)
 
@@ -55,8 +57,8 @@ def _evidence(lighting: "Lighting") -> str:
     return f"; from {', '.join(lighting.evidence)}" if len(lighting.evidence) > 1 else ""
 
 
-def report_warnings(name: str, lighting: "Lighting", quiet: bool = False) -> None:
-    for warning in () if quiet else lighting.warnings:
+def report_warnings(name: str, warnings: Sequence[str], quiet: bool = False) -> None:
+    for warning in () if quiet else warnings:
         click.echo(f"Warning: {shown(name)}: {warning}", err=True)
 
 

@@ -1,0 +1,47 @@
+"""What is known of the sun beside one photo's pixels: its metadata, its user, the ephemeris, other photos."""
+
+from lighting.evidence.answer import estimate_of
+from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
+from lighting.evidence.declination import magnetic_declination
+from lighting.evidence.ephemeris import SUNSET, sun_position
+from lighting.evidence.facts import zones
+from lighting.evidence.fusion import Evidence, Fused, fuse
+from lighting.evidence.given import SHORT_NAMES, Given
+from lighting.evidence.metadata import Known, known, known_together
+from lighting.evidence.together import (
+    check_heading,
+    check_headings,
+    elevation_density,
+    fuse_together,
+    power,
+    read_headings,
+    ring_of,
+    seen_from,
+)
+
+__all__ = [
+    "ELEVATION_TAIL",
+    "HEADING_TAIL",
+    "LENS_RATIO",
+    "SHORT_NAMES",
+    "SUNSET",
+    "Evidence",
+    "Fused",
+    "Given",
+    "Known",
+    "check_heading",
+    "check_headings",
+    "elevation_density",
+    "estimate_of",
+    "fuse",
+    "fuse_together",
+    "known",
+    "known_together",
+    "magnetic_declination",
+    "power",
+    "read_headings",
+    "ring_of",
+    "seen_from",
+    "sun_position",
+    "zones",
+]

@@ -7,13 +7,11 @@ perfectly calibrated, so the thresholds are those that one true record in a hund
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS, blur
-from lighting.geometry import angles
+from lighting.geometry import Floats, angles
 from lighting.records import Prediction
 from lighting.sun_grid import grid_directions
 
@@ -22,8 +20,6 @@ HEADING_TAIL = 0.008
 LENS_RATIO = 1.9  # of focal lengths
 
 _CELL_SPREAD = 2.2  # deg, scale of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
-
-Floats = NDArray[np.floating[Any]]
 
 
 def contradictions(

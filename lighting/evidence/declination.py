@@ -15,7 +15,7 @@ _CALCULATING = threading.Lock()  # a model keeps what it computes with in itself
 _WEAK = 6000.0  # nT of horizontal field, under which the model's authors call compasses unreliable
 
 
-def declination(latitude: float, longitude: float, time: datetime) -> float | None:
+def magnetic_declination(latitude: float, longitude: float, time: datetime) -> float | None:
     """Declination [deg, positive east] at sea level; None before 2010, from 2030 on, and near the magnetic poles."""
     epoch = time.year - time.year % 5
     if epoch not in _EPOCHS:

@@ -7,14 +7,12 @@ which costs less than 0.002 deg from 1950 to 2050. The Earth's latitude of at mo
 """
 
 from datetime import UTC, datetime
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import SUN_RADIUS, Floats
 
-SUN_RADIUS = 0.26667  # deg
 SUNSET = -SUN_RADIUS - 0.5667  # deg: where the centre truly is when the upper edge is seen on the horizon
 CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, ASTRONOMICAL_TWILIGHT = -6.0, -12.0, -18.0  # deg, where each ends
 

@@ -6,23 +6,19 @@ multiplied with the prior of the compass. Where the zone of the time is unknown 
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.circular import HEADINGS, Heading, heading, sun_on_rings, von_mises
+from lighting.circular import HEADINGS, Heading, heading, von_mises
+from lighting.decoding import sun_of, sun_on_rings
 from lighting.errors import ParameterError
 from lighting.evidence.contradiction import contradictions
-from lighting.geometry import direction
-from lighting.records import Prediction, Sun, sun_of
+from lighting.geometry import Floats, direction
+from lighting.records import Prediction, SunDistribution, SunEstimate
 from lighting.sun_grid import grid_directions, over_cells, smooth_density
 
 COMPASS_SPREAD = 25.0  # deg, standard deviation that goes with the median error of 17 deg measured on phones
 GROSS_ERRORS = 0.1  # share of headings that say nothing: the prior's uniform floor
-USED = ("pixels", "time+place", "heading", "focal length", "other photos")
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -37,21 +33,21 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Fused:
-    """The light of one photo as far as pixels and metadata know it; `lighting_from(fused.prediction, fused.sun)`."""
+    """What pixels and metadata together say of one photo; `answer.estimate_of` makes an Estimate of it."""
 
     prediction: Prediction  # with the field of view, turbidity and exposure that are best known
-    sun: Sun
+    sun: SunEstimate
     directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
     probability: Floats  # (M,) of each, sums to 1
-    used: tuple[str, ...]  # of USED
+    used: tuple[str, ...]  # of records.EVIDENCE
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north, where time and place are known
     relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
 
-    def on_cells(self) -> Prediction:
-        """The prediction, its probability over the network's cells with all that is known counted."""
-        probability = over_cells(self.probability, self.directions, self.prediction.spec.sun_grid)
-        return replace(self.prediction, sun_probability=probability.astype(np.float32))
+    def on_cells(self) -> SunDistribution:
+        """The same distribution over the network's own cells."""
+        grid = self.prediction.spec.sun_grid
+        return SunDistribution(grid, over_cells(self.probability, self.directions, grid).astype(np.float32))
 
 
 def fuse(prediction: Prediction, evidence: Evidence) -> Fused:

@@ -6,16 +6,13 @@ raised to the power 1 / (1 + (n - 1) correlation), whose sum over the photos nev
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import (
     GROSS_ERRORS,
-    USED,
     Evidence,
     Fused,
     compass_prior,
@@ -25,8 +22,8 @@ from lighting.evidence.fusion import (
     on_rings,
     ring_density,
 )
-from lighting.geometry import angles, direction
-from lighting.records import Prediction, check_range
+from lighting.geometry import Floats, angles, direction
+from lighting.records import EVIDENCE, Prediction, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 
 # learnt by `python -m export evaluate --with-metadata` on places that training never saw
@@ -34,16 +31,14 @@ CORRELATION = 0.3  # of the sun's distribution in one frame
 AZIMUTH_CORRELATION = 0.1  # of its azimuth at a known elevation
 ELEVATION_CORRELATION = 0.6  # of its elevation alone
 
-COMPASS_NOISE = 10.0  # deg, spread of one heading of a phone against the next; the larger part of its error is shared
+TURN_NOISE = 10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
 
 _BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # in spreads, over which a noisy heading is averaged on the grid
 _ELEVATION_SPREAD = 4.0  # deg, kernel of an elevation's density
 _LOWEST = 1e-12  # density that stands for none
 
-Floats = NDArray[np.floating[Any]]
 
-
-def together(
+def fuse_together(
     predictions: Sequence[Prediction], evidence: Sequence[Evidence], headings: Sequence[float] | None = None
 ) -> tuple[Fused, ...]:
     """One answer a photo, in its own camera's frame, for photos of one place and light.
@@ -74,7 +69,7 @@ def together(
 def _used(fused: Fused, by_compass: bool) -> tuple[str, ...]:
     """What counts for the answer; compass headings also where they only say how the photos lie to each other."""
     used = {*fused.used, "other photos", *(["heading"] if by_compass else [])}
-    return tuple(name for name in USED if name in used)
+    return tuple(name for name in EVIDENCE if name in used)
 
 
 def read_headings(text: str) -> list[float]:
@@ -86,6 +81,20 @@ def read_headings(text: str) -> list[float]:
     for angle in headings:
         check_range("heading", angle, -360.0, 360.0)
     return headings
+
+
+def check_headings(photos: int, headings: Sequence[float] | None) -> None:
+    """Raise ParameterError unless there is one heading for each of several photos, or none at all."""
+    if headings is not None and photos == 1:
+        raise ParameterError("headings are those of several photos; one photo has a heading.")
+    if headings is not None and len(headings) != photos:
+        raise ParameterError(f"There are {len(headings)} headings for {photos} photos.")
+
+
+def check_heading(photos: int, heading: float | None) -> None:
+    """Raise ParameterError where the one heading is given for several photos."""
+    if heading is not None and photos > 1:
+        raise ParameterError("heading is that of one photo; several photos have headings.")
 
 
 def power(count: int, correlation: float) -> float:
@@ -115,11 +124,10 @@ def _share_time(evidence: Sequence[Evidence]) -> list[Evidence]:
 def _relative_headings(evidence: Sequence[Evidence], headings: Sequence[float] | None) -> tuple[Floats | None, float]:
     """Headings (n,) in one frame, or None, and their noise [deg]."""
     if headings is not None:
-        if len(headings) != len(evidence):
-            raise ParameterError(f"There are {len(headings)} headings for {len(evidence)} photos.")
+        check_headings(len(evidence), headings)
         return np.array(headings, dtype=np.float64), 0.0
     compass = [e.heading for e in evidence if e.heading is not None]
-    return (np.array(compass), COMPASS_NOISE) if len(compass) == len(evidence) else (None, 0.0)
+    return (np.array(compass), TURN_NOISE) if len(compass) == len(evidence) else (None, 0.0)
 
 
 def _in_one_frame(predictions: Sequence[Prediction], turns: Floats, noise: float) -> list[Floats]:

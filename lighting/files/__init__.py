@@ -1,0 +1,19 @@
+"""What is written and read again: environment maps, pictures and records. A file appears only when it is whole."""
+
+from lighting.files.atomic import replacing
+from lighting.files.exr import MAGIC, SOFTWARE, read_exr, write_exr
+from lighting.files.formats import encode_envmap, encode_png, write_envmap
+from lighting.files.record import full_record, json_line
+
+__all__ = [
+    "MAGIC",
+    "SOFTWARE",
+    "encode_envmap",
+    "encode_png",
+    "full_record",
+    "json_line",
+    "read_exr",
+    "replacing",
+    "write_envmap",
+    "write_exr",
+]

@@ -1,7 +1,7 @@
 """Environment maps as OpenEXR: 32-bit float R, G, B with the lighting that made them in the header.
 
 Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is known, with
-the names and units of parameters.py; `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the whole record.
+the names and units of records.py; `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the whole record.
 """
 
 import io
@@ -16,10 +16,11 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import __version__
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.atomic import replacing
+from lighting.files.record import full_record
 from lighting.records import OPTIONAL_RANGES, RANGES, Lighting
+from lighting.version import __version__
 
 Image = NDArray[np.float32]
 Target = str | os.PathLike[str] | BinaryIO
@@ -72,7 +73,7 @@ def read_exr(source: Target) -> tuple[Image, Lighting | None]:
     planes = [np.asarray(channels[name].pixels, dtype=np.float32) for name in "RGB"]
     if len({plane.shape for plane in planes}) > 1:
         raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")
-    return np.stack(planes, axis=-1), _lighting_of(header)
+    return np.stack(planes, axis=-1), _lighting_in(header)
 
 
 def checked_map(image: NDArray[np.floating[Any]]) -> Image:
@@ -106,11 +107,11 @@ def _attributes(lighting: Lighting | None) -> dict[str, Any]:
         **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},
         "lighting.sun_direction": lighting.sun_direction.astype(np.float32),
         "lighting.evidence": ", ".join(lighting.evidence),
-        "lighting.json": json.dumps(lighting.to_dict()),
+        "lighting.json": json.dumps(full_record(lighting)),
     }
 
 
-def _lighting_of(header: dict[str, Any]) -> Lighting | None:
+def _lighting_in(header: dict[str, Any]) -> Lighting | None:
     text = header.get("lighting.json")
     if text is None:
         return None

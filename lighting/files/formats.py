@@ -4,7 +4,6 @@ import io
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 from lighting.colour import tone_map
 from lighting.errors import EnvironmentMapError
 from lighting.files.exr import SOFTWARE, Target, checked_map, opened, write_exr
+from lighting.geometry import Floats
 from lighting.records import Lighting
 
-Floats = NDArray[np.floating[Any]]
 Writer = Callable[[Target, Floats, Lighting | None], None]
 
 _DARKEST = 1e-38  # what RGBE cannot hold becomes black

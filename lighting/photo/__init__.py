@@ -1,0 +1,38 @@
+"""Photos: the pixels, EXIF and clock that a file holds, and the network's input made of them."""
+
+from lighting.photo.canvas import fit_size, place, to_tensor
+from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
+from lighting.photo.exif import PhotoFacts, vertical_fov
+from lighting.photo.read import (
+    MAX_BYTES,
+    MAX_PIXELS,
+    MIN_SIDE,
+    MOST_PIXELS,
+    TARGET,
+    Photo,
+    Source,
+    photo_data,
+    read_photo,
+)
+
+__all__ = [
+    "MAX_BYTES",
+    "MAX_PIXELS",
+    "MIN_SIDE",
+    "MOST_PIXELS",
+    "OFFSETS",
+    "TARGET",
+    "YEARS",
+    "Photo",
+    "PhotoFacts",
+    "Source",
+    "fit_size",
+    "in_utc",
+    "photo_data",
+    "place",
+    "read_offset",
+    "read_photo",
+    "read_time",
+    "to_tensor",
+    "vertical_fov",
+]

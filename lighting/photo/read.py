@@ -1,4 +1,4 @@
-"""Bytes to upright sRGB pixels, and pixels to the network's canvas.
+"""Bytes to upright sRGB pixels.
 
 What is read: JPEG, PNG, WebP, and HEIC where pillow-heif is installed (extra `heif`). Everything ends as 8-bit sRGB:
 16-bit samples are scaled, embedded colour profiles are converted, transparent parts become mid-grey, and of an
@@ -23,7 +23,6 @@ from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
 
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts
-from lighting.records import ModelSpec
 
 Source = str | os.PathLike[str] | bytes | BinaryIO
 
@@ -70,7 +69,7 @@ def read_photo(
     what is not a photo of at least 32 pixels each way and of an aspect ratio up to 8:1, OSError for a file that
     cannot be opened.
     """
-    data = read_bytes(source, max_bytes)
+    data = photo_data(source, max_bytes)
     try:
         image = _open(data, max_pixels)
         width, height = image.size
@@ -85,11 +84,11 @@ def read_photo(
     return Photo(pixels, width, height, str(image.format), facts)
 
 
-def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
+def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
     """What a file or a binary stream holds; PhotoError where that is nothing, PhotoTooLargeError over `max_bytes`."""
     if isinstance(source, str | os.PathLike):
         with Path(source).open("rb") as stream:
-            return read_bytes(stream, max_bytes)
+            return photo_data(stream, max_bytes)
     data = source if isinstance(source, bytes) else _drain(source, max_bytes + 1)
     if len(data) > max_bytes:
         raise PhotoTooLargeError(f"The photo is larger than the limit of {max_bytes / 1e6:g} MB.")
@@ -226,33 +225,3 @@ def _no_warnings() -> Iterator[None]:
     with _WARNING_FILTERS, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
-
-
-def fit_size(width: int, height: int, spec: ModelSpec) -> tuple[int, int]:
-    """The largest (width, height) of the photo's aspect ratio inside the network's canvas, at least 1 x 1."""
-    scale = min(spec.width / width, spec.height / height)
-    return max(1, round(width * scale)), max(1, round(height * scale))
-
-
-def place(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:
-    """Canvas (3, H, W) with the normalised sRGB pixels (h, w, 3) at its centre and 0, the mean colour, around them.
-
-    Raises ValueError where the pixels do not fit; an odd margin puts the extra row or column after the photo.
-    """
-    height, width = pixels.shape[:2]
-    if width > spec.width or height > spec.height:
-        raise ValueError(f"{width} x {height} pixels do not fit the canvas of {spec.width} x {spec.height}.")
-    top, left = (spec.height - height) // 2, (spec.width - width) // 2
-    canvas = np.zeros((3, spec.height, spec.width), dtype=np.float32)
-    inside = canvas[:, top : top + height, left : left + width]
-    mean, std = (np.asarray(value, dtype=np.float32)[:, None, None] for value in (spec.mean, spec.std))
-    np.multiply(pixels.transpose(2, 0, 1), 1 / (np.float32(255.0) * std), out=inside)
-    inside -= mean / std
-    return canvas
-
-
-def to_tensor(photo: Photo, spec: ModelSpec) -> NDArray[np.float32]:
-    """The network's input (1, 3, H, W): the photo resized without aliasing, on its canvas."""
-    size = fit_size(photo.width, photo.height, spec)
-    resized = Image.fromarray(photo.pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0)
-    return place(np.asarray(resized), spec)[None]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import (
+    SUN_RADIUS,
     angles,
     camera_axes,
     camera_directions,
@@ -24,7 +25,7 @@ from lighting.geometry import (
     latlong_solid_angle,
     sample_latlong,
 )
-from lighting.prefilter import SUN_RADIUS, blur, irradiance, shrink, without_sun
+from lighting.prefilter import blur, irradiance, shrink, without_sun
 from lighting.records import Lighting
 
 Floats = NDArray[np.floating[Any]]

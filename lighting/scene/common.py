@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap import render, sky_irradiance, sun_irradiance
-from lighting.files.formats import encode_envmap, encode_png
-from lighting.geometry import camera_axes, focal_length
-from lighting.photo.read import Photo
-from lighting.prefilter import SUN_RADIUS
+from lighting.files import encode_envmap, encode_png, full_record
+from lighting.geometry import SUN_RADIUS, camera_axes, focal_length
+from lighting.photo import Photo
 from lighting.records import Lighting
 
 Floats = NDArray[np.floating[Any]]
@@ -202,4 +201,4 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
     """PLATE, ENVIRONMENT and RECORD."""
     (folder / PLATE).write_bytes(plate_png(scene))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
-    (folder / RECORD).write_text(json.dumps(scene.lighting.to_dict(), indent=2) + "\n", encoding="utf-8")
+    (folder / RECORD).write_text(json.dumps(full_record(scene.lighting), indent=2) + "\n", encoding="utf-8")

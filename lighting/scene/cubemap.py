@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.files.formats import encode_png
+from lighting.files import encode_png
 from lighting.geometry import latlong_directions, latlong_solid_angle, sample_latlong
 from lighting.prefilter import shrink
 

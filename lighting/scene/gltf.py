@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.files.exr import SOFTWARE
+from lighting.files import SOFTWARE, full_record
 from lighting.scene import cubemap, meshes
 from lighting.scene.common import FAR, NEAR, PLACEHOLDER_ALBEDO, Folder, Scene, colour_and_strength, plate_png
 
@@ -33,7 +33,7 @@ def write(scene: Scene, folder: Folder, *, image_based_light: bool = False) -> N
     """Write FILE, with the map in it as EXT_lights_image_based if asked."""
     binary = _Binary()
     document = {
-        "asset": {"version": "2.0", "generator": SOFTWARE, "extras": {"lighting": scene.lighting.to_dict()}},
+        "asset": {"version": "2.0", "generator": SOFTWARE, "extras": {"lighting": full_record(scene.lighting)}},
         "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
         "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},
         "scene": 0,

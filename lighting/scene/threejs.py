@@ -11,7 +11,7 @@ from string import Template
 from typing import Any
 
 from lighting.envmap import rotate
-from lighting.files.formats import encode_envmap
+from lighting.files import encode_envmap, full_record
 from lighting.scene.common import (
     FAR,
     GROUND_RADIUS,
@@ -63,5 +63,5 @@ def _description(scene: Scene) -> dict[str, Any]:
         "albedo": PLACEHOLDER_ALBEDO,
         "plate": "data:image/png;base64," + b64encode(plate_png(scene)).decode(),
         "environment": b64encode(encode_envmap(rotate(scene.environment, _YAW), format="hdr")).decode(),
-        "lighting": scene.lighting.to_dict(),
+        "lighting": full_record(scene.lighting),
     }

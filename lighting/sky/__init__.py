@@ -1,7 +1,6 @@
 """Models of the sky's radiance, as functions of arrays; a sky has no ground and, unless said, no disc of the sun."""
 
 from lighting.sky.hosek_wilkie import (
-    SUN_HALF_APERTURE,
     SUN_SOLID_ANGLE,
     sky_coefficients,
     sky_gradation,
@@ -14,7 +13,6 @@ from lighting.sky.hosek_wilkie import (
 )
 
 __all__ = [
-    "SUN_HALF_APERTURE",
     "SUN_SOLID_ANGLE",
     "sky_coefficients",
     "sky_gradation",

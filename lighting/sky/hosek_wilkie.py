@@ -7,20 +7,16 @@ W m^-2 sr^-1 nm^-1 seen through RGB and divided by CIE_Y_INTEGRAL, which makes t
 
 from functools import lru_cache
 from importlib import resources
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lighting.errors import ParameterError
-from lighting.geometry import angles, direction
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import SUN_RADIUS, Floats, angles, direction
 
 CIE_Y_INTEGRAL = 106.75  # nm, the integral of the CIE 1931 luminosity curve
 SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to the sky's units before the division
-SUN_HALF_APERTURE = 0.5358 / 2  # deg, angular radius of the disc
-SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_HALF_APERTURE))))  # sr
+SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
 _RANGES = {"sun elevation": (0.0, 90.0), "turbidity": (1.0, 10.0), "albedo": (0.0, 1.0)}
 _ROUNDING = 1e-3  # how far beyond the ends of its range a value may lie, for angles that went through float32
@@ -106,7 +102,7 @@ def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
     sun = np.asarray(sun_direction, dtype=np.float64)
     _elevation(sun)  # refuses a sun below the horizon
     half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the centre
-    limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_HALF_APERTURE)) ** 2
+    limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_RADIUS)) ** 2
     inside = (half < 0.5) & (limb >= 0) & (d[..., 1] >= 0)
     result = np.zeros(d.shape)
     result[inside] = _disc_radiance(np.arcsin(np.clip(d[..., 1][inside], 0, 1)), np.sqrt(limb[inside]), turbidity)
@@ -124,7 +120,7 @@ def sun_disc_points(sun_direction: ArrayLike, rings: int = 24, spokes: int = 96)
     sun = np.asarray(sun_direction, dtype=np.float64)
     azimuth, elevation = (float(angle) for angle in angles(sun))
     axes = np.stack([direction(azimuth + 90, 0), direction(azimuth, elevation + 90), direction(azimuth, elevation)])
-    cosine = 1 - (1 - np.cos(np.radians(SUN_HALF_APERTURE))) * (np.arange(rings) + 0.5) / rings
+    cosine = 1 - (1 - np.cos(np.radians(SUN_RADIUS))) * (np.arange(rings) + 0.5) / rings
     turn = 2 * np.pi * (np.arange(spokes) + 0.5) / spokes
     sine, depth = np.sqrt(1 - cosine**2)[:, None], np.repeat(cosine[:, None], spokes, axis=1)
     points = np.stack([sine * np.cos(turn), sine * np.sin(turn), depth], axis=-1).reshape(-1, 3) @ axes

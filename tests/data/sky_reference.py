@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import direction
-from lighting.sky import SUN_HALF_APERTURE
+from lighting.geometry import SUN_RADIUS, direction
 
 Floats = NDArray[np.floating[Any]]
 
@@ -34,7 +33,7 @@ def sky_directions(sun: Floats, rng: np.random.Generator) -> Floats:
 
 def disc_directions(azimuth: float, elevation: float) -> Floats:
     """Unit vectors (N, 3) from the disc's centre to nearly its edge, downwards and sideways."""
-    offset = SUN_HALF_APERTURE * np.array([0.0, 0.3, 0.6, 0.9, 0.98])
+    offset = SUN_RADIUS * np.array([0.0, 0.3, 0.6, 0.9, 0.98])
     down = direction(azimuth, elevation - offset)
     across = direction(azimuth + offset / np.cos(np.radians(min(elevation, 89.0))), elevation)
     return down if elevation > 89.0 else np.concatenate([down, across])

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.circular import HEADINGS, best_angle, blur, correlate, heading, sun_on_rings, von_mises
+from lighting.circular import HEADINGS, best_angle, blur, correlate, heading, von_mises
+from lighting.decoding import sun_on_rings
 from lighting.geometry import direction, wrap_azimuth
 
 angles_ = st.floats(0.0, 360.0)

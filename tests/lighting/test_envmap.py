@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lighting.envmap import render, rotate, turn
 from lighting.errors import ParameterError
 from lighting.geometry import (
+    SUN_RADIUS,
     angle_between,
     direction,
     latlong_angles,
@@ -22,7 +23,6 @@ from lighting.geometry import (
 )
 from lighting.records import Lighting
 from lighting.sky import (
-    SUN_HALF_APERTURE,
     SUN_SOLID_ANGLE,
     sky_radiance,
     sun_disc_points,
@@ -142,9 +142,9 @@ def test_the_disc_is_where_the_sun_is(azimuth: float, elevation: float) -> None:
     disc = disc_of(light, height)[..., 0]
     directions = latlong_directions(height)[: height // 2]
     pixel_diagonal = 2**0.5 * 180 / height
-    assert angle_between(directions[disc > 0], light.sun_direction).max() < SUN_HALF_APERTURE + pixel_diagonal / 2
+    assert angle_between(directions[disc > 0], light.sun_direction).max() < SUN_RADIUS + pixel_diagonal / 2
     centre = np.tensordot(disc * latlong_solid_angle(height)[: height // 2, None], directions, axes=2)
-    assert angle_between(centre, light.sun_direction) < (0.02 if elevation > 0.3 else SUN_HALF_APERTURE)
+    assert angle_between(centre, light.sun_direction) < (0.02 if elevation > 0.3 else SUN_RADIUS)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(0, 0), (2, 0), (0, 2), (-3, 0), (6, 0)])

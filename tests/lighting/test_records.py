@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lighting.decoding import lighting_from
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import angle_between, direction
-from lighting.records import OPTIONAL_RANGES, RANGES, Lighting, ModelSpec, Prediction, lighting_from
+from lighting.records import OPTIONAL_RANGES, RANGES, Lighting, ModelSpec, Prediction
 from lighting.sun_grid import soft_label
 from tests.conftest import TINY
 
@@ -79,7 +80,6 @@ def test_the_record_has_the_documented_shape() -> None:
     assert record["model"] == {"name": "outdoor", "version": "1.0.0"}
     assert record["sun"]["direction"] == pytest.approx(direction(-41.2, 33.0), abs=1e-6)
     assert record["sky"]["model"] == "hosek-wilkie"
-    assert {k: len(v) for k, v in record["sky"]["coefficients"].items()} == {"r": 9, "g": 9, "b": 9, "radiance": 3}
     for name, (section, key) in PLACES.items():
         assert record[section][key] == getattr(LIGHTING, name)
 
@@ -233,7 +233,6 @@ def test_the_spec_survives_json() -> None:
         {"std": [0.2, 0.0, 0.2]},
         {"std": [math.nan, 1.0, 1.0]},
         {"sun_grid": 5},
-        {"sun_grid": "healpix:4"},
         {"name": None},
         {"licence": []},
         {"surprise": 1},

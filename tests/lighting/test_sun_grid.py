@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lighting.decoding import best_guess
 from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction
-from lighting.sun_grid import best_guess, density, grid_directions, grid_solid_angle, over_cells, radii, soft_label
+from lighting.sun_grid import density, grid_directions, grid_solid_angle, over_cells, radii, soft_label
 
 FINE = "fibonacci:1024"
 CVPR = "rings:5x32"

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 
 from lighting import Given, read_exr, render
 from lighting.cli.given import _OPTIONS
-from lighting.evidence.metadata import lighting_of
+from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from lighting.records import OPTIONAL_RANGES, RANGES
@@ -42,9 +42,9 @@ def estimate(client: TestClient, data: bytes = PLAIN, **query: Any) -> dict[str,
 
 def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClient, estimator: Estimator) -> None:
     photo = read_photo(PHONE)
-    assert estimate(client, PHONE) == estimator(photo).to_dict()
+    assert estimate(client, PHONE) == full_record(estimator(photo).lighting)
     assert "time+place" in estimate(client, PHONE)["evidence"]
-    assert estimate(client, PHONE, exif="false") == estimator(photo, Given(use_exif=False)).to_dict()
+    assert estimate(client, PHONE, exif="false") == full_record(estimator(photo, Given(use_exif=False)).lighting)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_what_the_client_knows_counts_as_for_the_library(
     client: TestClient, estimator: Estimator, query: dict[str, Any], given: dict[str, Any]
 ) -> None:
     for data in (PLAIN, PHONE):
-        assert estimate(client, data, **query) == estimator(read_photo(data), Given(**given)).to_dict()
+        assert estimate(client, data, **query) == full_record(estimator(read_photo(data), Given(**given)).lighting)
 
 
 def test_a_plus_that_the_url_made_a_space_is_a_plus(client: TestClient) -> None:
@@ -77,7 +77,7 @@ def test_a_plus_that_the_url_made_a_space_is_a_plus(client: TestClient) -> None:
 
 def test_maps_and_previews_take_the_same_parameters(client: TestClient, estimator: Estimator) -> None:
     given = Given(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.1375, longitude=11.575, heading=100.0)
-    expected = estimator(read_photo(PLAIN), given)
+    expected = estimator(read_photo(PLAIN), given).lighting
     image, lighting = read_exr(BytesIO(ask(client, path="/v1/envmap", height=32, heading=100, **NOON).content))
     assert lighting == expected
     assert np.array_equal(image, render(expected, 32))
@@ -85,9 +85,9 @@ def test_maps_and_previews_take_the_same_parameters(client: TestClient, estimato
 
 
 def test_the_probability_is_that_of_all_that_is_known(client: TestClient, estimator: Estimator) -> None:
-    fused, _ = estimator.fuse(read_photo(PHONE))
+    found = estimator(read_photo(PHONE))
     told = estimate(client, PHONE, probability="true")["probability"]["probability"]
-    assert np.allclose(told, fused.on_cells().sun_probability, rtol=1e-5)
+    assert np.allclose(told, found.distribution.probability, rtol=1e-5)
     assert not np.allclose(told, estimator.predict(read_photo(PHONE)).sun_probability, rtol=1e-2)
 
 
@@ -185,12 +185,12 @@ def test_photos_of_one_form_are_taken_together(
     client: TestClient, estimator: Estimator, headings: list[float] | None
 ) -> None:
     query = {} if headings is None else {"headings": ",".join(map(str, headings))}
-    found = estimator.fuse_together([read_photo(PHONE), read_photo(OTHER)], Given(), headings)
+    found = estimator.together([read_photo(PHONE), read_photo(OTHER)], Given(), headings)
     answer = together(client, PHONE, OTHER, **query).json()
     assert list(answer) == ["lightings"]
-    for record, fused in zip(answer["lightings"], found, strict=True):
+    for record, estimate in zip(answer["lightings"], found, strict=True):
         assert record.pop("links")["envmap"].startswith("/v1/envmap?")
-        assert record == json.loads(json.dumps(lighting_of(*fused).to_dict()))
+        assert record == json.loads(json.dumps(full_record(estimate.lighting)))
 
 
 def test_each_of_several_has_its_probability_and_its_relative_heading(client: TestClient) -> None:

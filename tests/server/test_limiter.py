@@ -12,9 +12,10 @@ from starlette.types import Message
 
 from lighting.photo.read import Photo
 from lighting.pipeline import Estimator
+from lighting.records import Estimate
 from server.app import create_app
 from server.limiter import BusyError, Limiter
-from server.service import Estimate, Service
+from server.service import Service
 from server.settings import Settings
 
 

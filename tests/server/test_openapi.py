@@ -15,7 +15,7 @@ from starlette.testclient import TestClient
 
 from lighting import render
 from lighting.pipeline import Estimator
-from server import work
+from server import tasks
 from server.app import create_app
 from server.schemas import Problem
 from server.settings import Settings
@@ -102,10 +102,10 @@ schemathesis.openapi.format("binary", PHOTOS)
 @pytest.fixture
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
-    monkeypatch.setattr(work, "render", lambda lighting, _, sun=None: render(lighting, 16, sun=sun))
-    monkeypatch.setattr(work, "draw_preview", lambda *_: scene(16, 16))
-    monkeypatch.setattr(work, "zip_scene", lambda *_, **__: b"PK")
-    monkeypatch.setattr(work, "make_scene", lambda *_, **__: None)
+    monkeypatch.setattr(tasks, "render", lambda lighting, _, sun=None: render(lighting, 16, sun=sun))
+    monkeypatch.setattr(tasks, "preview_png", lambda *_: encode(scene(16, 16), "PNG"))
+    monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
+    monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: None)
     app = create_app(Settings(), estimator)
     app.state.service.answer_once()
     return app

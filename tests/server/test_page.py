@@ -16,6 +16,7 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from lighting import Lighting, read_exr
+from lighting.files import full_record
 from lighting.pipeline import Estimator
 from server.app import create_app
 from server.page import BUNDLE, page_router
@@ -78,7 +79,7 @@ class TestInChromium:
         assert visit["title"].startswith("Sun ")
         assert {"Sun azimuth", "Turbidity", "Vertical field of view"} <= set(visit["numbers"])
         record = json.loads((visit["folder"] / "estimate.json").read_text())
-        assert Lighting.from_dict(record).to_dict() == record
+        assert full_record(Lighting.from_dict(record)) == record
 
     def test_the_dome_is_read_by_keyboard(self, visit: dict[str, Any]) -> None:
         assert "within 10°" in visit["readout"]

@@ -11,9 +11,10 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting import Lighting, read_exr, render
+from lighting.decoding import lighting_from
+from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
-from lighting.records import lighting_from
 from tests.conftest import TINY, encode, scene
 from tests.server.conftest import SKY
 
@@ -29,7 +30,7 @@ def form(data: bytes, name: str = "photo.jpg", kind: str = "image/jpeg") -> dict
 def test_a_form_and_a_raw_body_give_the_record_of_the_library(
     client: TestClient, jpeg: bytes, estimator: Estimator
 ) -> None:
-    expected = estimator(read_photo(jpeg)).to_dict()
+    expected = full_record(estimator(read_photo(jpeg)).lighting)
     for answer in (
         client.post("/v1/lighting", **form(jpeg)),
         client.post("/v1/lighting", content=jpeg, headers=JPEG),

@@ -41,7 +41,7 @@ def files(answer: Any) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_photo_makes_the_scene_of_the_library(client: TestClient, estimator: Estimator, tool: str) -> None:
-    lighting = estimator(read_photo(PHONE))
+    lighting = estimator(read_photo(PHONE)).lighting
     expected = zip_scene(make_scene(read_photo(PHONE, target=PLATE_SIDE), lighting, map_height=16), tool)
     assert post(client, tool=tool).content == expected
 

@@ -12,7 +12,7 @@ from export.crops.glare import CELL, RARER, seen_probability, towards, where_see
 from export.networks.network import build, load_weights, specs
 from lighting.colour import tone_map
 from lighting.geometry import angle_between, camera_directions, direction
-from lighting.photo.read import place
+from lighting.photo import place
 from lighting.sun_grid import grid_directions
 
 SPEC = specs("0")["outdoor"]

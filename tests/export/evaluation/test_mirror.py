@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from export.evaluation.mirror import mirror_averaged, mirrored
+from lighting.decoding import sun_of
 from lighting.geometry import angles, direction
-from lighting.records import ModelSpec, Prediction, sun_of
+from lighting.records import ModelSpec, Prediction
 from lighting.sun_grid import soft_label
 
 GRID = "fibonacci:1024"

@@ -17,8 +17,9 @@ from export.evaluation.reliability import (
     inside,
     reliability_report,
 )
+from lighting.decoding import sun_of
 from lighting.geometry import angle_between, direction
-from lighting.records import Prediction, sun_of
+from lighting.records import Prediction
 from lighting.sun_grid import grid_directions
 from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
 from tests.lighting.evidence.test_fusion import GRID, SPEC, UNIFORM, lobe, prediction

@@ -5,8 +5,9 @@ import pytest
 
 from export.evaluation.metrics import Truth
 from export.evaluation.simulated_metadata import GROSS, only, sighting, take_metadata
+from lighting.evidence import Given
 from lighting.evidence.ephemeris import sun_position
-from lighting.evidence.metadata import Given, known
+from lighting.evidence.metadata import known
 from lighting.geometry import direction, wrap_azimuth
 from lighting.photo.exif import PhotoFacts
 

@@ -18,6 +18,7 @@ from pyarrow.parquet import read_table
 from lighting.batch.job import find_photos
 from lighting.cli import cli
 from lighting.errors import BatchError
+from lighting.files import full_record
 from lighting.files.exr import read_exr
 from lighting.model import Model
 from lighting.photo.read import read_photo
@@ -111,7 +112,7 @@ def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path
     assert sorted(found) == find_photos(str(photos))[1]
     assert found.pop("bad.jpg")["error"].startswith("The file is not a JPEG")
     estimator = Estimator(Model.load(network))
-    assert found == {name: {"lighting": estimator(read_photo(photos / name)).to_dict()} for name in found}
+    assert found == {name: {"lighting": full_record(estimator(read_photo(photos / name)).lighting)} for name in found}
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"batch.json", "lighting.jsonl"}
 
 
@@ -122,7 +123,7 @@ def test_maps_lie_under_the_photos_own_names(photos: Path, tmp_path: Path, netwo
         image, lighting = read_exr(tmp_path / "out" / f"{record['file']}.exr")
         assert image.shape == (32, 64, 3)
         assert lighting is not None
-        assert lighting.to_dict() == record["lighting"]
+        assert full_record(lighting) == record["lighting"]
 
 
 def test_maps_take_the_options_of_render(photos: Path, tmp_path: Path, network: Path) -> None:

@@ -23,6 +23,7 @@ from lighting import __version__
 from lighting.cli import cli
 from lighting.cli.words import in_words
 from lighting.envmap import render
+from lighting.files import full_record
 from lighting.files.exr import read_exr
 from lighting.model import Model
 from lighting.photo.read import read_photo
@@ -67,7 +68,7 @@ def record_path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def expected(network: Path, photo_path: Path) -> Lighting:
-    return Estimator(Model.load(network))(read_photo(photo_path))
+    return Estimator(Model.load(network))(read_photo(photo_path)).lighting
 
 
 # Help and start
@@ -161,7 +162,7 @@ def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -
 def test_estimate_as_json(network: Path, photo_path: Path, expected: Lighting) -> None:
     result = run("estimate", "--json", photo_path, photo_path, "--model", network)
     first, second = map(json.loads, result.stdout.splitlines())
-    assert first == second == {"file": str(photo_path), "lighting": expected.to_dict()}
+    assert first == second == {"file": str(photo_path), "lighting": full_record(expected)}
     assert (result.exit_code, result.stderr) == (0, "")
 
 
@@ -199,7 +200,7 @@ def test_one_bad_photo_is_not_counted(network: Path) -> None:
 
 def test_estimate_reads_stdin(network: Path, photo_path: Path, expected: Lighting) -> None:
     result = run("estimate", "--json", "-", "--model", network, stdin=photo_path.read_bytes())
-    assert json.loads(result.stdout) == {"file": "-", "lighting": expected.to_dict()}
+    assert json.loads(result.stdout) == {"file": "-", "lighting": full_record(expected)}
     assert error_of(run("estimate", "-", "--model", network, stdin=b"")) == "stdin: The photo is empty."
 
 
@@ -384,7 +385,7 @@ def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, t
     assert photo.pop("metadata") == {**dict.fromkeys(METADATA), "location": False}
     assert photo == {"file": str(photo_path), "kind": "photo", "format": "JPEG", "width": 320, "height": 240}
     assert net == {"file": str(network), "kind": "network", **json.loads(TINY.to_json())}
-    assert envmap.pop("lighting") == LIGHTING.to_dict()
+    assert envmap.pop("lighting") == full_record(LIGHTING)
     assert envmap == {"file": str(tmp_path / "a.exr"), "kind": "environment map", "width": 32, "height": 16}
 
 

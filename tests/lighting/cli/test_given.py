@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from click.testing import Result
 
-from lighting.evidence.metadata import Given
+from lighting.evidence import Given
+from lighting.files import full_record
 from lighting.files.exr import read_exr
 from lighting.model import Model
 from lighting.photo.read import read_photo
@@ -59,7 +60,7 @@ def test_info_says_what_a_photo_knows_but_not_where(phone: Path) -> None:
 def test_the_library_gives_the_same(phone: Path, network: Path) -> None:
     (record,) = records(run("estimate", "--json", "--model", network, "--fov", "40", "--heading", "10", phone))
     light = Estimator(Model.load(network))(read_photo(phone), Given(vertical_fov=40.0, heading=10.0))
-    assert record == light.to_dict()
+    assert record == full_record(light.lighting)
 
 
 def test_what_is_said_counts_for_a_photo_without_metadata(phone: Path, photo_path: Path, network: Path) -> None:

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS, von_mises
+from lighting.decoding import lighting_from
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence, fuse
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
-from lighting.records import ModelSpec, Prediction, lighting_from
+from lighting.records import ModelSpec, Prediction
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density, soft_label
 
 GRID = "fibonacci:1024"

@@ -11,18 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.errors import ParameterError
-from lighting.evidence.declination import declination
+from lighting.evidence import Given, zones
+from lighting.evidence.answer import estimate_of
+from lighting.evidence.declination import magnetic_declination
 from lighting.evidence.ephemeris import sun_position
+from lighting.evidence.facts import of_one_place
 from lighting.evidence.fusion import COMPASS_SPREAD, Evidence, fuse
-from lighting.evidence.metadata import (
-    GIVEN_HEADING_SPREAD,
-    Given,
-    known,
-    known_together,
-    lighting_of,
-    of_one_place,
-    zones,
-)
+from lighting.evidence.metadata import GIVEN_HEADING_SPREAD, known, known_together
 from lighting.photo.exif import PhotoFacts
 from lighting.records import Lighting, Prediction
 from lighting.sun_grid import grid_directions, soft_label
@@ -122,7 +117,7 @@ def test_a_true_heading_stays() -> None:
 
 def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
     found = evidence_of(replace(FACTS, heading_reference="magnetic"))
-    off = declination(48.14, 11.575, MORNING)
+    off = magnetic_declination(48.14, 11.575, MORNING)
     assert off is not None
     assert found.heading == pytest.approx(60.0 + off)
     assert found.heading_spread == COMPASS_SPREAD
@@ -310,7 +305,7 @@ def prediction(probability: Any = None) -> Prediction:
 
 def answer(facts: PhotoFacts = FACTS, **said: Any) -> Lighting:
     found = known(facts, Given(**said))
-    return lighting_of(fuse(prediction(), found.evidence), found)
+    return estimate_of(fuse(prediction(), found.evidence), found).lighting
 
 
 def test_the_answer_says_what_it_rests_on() -> None:
@@ -336,7 +331,7 @@ def test_the_sun_is_a_compass() -> None:
     found = known(replace(FACTS, heading=None), Given())
     elevation, azimuth = found.evidence.candidates[0]
     ahead = soft_label([math.sin(math.radians(30)), 0.6, -math.cos(math.radians(30))], 80.0, TINY.sun_grid)
-    light = lighting_of(fuse(prediction(ahead), found.evidence), found)
+    light = estimate_of(fuse(prediction(ahead), found.evidence), found).lighting
     assert light.camera_heading == pytest.approx(azimuth - light.sun_azimuth, abs=1.0)
     assert light.camera_heading == pytest.approx(azimuth - 30, abs=15.0)
     assert light.sun_elevation == pytest.approx(elevation, abs=0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import Evidence, Fused, fuse
-from lighting.evidence.together import CORRELATION, elevation_density, power, seen_from, together
+from lighting.evidence.together import CORRELATION, elevation_density, fuse_together, power, seen_from
 from lighting.geometry import wrap_azimuth
 from lighting.records import Prediction
 from tests.lighting.evidence.test_fusion import GRID, UNIFORM, lobe, prediction
@@ -29,7 +29,7 @@ def azimuth_errors(answers: tuple[Fused, ...], sun: float, turns: tuple[float, .
 @pytest.mark.parametrize("headings", [None, [12.0]])
 def test_one_photo_together_is_one_alone(evidence: Evidence, headings: list[float] | None) -> None:
     said = lobe(40.0, 30.0)
-    (answer,), alone = together([said], [evidence], headings), fuse(said, evidence)
+    (answer,), alone = fuse_together([said], [evidence], headings), fuse(said, evidence)
     assert answer.sun == alone.sun
     assert answer.used == alone.used
     assert (answer.probability == alone.probability).all()
@@ -43,37 +43,37 @@ def test_the_order_of_the_photos_does_not_matter(
     said = [lobe(50.0, 35.0, 10.0), lobe(-60.0, 45.0, 30.0), lobe(-120.0, 40.0, 5.0)]
     evidence = [Evidence(suns)] * 3
     order = [2, 0, 1]
-    there = together(said, evidence, headings)
-    back = together([said[i] for i in order], evidence, [headings[i] for i in order] if headings else None)
+    there = fuse_together(said, evidence, headings)
+    back = fuse_together([said[i] for i in order], evidence, [headings[i] for i in order] if headings else None)
     for i, j in enumerate(order):
         assert back[i].probability == pytest.approx(there[j].probability, abs=1e-9)
 
 
 def test_known_headings_bring_the_suns_into_one_frame_and_narrow_them() -> None:
     said = views(60.0, TURNS)
-    answers = together(said, [NOTHING] * 3, TURNS)
+    answers = fuse_together(said, [NOTHING] * 3, TURNS)
     assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
     assert all(a.sun.radius_90 < fuse(p, NOTHING).sun.radius_90 for a, p in zip(answers, said, strict=True))
     assert answers[0].used == ("pixels", "other photos")
 
 
 def test_a_photo_that_sees_nothing_leaves_the_others_their_answer() -> None:
-    answers = together([lobe(30.0, 40.0), prediction(UNIFORM)], [NOTHING] * 2, [0.0, 100.0])
+    answers = fuse_together([lobe(30.0, 40.0), prediction(UNIFORM)], [NOTHING] * 2, [0.0, 100.0])
     assert azimuth_errors(answers, 30.0, (0.0, 100.0)) == pytest.approx([0.0, 0.0], abs=1.0)
 
 
 def test_exact_headings_beat_compasses_that_disagree() -> None:
     compasses = [Evidence(heading=h) for h in (0.0, 10.0, 20.0)]
-    answers = together(views(60.0, TURNS), compasses, TURNS)
+    answers = fuse_together(views(60.0, TURNS), compasses, TURNS)
     assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
 
 
 def test_compass_headings_of_all_serve_as_relative_headings() -> None:
     """All are wrong by the same 70 deg, which does not matter between them."""
-    answers = together(views(60.0, TURNS), [Evidence(heading=(t + 70.0) % 360) for t in TURNS])
+    answers = fuse_together(views(60.0, TURNS), [Evidence(heading=(t + 70.0) % 360) for t in TURNS])
     assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
     assert answers[0].used == ("pixels", "heading", "other photos")
-    exact = together(views(60.0, TURNS), [NOTHING] * 3, TURNS)
+    exact = fuse_together(views(60.0, TURNS), [NOTHING] * 3, TURNS)
     assert answers[0].sun.radius_90 > exact[0].sun.radius_90
 
 
@@ -81,13 +81,13 @@ def test_compass_headings_of_all_serve_as_relative_headings() -> None:
 def test_one_gross_compass_error_is_outvoted(suns: tuple[tuple[float, float], ...]) -> None:
     turns = (0.0, 50.0, 100.0, 150.0)
     evidence = [Evidence(suns, heading) for heading in (0.0, 50.0, 100.0, 330.0)]
-    answers = together(views(60.0, turns, 40.0), evidence)
+    answers = fuse_together(views(60.0, turns, 40.0), evidence)
     assert max(azimuth_errors(answers[:3], 60.0, turns[:3])) < 4.0
 
 
 def test_unknown_headings_share_the_elevation_and_are_inferred() -> None:
     said = [lobe(-100.0, 50.0, 60.0), lobe(20.0, 30.0, 60.0)]
-    answers = together(said, [NOTHING] * 2)
+    answers = fuse_together(said, [NOTHING] * 2)
     assert [a.sun.elevation for a in answers] == pytest.approx([40.0, 40.0], abs=2.5)
     assert [a.sun.azimuth for a in answers] == pytest.approx([-100.0, 20.0], abs=2.0)
     assert answers[1].relative_heading is not None
@@ -97,21 +97,21 @@ def test_unknown_headings_share_the_elevation_and_are_inferred() -> None:
 
 def test_turbidity_and_exposure_are_shared() -> None:
     first, second = replace(lobe(0.0, 40.0), turbidity=2.0), replace(lobe(0.0, 40.0), turbidity=8.0, exposure=0.4)
-    for answer in together([first, second], [NOTHING] * 2):
+    for answer in fuse_together([first, second], [NOTHING] * 2):
         assert answer.prediction.turbidity == pytest.approx(4.0)
         assert answer.prediction.exposure == pytest.approx(0.2)
 
 
 def test_the_fields_of_view_and_warnings_stay_each_photos_own() -> None:
     evidence = [Evidence(vertical_fov=20.0), NOTHING]
-    answers = together([lobe(0.0, 40.0)] * 2, evidence, [0.0, 0.0])
+    answers = fuse_together([lobe(0.0, 40.0)] * 2, evidence, [0.0, 0.0])
     assert [a.prediction.vertical_fov for a in answers] == [20.0, 50.0]
     assert [len(a.warnings) for a in answers] == [1, 0]
 
 
 def test_with_time_and_place_the_group_has_one_heading() -> None:
     sun = (40.0, 60.0)
-    answers = together(views(60.0, TURNS), [Evidence((sun,))] * 3, TURNS)
+    answers = fuse_together(views(60.0, TURNS), [Evidence((sun,))] * 3, TURNS)
     assert max(azimuth_errors(answers, 60.0, TURNS)) < 1.5
     assert [a.sun.elevation for a in answers] == pytest.approx([40.0] * 3)
     headings = [a.camera_heading.best for a in answers if a.camera_heading]
@@ -127,7 +127,7 @@ def test_a_time_lapse_follows_the_suns_motion() -> None:
     for elevation, compass in suns:
         both = lobe(compass - 30.0, elevation, 60.0).sun_probability + lobe(-75.0, elevation, 60.0).sun_probability
         said.append(prediction(both / 2))
-    answers = together(said, [Evidence((sun,)) for sun in suns], [0.0] * 4)
+    answers = fuse_together(said, [Evidence((sun,)) for sun in suns], [0.0] * 4)
     for answer in answers:
         assert answer.camera_heading is not None
         assert answer.camera_heading.best == pytest.approx(30.0, abs=2.0)
@@ -142,19 +142,19 @@ def test_a_zone_must_fit_all_photos() -> None:
     between = replace(
         lobe(0.0, 20.0, 60.0), sun_probability=0.5 * (lobe(0, 20, 60).sun_probability + lobe(0, 60, 60).sun_probability)
     )
-    answers = together([between, lobe(0.0, 45.0, 60.0)], [Evidence(first), Evidence(second)])
+    answers = fuse_together([between, lobe(0.0, 45.0, 60.0)], [Evidence(first), Evidence(second)])
     assert answers[0].sun.elevation == pytest.approx(60.0, abs=3.0)
     assert answers[1].sun.elevation == pytest.approx(45.0, abs=2.0)
 
 
 def test_a_photo_without_time_takes_that_of_the_others() -> None:
-    answers = together([lobe(0.0, 40.0)] * 2, [NOTHING, Evidence(((33.0, 90.0),))])
+    answers = fuse_together([lobe(0.0, 40.0)] * 2, [NOTHING, Evidence(((33.0, 90.0),))])
     assert [a.sun.elevation for a in answers] == pytest.approx([33.0, 33.0])
 
 
 def test_a_zone_at_night_in_one_photo_is_out_in_all() -> None:
     evidence = [Evidence(((-5.0, 80.0), (30.0, 120.0))), Evidence(((10.0, 90.0), (45.0, 150.0)))]
-    answers = together([lobe(0.0, 10.0, 60.0)] * 2, evidence)
+    answers = fuse_together([lobe(0.0, 10.0, 60.0)] * 2, evidence)
     assert [a.sun.elevation for a in answers] == pytest.approx([30.0, 45.0])
 
 
@@ -170,7 +170,7 @@ def test_what_contradicts_itself_is_refused(
     evidence: list[Evidence], headings: list[float] | None, sentence: str
 ) -> None:
     with pytest.raises(ParameterError, match=sentence):
-        together([lobe(0.0, 40.0)] * 2, evidence, headings)
+        fuse_together([lobe(0.0, 40.0)] * 2, evidence, headings)
 
 
 def test_correlated_photos_count_as_fewer() -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lighting import __version__
 from lighting.envmap import render
 from lighting.errors import EnvironmentMapError
+from lighting.files import full_record
 from lighting.files.exr import read_exr, write_exr
 from lighting.records import RANGES, Lighting
 
@@ -112,7 +113,7 @@ def test_header(data: bytes) -> None:
     for name in RANGES:
         assert header[f"lighting.{name}"] == pytest.approx(getattr(LIGHT, name), rel=1e-6)
     assert header["lighting.sun_direction"] == pytest.approx(LIGHT.sun_direction, abs=1e-6)
-    assert json.loads(header["lighting.json"]) == LIGHT.to_dict()
+    assert json.loads(header["lighting.json"]) == full_record(LIGHT)
 
 
 def test_header_of_what_more_is_known(image: NDArray[np.float32]) -> None:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms
 
 from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.photo import fit_size, place, to_tensor
 from lighting.photo import read as photo_module
-from lighting.photo.read import Photo, Source, fit_size, place, read_photo, to_tensor
+from lighting.photo.read import Photo, Source, read_photo
 from tests.conftest import TINY, encode, scene
 
 pillow_heif.register_heif_opener()

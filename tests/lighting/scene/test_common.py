@@ -13,6 +13,7 @@ from PIL import Image
 
 from lighting.envmap import render
 from lighting.errors import SceneError
+from lighting.files import full_record
 from lighting.geometry import angle_between, camera_directions, camera_pixel, direction, latlong_solid_angle
 from lighting.photo.read import Photo
 from lighting.scene import TOOLS, blender, mitsuba
@@ -207,7 +208,7 @@ def test_the_command_takes_a_record_in_place_of_an_estimate(
     out = tmp_path / "out"
     result = run("scene", photo_path, "--for", "usd", "--lighting", record_path, "-o", out, "-q", "--up-axis", "z")
     assert (result.exit_code, result.output) == (0, "")
-    assert json.loads((out / "lighting.json").read_text()) == LIGHT.to_dict()
+    assert json.loads((out / "lighting.json").read_text()) == full_record(LIGHT)
     assert 'upAxis = "Z"' in (out / "scene.usda").read_text()
 
 

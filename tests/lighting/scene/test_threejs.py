@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import luminance, srgb_decode, tone_map
+from lighting.files import full_record
 from lighting.geometry import (
     camera_directions,
     camera_pixel,
@@ -195,7 +196,7 @@ def test_what_the_page_is_told(tmp_path: Path) -> None:
     told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
     assert told["sunIntensity"] * np.array(told["sunColour"]) == pytest.approx(scene.sun_irradiance)
     assert np.reshape(told["cameraMatrix"], (4, 4)) == pytest.approx(scene.camera_matrix)
-    assert told["lighting"] == scene.lighting.to_dict()
+    assert told["lighting"] == full_record(scene.lighting)
     plate = Image.open(BytesIO(base64.b64decode(told["plate"].split(",")[1])))
     assert np.array_equal(np.asarray(plate), scene.plate)
 

@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
-from lighting.geometry import angle_between, direction, latlong_directions
+from lighting.geometry import SUN_RADIUS, angle_between, direction, latlong_directions
 from lighting.sky.hosek_wilkie import (
-    SUN_HALF_APERTURE,
     SUN_SOLID_ANGLE,
     sky_coefficients,
     sky_parameters,
@@ -129,7 +128,7 @@ def test_turbidity_and_albedo_are_continuous() -> None:
 
 
 def test_disc_darkens_towards_its_limb_and_ends_there() -> None:
-    across = direction(25.0, 33.0 + SUN_HALF_APERTURE * np.array([0, 0.5, 0.9, 0.999, 1.001, 50.0]))
+    across = direction(25.0, 33.0 + SUN_RADIUS * np.array([0, 0.5, 0.9, 0.999, 1.001, 50.0]))
     green = sun_disc_radiance(across, SUN, 3)[:, 1]
     assert (np.diff(green[:4]) < 0).all()
     assert green[3] > 0
@@ -140,7 +139,7 @@ def test_disc_darkens_towards_its_limb_and_ends_there() -> None:
 def test_mean_radiance_is_that_of_the_disc() -> None:
     points, weight = sun_disc_points(SUN, rings=200, spokes=50)
     assert weight.sum() == pytest.approx(SUN_SOLID_ANGLE)
-    assert angle_between(points, SUN).max() < SUN_HALF_APERTURE
+    assert angle_between(points, SUN).max() < SUN_RADIUS
     mean = sun_disc_radiance(points, SUN, 3).mean(axis=0)
     assert sun_radiance(SUN, 3) == pytest.approx(mean, rel=2e-3)
 

@@ -1,4 +1,4 @@
-"""What a request asks of the CPU, in steps between which a request whose client has gone stops."""
+"""The CPU work of requests, in steps; between two steps a request stops if its client has disconnected."""
 
 from collections.abc import Sequence
 
@@ -7,14 +7,14 @@ from anyio.from_thread import check_cancelled
 
 from lighting.envmap import render
 from lighting.errors import PhotoError
-from lighting.files.formats import encode_envmap, encode_png
-from lighting.photo.read import Photo
-from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview
-from lighting.records import Lighting
+from lighting.files import encode_envmap
+from lighting.photo import Photo
+from lighting.preview import PHOTO_SIDE, preview_png
+from lighting.records import Estimate, Lighting
 from lighting.scene.common import PLATE_SIDE, make_scene
 from lighting.scene.files import zip_scene
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
-from server.service import Estimate, Service
+from server.service import Service
 
 MID_GREY = 128  # sRGB
 
@@ -42,21 +42,18 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     """The same from a photo's bytes."""
     photo = service.read(data)
     check_cancelled()
-    ((_, lighting),) = service.estimate([photo], query.given())
+    (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    return envmap_file(lighting, query)
+    return envmap_file(estimate.lighting, query)
 
 
 def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
     """The preview of a photo's bytes, as PNG."""
     photo = service.read(data)
     check_cancelled()
-    ((prediction, lighting),) = service.estimate([photo], query.given())
-    light = render(lighting, MAP_HEIGHT)
+    (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    picture = service.read_finer(data, PHOTO_SIDE).pixels
-    drawing = draw_preview(picture, lighting, prediction.sun_probability, prediction.spec.sun_grid, light)
-    return encode_png(drawing)
+    return preview_png(service.read_finer(data, PHOTO_SIDE).pixels, estimate)
 
 
 def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery) -> bytes:
@@ -70,9 +67,9 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     """The same from a photo's bytes."""
     photo = service.read(data)
     check_cancelled()
-    ((_, lighting),) = service.estimate([photo], query.given())
+    (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    return scene_file(service.read_finer(data, PLATE_SIDE), lighting, query)
+    return scene_file(service.read_finer(data, PLATE_SIDE), estimate.lighting, query)
 
 
 def scene_file_of_sky(query: SkySceneQuery) -> bytes:

@@ -1,0 +1,28 @@
+"""The answer about one photo: all evidence as one Estimate."""
+
+from dataclasses import replace
+from typing import Any
+
+from lighting.decoding import lighting_from
+from lighting.evidence.fusion import Fused
+from lighting.evidence.metadata import Known
+from lighting.records import Estimate
+
+
+def estimate_of(fused: Fused, known: Known) -> Estimate:
+    """The answer about one photo, with what it rests on."""
+    lighting = lighting_from(fused.prediction, fused.sun)
+    heading = fused.camera_heading
+    told: dict[str, Any] = {"evidence": fused.used, "warnings": (*known.warnings, *fused.warnings)}
+    if heading is not None:
+        told["camera_heading"] = round(heading.best, 2) % 360.0
+        told["camera_heading_radius_50"] = round(heading.radius_50, 2)
+        told["camera_heading_radius_90"] = round(heading.radius_90, 2)
+        told["camera_heading_probability"] = tuple(round(float(p), 6) for p in heading.probability)
+    if fused.relative_heading is not None:
+        told["relative_heading"] = round(fused.relative_heading.best, 2) % 360.0
+    if not known.sun_is_up:
+        told["sun_visibility"] = 0.0
+    if known.location is not None:
+        told["latitude"], told["longitude"] = known.location
+    return Estimate(replace(lighting, **told), fused.on_cells())

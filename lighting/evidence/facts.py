@@ -1,0 +1,75 @@
+"""A photo's facts with those of its user and of photos taken with it: which time, which place, which zone."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+from lighting.evidence.given import Given
+from lighting.photo import PhotoFacts, in_utc
+
+# Hours from UTC that clocks follow somewhere, summer times included.
+ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
+CLOCK_ERROR = 0.1  # h, by which a camera's clock may differ from the satellites' and still tell the zone
+ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
+
+
+def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
+    """The photo's facts with the user's in their place; a time replaces time and offset, a place the whole place."""
+    merged = facts if given.use_exif else PhotoFacts()
+    if given.time is not None:
+        merged = replace(merged, **_time_of(given.time))
+    if given.utc_offset is not None and merged.local_time is not None:
+        in_zone = in_utc(merged.local_time, given.utc_offset)
+        merged = replace(merged, utc_offset=given.utc_offset, utc_time=in_zone)
+    if given.latitude is not None:
+        merged = replace(merged, latitude=given.latitude, longitude=given.longitude)
+    if given.heading is not None:
+        merged = replace(merged, heading=given.heading, heading_reference="true")
+    return replace(merged, vertical_fov=given.vertical_fov) if given.vertical_fov is not None else merged
+
+
+def _time_of(time: datetime) -> dict[str, Any]:
+    if time.tzinfo is None:
+        return {"local_time": time, "utc_offset": None, "utc_time": None}
+    return {"local_time": time.replace(tzinfo=None), "utc_offset": None, "utc_time": time.astimezone(UTC)}
+
+
+def of_one_place(facts: Sequence[PhotoFacts]) -> list[PhotoFacts]:
+    """The facts of photos taken together: the place is that of the first that has one, and so is the zone."""
+    place = next((f for f in facts if f.latitude is not None), PhotoFacts())
+    there = [replace(f, latitude=place.latitude, longitude=place.longitude) for f in facts]
+    offset = next((hours for f in facts if (hours := _zone_of(f)) is not None), None)
+    return there if offset is None else [_in_zone(f, offset) for f in there]
+
+
+def by_one_clock(facts: list[PhotoFacts]) -> list[PhotoFacts]:
+    """The facts without local times of no known zone, where another photo's time has one: its moment is surer."""
+    surer = any(f.utc_time is not None for f in facts)
+    return [replace(f, local_time=None) if surer and f.utc_time is None else f for f in facts]
+
+
+def _zone_of(facts: PhotoFacts) -> float | None:
+    """Hours from UTC, as stated or as the clock differs from the satellites' time; None where that is no zone's."""
+    if facts.utc_offset is not None or facts.local_time is None or facts.utc_time is None:
+        return facts.utc_offset
+    ahead = (facts.local_time - facts.utc_time.replace(tzinfo=None)).total_seconds() / 3600
+    nearest = round(4 * ahead) / 4
+    return nearest if nearest in ZONES and abs(ahead - nearest) < CLOCK_ERROR else None
+
+
+def _in_zone(facts: PhotoFacts, utc_offset: float) -> PhotoFacts:
+    if facts.local_time is None or facts.utc_time is not None:
+        return facts
+    return replace(facts, utc_offset=utc_offset, utc_time=in_utc(facts.local_time, utc_offset))
+
+
+def place_of(facts: PhotoFacts) -> tuple[float, float] | None:
+    """Latitude and longitude [deg], where they are known."""
+    return None if facts.latitude is None or facts.longitude is None else (facts.latitude, facts.longitude)
+
+
+def zones(longitude: float) -> tuple[float, ...]:
+    """Hours from UTC that clocks at a longitude [deg] may follow."""
+    low, high = ZONE_LEAD
+    return tuple(zone for zone in sorted(ZONES) if (zone - longitude / 15.0 - low) % 24.0 <= high - low)

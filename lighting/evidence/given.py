@@ -1,0 +1,52 @@
+"""What the user says of a photo."""
+
+from dataclasses import dataclass, field, fields
+from datetime import datetime
+from typing import Any
+
+from lighting.errors import ParameterError
+from lighting.photo import OFFSETS, YEARS
+from lighting.records import OPTIONAL_RANGES, RANGES, check_range
+
+# The names of options and HTTP parameters that differ from the fields of Given.
+SHORT_NAMES = {"exif": "use_exif", "lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the user says of a photo, which takes the place of what its metadata say; None is unsaid.
+
+    Raises ParameterError for what cannot be true or contradicts itself.
+    """
+
+    use_exif: bool = True
+    time: datetime | None = None  # aware, or local
+    utc_offset: float | None = None  # h, of a local time, the photo's or the one given
+    latitude: float | None = field(default=None, repr=False)  # deg, positive north
+    longitude: float | None = field(default=None, repr=False)  # deg, positive east
+    heading: float | None = None  # deg clockwise from true north
+    vertical_fov: float | None = None  # deg, of the upright photo
+    keep_location: bool = False  # whether the answer may hold latitude and longitude
+
+    def __post_init__(self) -> None:
+        ranges = {"utc_offset": OFFSETS, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
+        for name, (low, high) in {**ranges, **{key: OPTIONAL_RANGES[key] for key in ("latitude", "longitude")}}.items():
+            if (value := getattr(self, name)) is not None:
+                check_range(name, value, low, high)
+        if (self.latitude is None) != (self.longitude is None):
+            raise ParameterError("A latitude needs a longitude and the other way round.")
+        self._check_time()
+
+    def said(self) -> dict[str, Any]:
+        """What it says, by name, without what is unsaid."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) != f.default}
+
+    def _check_time(self) -> None:
+        if self.time is not None and not YEARS[0] <= self.time.year <= YEARS[1]:
+            raise ParameterError(f"The time must lie in the years {YEARS[0]} to {YEARS[1]}.")
+        if self.time is not None and self.time.tzinfo is not None and self.utc_offset is not None:
+            raise ParameterError("The time already has its offset from UTC; another one contradicts it.")
+        if not self.use_exif and self.time is None and self.utc_offset is not None:
+            raise ParameterError("An offset from UTC needs a time.")
+        if not self.use_exif and (self.time is None) != (self.latitude is None):
+            raise ParameterError("A time needs a place, and a place a time.")

@@ -1,0 +1,32 @@
+"""The JSON of a lighting."""
+
+import json
+
+import pytest
+
+from lighting.files.record import full_record, json_line
+from lighting.records import Lighting
+from lighting.sky import sky_coefficients
+
+LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, ground_albedo=0.2)
+
+
+def test_the_full_record_adds_the_sky_models_coefficients_and_changes_nothing_else() -> None:
+    record = full_record(LIGHT)
+    coefficients = record["sky"].pop("coefficients")
+    assert record == LIGHT.to_dict()
+    assert coefficients == sky_coefficients(33.0, 3.4, 0.2)
+    assert {name: len(row) for name, row in coefficients.items()} == {"r": 9, "g": 9, "b": 9, "radiance": 3}
+
+
+def test_the_coefficients_follow_from_the_record_when_it_is_read_again() -> None:
+    record = full_record(LIGHT)
+    record["sky"]["coefficients"] = {"r": []}
+    assert full_record(Lighting.from_dict(record)) == full_record(LIGHT)
+
+
+@pytest.mark.parametrize(("answer", "key"), [(LIGHT, "lighting"), ("The photo is empty.", "error")])
+def test_a_line_holds_the_record_or_the_error(answer: Lighting | str, key: str) -> None:
+    line = json_line("a\nb.jpg", answer)
+    assert "\n" not in line
+    assert json.loads(line) == {"file": "a\nb.jpg", key: answer if isinstance(answer, str) else full_record(answer)}
