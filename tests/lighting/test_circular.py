@@ -1,15 +1,12 @@
 """Distributions over headings."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.circular import HEADINGS, best_angle, blur, correlate, heading, von_mises
-from lighting.decoding import sun_on_rings
-from lighting.geometry import direction, wrap_azimuth
+from lighting.geometry import wrap_azimuth
 
 angles_ = st.floats(0.0, 360.0)
 
@@ -49,18 +46,3 @@ def test_correlation_finds_the_turn_between_two() -> None:
     product = correlate(bell(70.0, 5.0), bell(40.0, 5.0))
     assert product.argmax() == 30
     assert product.sum() == pytest.approx(1.0)
-
-
-@given(st.floats(-180.0, 180.0), st.floats(1.0, 85.0))
-def test_a_sun_on_a_ring_keeps_the_elevation_of_the_ring(azimuth: float, elevation: float) -> None:
-    sun = sun_on_rings(direction(HEADINGS, elevation), bell(azimuth, 15.0))
-    assert sun.elevation == pytest.approx(elevation, abs=1e-9)
-    assert abs(float(wrap_azimuth(sun.azimuth - azimuth))) < 0.2
-    assert sun.radius_50 <= 0.7 * 15.0 * math.cos(math.radians(elevation)) + 1.0
-
-
-def test_rings_far_apart_are_not_averaged() -> None:
-    suns = np.concatenate([direction(HEADINGS, 15.0), direction(HEADINGS, 60.0), direction(HEADINGS, 66.0)])
-    sun = sun_on_rings(suns, np.concatenate([0.4 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0)]))
-    assert sun.elevation == pytest.approx(63.0, abs=0.1)
-    assert sun.azimuth == pytest.approx(80.0, abs=0.1)

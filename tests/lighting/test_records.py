@@ -11,11 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.decoding import lighting_from
 from lighting.errors import ModelError, ParameterError
-from lighting.geometry import angle_between, direction
-from lighting.records import OPTIONAL_RANGES, RANGES, Lighting, ModelSpec, Prediction
-from lighting.sun_grid import soft_label
+from lighting.geometry import direction
+from lighting.records import OPTIONAL_RANGES, RANGES, Lighting, ModelSpec
 from tests.conftest import TINY
 
 LIGHTING = Lighting(
@@ -33,6 +31,8 @@ LIGHTING = Lighting(
     model_name="outdoor",
     model_version="1.0.0",
 )
+
+
 PLACES = {  # of each field in the JSON record
     "sun_azimuth": ("sun", "azimuth"),
     "sun_elevation": ("sun", "elevation"),
@@ -46,6 +46,8 @@ PLACES = {  # of each field in the JSON record
     "camera_roll": ("camera", "roll"),
     "vertical_fov": ("camera", "vertical_fov"),
 }
+
+
 WRONG = [None, "3", True, [3.0], {"value": 3.0}, math.nan, math.inf, -math.inf, 10**4000, np.float32(3)]
 
 
@@ -182,39 +184,6 @@ def test_any_json_is_a_record_or_a_parameter_error(record: dict[str, Any]) -> No
         sentence(error)
 
 
-def prediction(**values: float) -> Prediction:
-    grid = "fibonacci:1024"
-    given = {
-        "sun_visibility": 0.8,
-        "turbidity": 3.0,
-        "exposure": 0.05,
-        "camera_elevation": 2.0,
-        "camera_roll": 1.0,
-        "vertical_fov": 50.0,
-        **values,
-    }
-    probability = soft_label(direction(-70.0, 40.0), 80.0, grid).astype(np.float32)
-    return Prediction(spec=replace(TINY, sun_grid=grid), sun_probability=probability, **given)
-
-
-def test_lighting_from_a_prediction() -> None:
-    lighting = lighting_from(prediction())
-    assert angle_between(lighting.sun_direction, direction(-70.0, 40.0)) < 0.5
-    assert (lighting.turbidity, lighting.exposure, lighting.vertical_fov) == (3.0, 0.05, 50.0)
-    assert (lighting.model_name, lighting.model_version) == ("tiny", "0.0.1")
-    assert lighting.radius_50 == pytest.approx(7.55, abs=0.75)
-    assert lighting.radius_90 == pytest.approx(13.78, abs=0.75)
-    json.dumps(lighting.to_dict(), allow_nan=False)
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_network_that_overshoots_is_clipped_into_the_ranges(sign: float) -> None:
-    names = ["sun_visibility", "turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov"]
-    lighting = lighting_from(prediction(**dict.fromkeys(names, sign * 1e9)))
-    for name in names:
-        assert getattr(lighting, name) == RANGES[name][sign > 0]
-
-
 def test_the_spec_survives_json() -> None:
     assert ModelSpec.from_json(TINY.to_json()) == TINY
 
@@ -251,8 +220,6 @@ def test_what_is_no_spec_is_refused(text: str) -> None:
         ModelSpec.from_json(text)
     sentence(caught.value)
 
-
-# What is not always known
 
 KNOWING = replace(
     LIGHTING,

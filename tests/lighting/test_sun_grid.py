@@ -1,22 +1,26 @@
 """The discrete sky: cells, targets, decoding."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.decoding import best_guess
 from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction
 from lighting.sun_grid import density, grid_directions, grid_solid_angle, over_cells, radii, soft_label
 
 FINE = "fibonacci:1024"
+
+
 CVPR = "rings:5x32"
+
+
 CONCENTRATION = 80.0
 
+
 azimuths = st.floats(-180.0, 180.0)
+
+
 elevations = st.floats(0.0, 90.0)
 
 
@@ -76,59 +80,6 @@ def test_soft_label_of_a_batch_takes_a_concentration_for_each() -> None:
 
 def test_no_concentration_means_the_cells_share_by_solid_angle() -> None:
     assert soft_label(direction(0.0, 45.0), 0.0, CVPR) == pytest.approx(grid_solid_angle(CVPR) / (2 * np.pi))
-
-
-@given(azimuths, st.floats(15.0, 90.0))
-def test_the_fine_grid_gives_the_sun_back_within_half_a_degree(az: float, el: float) -> None:
-    sun = direction(az, el)
-    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
-
-
-@given(azimuths, elevations)
-def test_the_fine_grid_gives_a_low_sun_back_within_six_degrees(az: float, el: float) -> None:
-    """Cells end at the horizon, so the mean around a low sun lies above it."""
-    sun = direction(az, el)
-    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
-
-
-def test_the_best_guess_follows_the_stronger_of_two_modes() -> None:
-    left, right = direction(-90.0, 40.0), direction(90.0, 40.0)
-    p = 0.6 * soft_label(left, CONCENTRATION, FINE) + 0.4 * soft_label(right, CONCENTRATION, FINE)
-    assert angle_between(best_guess(p, FINE), left) < 0.5
-
-
-def test_the_best_guess_prefers_a_broad_mode_to_one_stray_cell() -> None:
-    sun = direction(30.0, 50.0)
-    p = soft_label(sun, CONCENTRATION, FINE)
-    p[np.argmin(grid_directions(FINE) @ sun)] = 1.1 * p.max()
-    assert angle_between(best_guess(p, FINE), sun) < 0.5
-
-
-def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
-    """The single mode is the strongest, but more suns lie on the other side."""
-    modes = [direction(az, 40.0) for az in (-60.0, -20.0, 140.0)]
-    p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.32, 0.3, 0.38))
-    assert angle_between(best_guess(p, FINE), modes[0]) < 35.0
-
-
-@pytest.mark.parametrize("apart", [34.0, 38.0, 60.0])
-def test_the_best_guess_is_not_in_the_gap_between_two_sharp_modes(apart: float) -> None:
-    modes = direction(np.array([-apart / 2, apart / 2]), 20.0)
-    p = soft_label(modes, math.radians(2.0) ** -2, FINE).mean(axis=0)
-    assert min(angle_between(best_guess(p, FINE), modes)) < 6.0
-
-
-def test_a_few_cells_with_all_probability_are_answered_by_one_of_them() -> None:
-    p = np.zeros(1024, np.float32)
-    p[[140, 316, 724]] = 0.287, 0.383, 0.330
-    assert min(angle_between(best_guess(p, FINE), grid_directions(FINE)[[140, 316, 724]])) < 0.01
-
-
-@given(st.floats(20.0, 60.0))
-def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
-    """With every azimuth as likely, the direction that errs least would be the zenith, where no sun is."""
-    ring = soft_label(direction(np.arange(-180.0, 180.0, 2.0), np.full(180, el)), CONCENTRATION, FINE).mean(axis=0)
-    assert abs(float(angles(best_guess(ring, FINE))[1]) - el) < 6.0
 
 
 @given(azimuths, st.floats(25.0, 90.0))

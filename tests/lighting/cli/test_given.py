@@ -210,7 +210,7 @@ def test_a_photo_that_cannot_be_read_is_left_out(phone: Path, tmp_path: Path, ne
         (["--headings", "0"], "--headings needs --together"),
         (["--together", "--headings", "0,1,2", "b.jpg"], "3 headings for 2 photos"),
         (["--together", "--headings", "0,east", "b.jpg"], "not a list of degrees"),
-        (["--heading", "3", "b.jpg"], "--heading is that of one photo"),
+        (["--heading", "3", "b.jpg"], "heading is that of one photo; photos taken together have headings."),
     ],
 )
 def test_contradictions_are_wrong_usage(arguments: list[str], words: str) -> None:

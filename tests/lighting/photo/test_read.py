@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms
 
 from lighting.errors import PhotoError, PhotoTooLargeError
-from lighting.photo import fit_size, place, to_tensor
 from lighting.photo import read as photo_module
 from lighting.photo.read import Photo, Source, read_photo
-from tests.conftest import TINY, encode, scene
+from tests.conftest import encode, scene
 
 pillow_heif.register_heif_opener()
+
 
 UNDO = {  # how a camera stores an upright picture under each orientation
     1: None,
@@ -34,13 +34,19 @@ UNDO = {  # how a camera stores an upright picture under each orientation
     7: Image.Transpose.TRANSVERSE,
     8: Image.Transpose.ROTATE_270,
 }
+
+
 LOSSLESS: dict[str, dict[str, object]] = {
     "JPEG": {"quality": 98, "subsampling": 0},
     "PNG": {},
     "WEBP": {"lossless": True},
     "HEIF": {"quality": -1},
 }
+
+
 SCENE = scene(160, 120)
+
+
 TEXTUAL_ORIENTATION = b"Exif\0\0II*\0" + struct.pack("<IHHHI4sI", 8, 1, 0x0112, 2, 2, b"6\0", 0)
 
 
@@ -184,9 +190,6 @@ def test_missing_files_and_folders_are_os_errors(tmp_path: Path) -> None:
         read_photo(tmp_path)
 
 
-# Colour and depth
-
-
 def test_grey_one_bit_and_palette_become_rgb() -> None:
     grey = Image.fromarray(SCENE).convert("L")
     expected = np.repeat(np.asarray(grey)[..., None], 3, axis=-1)
@@ -303,9 +306,6 @@ def test_of_several_pictures_the_first_counts(file_format: str) -> None:
     assert_close(photo, SCENE, 8)
 
 
-# What is refused
-
-
 @pytest.mark.parametrize("source", [b"", BytesIO()], ids=["bytes", "stream"])
 def test_an_empty_source_says_so(source: Source) -> None:
     with pytest.raises(PhotoError, match=r"^The photo is empty\.$"):
@@ -392,6 +392,8 @@ def test_random_bytes_are_refused(data: bytes) -> None:
 
 
 HEADS = {"JPEG": 20, "PNG": 8, "WEBP": 16, "HEIF": 12}
+
+
 SMALL = {name: encode(scene(48, 40), name, **LOSSLESS[name]) for name in LOSSLESS}
 
 
@@ -431,61 +433,3 @@ def test_threads_leave_the_warning_filters_as_they_were() -> None:
     with ThreadPoolExecutor(4) as pool:
         assert all(photo.width == 160 for photo in pool.map(read_photo, data))
     assert list(warnings.filters) == before
-
-
-# The letterbox
-
-
-@given(st.integers(1, 20_000), st.integers(1, 20_000))
-def test_the_photo_fills_one_side_of_the_canvas(width: int, height: int) -> None:
-    w, h = fit_size(width, height, TINY)
-    assert 1 <= w <= TINY.width
-    assert 1 <= h <= TINY.height
-    assert w == TINY.width or h == TINY.height
-    assert abs(w - width * h / height) <= 0.5 * width / height + 0.5 or min(w, h) == 1
-
-
-@pytest.mark.parametrize(
-    ("size", "fitted"), [((96, 64), (48, 32)), ((64, 96), (21, 32)), ((480, 10), (48, 1)), ((3, 2), (48, 32))]
-)
-def test_fit_size_of_known_shapes(size: tuple[int, int], fitted: tuple[int, int]) -> None:
-    assert fit_size(*size, TINY) == fitted
-
-
-@pytest.mark.parametrize(("width", "height", "left", "top"), [(48, 10, 0, 11), (21, 32, 13, 0), (48, 32, 0, 0)])
-def test_place_centres_the_normalised_photo_on_the_mean(width: int, height: int, left: int, top: int) -> None:
-    pixels = scene(width, height)
-    canvas = place(pixels, TINY)
-    assert canvas.shape == (3, 32, 48)
-    assert canvas.dtype == np.float32
-    expected = (pixels / 255.0 - TINY.mean) / TINY.std
-    inside = canvas[:, top : top + height, left : left + width].transpose(1, 2, 0)
-    assert inside == pytest.approx(expected, abs=1e-5)
-    assert np.count_nonzero(canvas) <= 3 * width * height
-
-
-def test_place_refuses_what_does_not_fit() -> None:
-    with pytest.raises(ValueError, match="49 x 10 pixels do not fit the canvas of 48 x 32"):
-        place(scene(49, 10), TINY)
-
-
-def test_to_tensor_is_place_of_the_resized_photo() -> None:
-    tensor = to_tensor(read_photo(encode(scene(480, 320), "PNG")), TINY)
-    assert tensor.shape == (1, 3, 32, 48)
-    assert np.abs(tensor[0] - place(scene(48, 32), TINY)).max() < 0.1
-
-
-def test_to_tensor_does_not_alias() -> None:
-    """A one-pixel chequerboard is grey from afar."""
-    board = (np.indices((640, 960)).sum(axis=0) % 2 * 255).astype(np.uint8)
-    photo = Photo(np.repeat(board[..., None], 3, axis=-1), 960, 640, "PNG")
-    grey = (0.5 - np.array(TINY.mean)) / TINY.std
-    assert to_tensor(photo, TINY)[0].transpose(1, 2, 0) == pytest.approx(np.broadcast_to(grey, (32, 48, 3)), abs=0.05)
-
-
-@pytest.mark.parametrize("rotate", [False, True])
-def test_the_scale_of_decoding_hardly_changes_the_tensor(rotate: bool) -> None:
-    pixels = scene(1500, 2000) if rotate else scene(2000, 1500)
-    data = encode(pixels, quality=95)
-    whole, reduced = (to_tensor(read_photo(data, target=target), TINY) for target in (None, 200))
-    assert np.abs(whole - reduced).max() < 0.1

@@ -1,0 +1,78 @@
+"""A photo's facts with those of its user and of photos taken with it."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta, timezone
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lighting.evidence import Given, zones
+from lighting.evidence.facts import of_one_place
+from lighting.evidence.metadata import known, known_together
+from tests.lighting.evidence.samples import FACTS, MORNING, ZONELESS, evidence_of, sun_at
+
+
+@pytest.mark.parametrize(
+    ("longitude", "hours", "there"),
+    [
+        (13.4, 1, True),  # Berlin
+        (13.4, 2, True),
+        (13.4, -1, False),
+        (75.0, 8, True),  # Kashgar
+        (97.0, 5.5, True),  # Arunachal Pradesh
+        (-8.7, 2, True),  # Galicia in summer
+        (-157.4, 14, True),  # Kiritimati
+        (-157.4, -10, True),
+        (172.0, 12.75, True),
+        (0.0, 5.75, False),
+    ],
+)
+def test_zones_that_a_longitude_allows(longitude: float, hours: float, there: bool) -> None:
+    assert (hours in zones(longitude)) is there
+
+
+@given(st.floats(-180, 180))
+def test_every_longitude_has_its_own_zone(longitude: float) -> None:
+    allowed = zones(longitude)
+    assert 4 <= len(allowed) <= 14
+    assert any(abs((zone - longitude / 15 + 12) % 24 - 12) <= 0.5 for zone in allowed)
+
+
+def test_what_is_said_takes_the_place_of_the_facts() -> None:
+    there = timezone(timedelta(hours=-4))
+    said = Given(time=datetime(2023, 3, 3, 15, 0, tzinfo=there), latitude=40.7, longitude=-74.0, vertical_fov=33.0)
+    found = known(FACTS, said)
+    (sun,) = found.evidence.candidates
+    assert sun == sun_at(datetime(2023, 3, 3, 19, 0, tzinfo=UTC), 40.7, -74.0)
+    assert found.evidence.vertical_fov == 33.0
+    assert found.warnings == ()
+
+
+def test_a_local_time_that_is_said_does_not_borrow_the_photos_zone() -> None:
+    assert len(evidence_of(time=datetime(2024, 6, 1, 12, 0)).candidates) == 6
+    assert len(evidence_of(time=datetime(2024, 6, 1, 12, 0), utc_offset=2.0).candidates) == 1
+
+
+def test_photos_together_share_place_and_zone() -> None:
+    facts = [replace(ZONELESS, latitude=None, longitude=None), FACTS, replace(ZONELESS, latitude=1.0)]
+    for fact in of_one_place(facts):
+        assert (fact.latitude, fact.longitude, fact.utc_time) == (FACTS.latitude, FACTS.longitude, MORNING)
+
+
+def test_a_clock_beside_the_satellites_time_tells_the_zone() -> None:
+    by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(seconds=40))
+    later = replace(ZONELESS, local_time=datetime(2024, 6, 1, 10, 10))
+    assert [fact.utc_time for fact in of_one_place([by_satellite, later])] == [
+        MORNING + timedelta(seconds=40),
+        MORNING + timedelta(hours=1),
+    ]
+
+
+def test_a_clock_that_runs_wrong_tells_no_zone_and_refuses_nothing() -> None:
+    by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(minutes=23))
+    sure, unsure = (k.evidence for k in known_together([by_satellite, ZONELESS], Given()))
+    assert len(sure.candidates) == 1
+    assert unsure.candidates == ()  # takes the other's
+    _, said = (k.evidence for k in known_together([by_satellite, ZONELESS], Given(utc_offset=2.0)))
+    assert len(said.candidates) == 1

@@ -1,0 +1,134 @@
+"""One answer of a distribution, and a Lighting of a prediction."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lighting.circular import HEADINGS, von_mises
+from lighting.decoding import best_guess, lighting_from, sun_on_rings
+from lighting.geometry import angle_between, angles, direction, wrap_azimuth
+from lighting.records import RANGES, Prediction
+from lighting.sun_grid import grid_directions, soft_label
+from tests.conftest import TINY
+
+FINE = "fibonacci:1024"
+
+
+CONCENTRATION = 80.0
+
+
+azimuths = st.floats(-180.0, 180.0)
+
+
+elevations = st.floats(0.0, 90.0)
+
+
+@given(azimuths, st.floats(15.0, 90.0))
+def test_the_fine_grid_gives_the_sun_back_within_half_a_degree(az: float, el: float) -> None:
+    sun = direction(az, el)
+    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
+
+
+@given(azimuths, elevations)
+def test_the_fine_grid_gives_a_low_sun_back_within_six_degrees(az: float, el: float) -> None:
+    """Cells end at the horizon, so the mean around a low sun lies above it."""
+    sun = direction(az, el)
+    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
+
+
+def test_the_best_guess_follows_the_stronger_of_two_modes() -> None:
+    left, right = direction(-90.0, 40.0), direction(90.0, 40.0)
+    p = 0.6 * soft_label(left, CONCENTRATION, FINE) + 0.4 * soft_label(right, CONCENTRATION, FINE)
+    assert angle_between(best_guess(p, FINE), left) < 0.5
+
+
+def test_the_best_guess_prefers_a_broad_mode_to_one_stray_cell() -> None:
+    sun = direction(30.0, 50.0)
+    p = soft_label(sun, CONCENTRATION, FINE)
+    p[np.argmin(grid_directions(FINE) @ sun)] = 1.1 * p.max()
+    assert angle_between(best_guess(p, FINE), sun) < 0.5
+
+
+def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
+    """The single mode is the strongest, but more suns lie on the other side."""
+    modes = [direction(az, 40.0) for az in (-60.0, -20.0, 140.0)]
+    p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.32, 0.3, 0.38))
+    assert angle_between(best_guess(p, FINE), modes[0]) < 35.0
+
+
+@pytest.mark.parametrize("apart", [34.0, 38.0, 60.0])
+def test_the_best_guess_is_not_in_the_gap_between_two_sharp_modes(apart: float) -> None:
+    modes = direction(np.array([-apart / 2, apart / 2]), 20.0)
+    p = soft_label(modes, math.radians(2.0) ** -2, FINE).mean(axis=0)
+    assert min(angle_between(best_guess(p, FINE), modes)) < 6.0
+
+
+def test_a_few_cells_with_all_probability_are_answered_by_one_of_them() -> None:
+    p = np.zeros(1024, np.float32)
+    p[[140, 316, 724]] = 0.287, 0.383, 0.330
+    assert min(angle_between(best_guess(p, FINE), grid_directions(FINE)[[140, 316, 724]])) < 0.01
+
+
+@given(st.floats(20.0, 60.0))
+def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
+    """With every azimuth as likely, the direction that errs least would be the zenith, where no sun is."""
+    ring = soft_label(direction(np.arange(-180.0, 180.0, 2.0), np.full(180, el)), CONCENTRATION, FINE).mean(axis=0)
+    assert abs(float(angles(best_guess(ring, FINE))[1]) - el) < 6.0
+
+
+def prediction(**values: float) -> Prediction:
+    grid = "fibonacci:1024"
+    given = {
+        "sun_visibility": 0.8,
+        "turbidity": 3.0,
+        "exposure": 0.05,
+        "camera_elevation": 2.0,
+        "camera_roll": 1.0,
+        "vertical_fov": 50.0,
+        **values,
+    }
+    probability = soft_label(direction(-70.0, 40.0), 80.0, grid).astype(np.float32)
+    return Prediction(spec=replace(TINY, sun_grid=grid), sun_probability=probability, **given)
+
+
+def test_lighting_from_a_prediction() -> None:
+    lighting = lighting_from(prediction())
+    assert angle_between(lighting.sun_direction, direction(-70.0, 40.0)) < 0.5
+    assert (lighting.turbidity, lighting.exposure, lighting.vertical_fov) == (3.0, 0.05, 50.0)
+    assert (lighting.model_name, lighting.model_version) == ("tiny", "0.0.1")
+    assert lighting.radius_50 == pytest.approx(7.55, abs=0.75)
+    assert lighting.radius_90 == pytest.approx(13.78, abs=0.75)
+    json.dumps(lighting.to_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_network_that_overshoots_is_clipped_into_the_ranges(sign: float) -> None:
+    names = ["sun_visibility", "turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov"]
+    lighting = lighting_from(prediction(**dict.fromkeys(names, sign * 1e9)))
+    for name in names:
+        assert getattr(lighting, name) == RANGES[name][sign > 0]
+
+
+def bell(centre: float, spread: float) -> np.ndarray:
+    curve = von_mises(HEADINGS - centre, spread)
+    return np.asarray(curve / curve.sum())
+
+
+@given(st.floats(-180.0, 180.0), st.floats(1.0, 85.0))
+def test_a_sun_on_a_ring_keeps_the_elevation_of_the_ring(azimuth: float, elevation: float) -> None:
+    sun = sun_on_rings(direction(HEADINGS, elevation), bell(azimuth, 15.0))
+    assert sun.elevation == pytest.approx(elevation, abs=1e-9)
+    assert abs(float(wrap_azimuth(sun.azimuth - azimuth))) < 0.2
+    assert sun.radius_50 <= 0.7 * 15.0 * math.cos(math.radians(elevation)) + 1.0
+
+
+def test_rings_far_apart_are_not_averaged() -> None:
+    suns = np.concatenate([direction(HEADINGS, 15.0), direction(HEADINGS, 60.0), direction(HEADINGS, 66.0)])
+    sun = sun_on_rings(suns, np.concatenate([0.4 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0)]))
+    assert sun.elevation == pytest.approx(63.0, abs=0.1)
+    assert sun.azimuth == pytest.approx(80.0, abs=0.1)
