@@ -15,8 +15,17 @@ if TYPE_CHECKING:
 Answer = tuple[str, "Estimate | Exception"]
 
 
-def answers(estimator: "Estimator", names: Iterable[str], given: "Given") -> Iterator[Answer]:
-    """The estimate of each photo, or the error that it raised."""
+def answers(
+    estimator: "Estimator",
+    names: Iterable[str],
+    given: "Given",
+    together: bool = False,
+    headings: Sequence[float] | None = None,
+) -> Iterator[Answer]:
+    """The estimate of each photo, or the error that it raised, in its place."""
+    if together:
+        yield from _together(estimator, names, given, headings)
+        return
     for name in names:
         try:
             yield name, estimator(open_photo(name), given)
@@ -24,7 +33,7 @@ def answers(estimator: "Estimator", names: Iterable[str], given: "Given") -> Ite
             yield name, error
 
 
-def answers_together(
+def _together(
     estimator: "Estimator", names: Iterable[str], given: "Given", headings: Sequence[float] | None
 ) -> Iterator[Answer]:
     """First the errors, then the estimates of the photos that could be read, taken together."""

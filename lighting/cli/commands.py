@@ -1,23 +1,17 @@
-"""The commands about one photo, one record or one file."""
+"""The commands about photos and records: estimate, envmap, render, preview."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict
-from datetime import datetime
-from io import BytesIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.answers import answers, answers_together
+from lighting.cli.answers import answers
 from lighting.cli.files import (
     estimated,
     load_estimator,
     naming,
     open_lighting,
     photo_bytes,
-    read_bytes,
     refuse_collisions,
     write_map,
     write_preview,
@@ -25,11 +19,10 @@ from lighting.cli.files import (
 from lighting.cli.given import check_together, given_options, headings_option, together_option
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
-from lighting.cli.words import in_words, progress_over, report_failure, report_warnings
+from lighting.cli.words import in_words, progress_over, report, report_failure, report_warnings
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
-    from lighting.photo import PhotoFacts
 
 
 @cli.command()
@@ -43,39 +36,31 @@ if TYPE_CHECKING:
 @click.pass_context
 def estimate(
     ctx: click.Context,
+    /,
     photos: Sequence[str],
     as_json: bool,
-    together: bool,
-    headings: list[float] | None,
     given: "Given",
     model: str | None,
     quiet: bool,
+    **taken_together: Any,
 ) -> None:
     """Print the light of each PHOTO.
 
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
-    from lighting.files import json_line
-
-    check_together(len(photos), together, headings, given)
+    check_together(len(photos), given, **taken_together)
     estimator = load_estimator(model)
     failed = 0
     with progress_over(photos, quiet) as progress:
-        found = (
-            answers_together(estimator, progress, given, headings) if together else answers(estimator, progress, given)
-        )
-        for name, answer in found:
-            if isinstance(answer, Exception):
-                if ctx.find_root().params["debug"]:
-                    raise answer
-                failed += 1
-                report_failure(name, answer, as_json, progress)
-            elif as_json:
-                click.echo(json_line(name, answer.lighting))
-            else:
-                click.echo(in_words(name, answer.lighting))
-                report_warnings(name, answer.warnings, quiet)
+        for name, answer in answers(estimator, progress, given, **taken_together):
+            if not isinstance(answer, Exception):
+                report(name, answer, as_json, quiet)
+                continue
+            if ctx.find_root().params["debug"]:
+                raise answer
+            failed += 1
+            report_failure(name, answer, as_json, progress)
     if failed and len(photos) > 1:
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     ctx.exit(1 if failed else 0)
@@ -131,48 +116,3 @@ def preview(photo: str, output: str, given: "Given", model: str | None) -> None:
         estimate = estimated(data, given, model)
     write_preview(output, data, estimate)
     report_warnings(photo, estimate.warnings)
-
-
-@cli.command()
-@click.argument("file")
-def info(file: str) -> None:
-    """Describe an EXR, a network (.onnx) or a photo as JSON."""
-    described = _describe_network(file) if Path(file).suffix.lower() == ".onnx" else _describe_picture(file)
-    click.echo(json.dumps({"file": file, **described}, indent=2))
-
-
-def _describe_network(file: str) -> dict[str, Any]:
-    from lighting.model import Model
-
-    return {"kind": "network", **json.loads(Model.load(file).spec.to_json())}
-
-
-def _describe_picture(file: str) -> dict[str, Any]:
-    from lighting.files import MAGIC
-    from lighting.photo import read_photo
-
-    data = read_bytes(file)
-    if data.startswith(MAGIC):
-        return _describe_map(data)
-    with naming(file):
-        photo = read_photo(data)
-    size = {"format": photo.format, "width": photo.width, "height": photo.height}
-    return {"kind": "photo", **size, "metadata": _metadata(photo.facts)}
-
-
-def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
-    """What counts of a photo's metadata; only whether it knows its place, which the output might be passed on with."""
-    known = {**asdict(facts), "location": facts.latitude is not None}
-    return {
-        name: value.isoformat() if isinstance(value, datetime) else value
-        for name, value in known.items()
-        if name not in ("latitude", "longitude")
-    }
-
-
-def _describe_map(data: bytes) -> dict[str, Any]:
-    from lighting.files import full_record, read_exr
-
-    image, lighting = read_exr(BytesIO(data))
-    record = None if lighting is None else full_record(lighting)
-    return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}

@@ -93,7 +93,7 @@ def _given(**options: Any) -> "Given":
         raise click.UsageError(str(error)) from error
 
 
-def check_together(photos: int, together: bool, headings: list[float] | None, given: "Given") -> None:
+def check_together(photos: int, given: "Given", together: bool, headings: list[float] | None) -> None:
     """Raise UsageError where what is said of several photos does not fit their number."""
     if together and photos < 2:
         raise click.UsageError("--together needs two photos or more.")

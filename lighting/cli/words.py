@@ -10,7 +10,7 @@ import click
 from lighting.errors import reason
 
 if TYPE_CHECKING:
-    from lighting.records import Lighting
+    from lighting.records import Estimate, Lighting
 
 
 def progress_over(items: Sequence[str], quiet: bool) -> Any:
@@ -19,6 +19,17 @@ def progress_over(items: Sequence[str], quiet: bool) -> Any:
 
     hidden = quiet or len(items) < 2 or not sys.stderr.isatty() or sys.stdout.isatty()
     return tqdm(items, unit="photo", disable=hidden)
+
+
+def report(name: str, estimate: "Estimate", as_json: bool, quiet: bool) -> None:
+    """Print one photo's estimate: a line of JSON, or a line for people with its warnings on stderr."""
+    from lighting.files import json_line
+
+    if as_json:
+        click.echo(json_line(name, estimate.lighting))
+    else:
+        click.echo(in_words(name, estimate.lighting))
+        report_warnings(name, estimate.warnings, quiet)
 
 
 def report_failure(name: str, error: Exception, as_json: bool, progress: Any) -> None:

@@ -15,7 +15,7 @@ from lighting.model import Model
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from tests.conftest import encode, munich, scene
-from tests.lighting.cli.test_commands import error_of, run
+from tests.lighting.cli.runners import error_of, run
 
 COORDINATES = re.compile(r"48[.:]1|11[.:]5|latitude|longitude")
 MORNING = ["--time", "2024-06-01T09:10+02:00", "--lat", "48.1375", "--lon", "11.575"]

@@ -19,7 +19,7 @@ from lighting.photo.read import Photo
 from lighting.scene import TOOLS, blender, mitsuba
 from lighting.scene.common import EYE_HEIGHT, Scene, colour_and_strength, make_scene, to_z_up
 from lighting.scene.files import write_scene, zip_scene
-from tests.lighting.cli.test_commands import error_of, run
+from tests.lighting.cli.runners import error_of, run
 from tests.scenes import LIGHT, known_scene
 
 PIXELS = np.full((30, 40, 3), 99, np.uint8)

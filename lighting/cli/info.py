@@ -1,0 +1,61 @@
+"""The command that describes a file."""
+
+import json
+from dataclasses import asdict
+from datetime import datetime
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli.files import naming, read_bytes
+from lighting.cli.group import cli
+
+if TYPE_CHECKING:
+    from lighting.photo import PhotoFacts
+
+
+@cli.command()
+@click.argument("file")
+def info(file: str) -> None:
+    """Describe an EXR, a network (.onnx) or a photo as JSON."""
+    described = _describe_network(file) if Path(file).suffix.lower() == ".onnx" else _describe_picture(file)
+    click.echo(json.dumps({"file": file, **described}, indent=2))
+
+
+def _describe_network(file: str) -> dict[str, Any]:
+    from lighting.model import Model
+
+    return {"kind": "network", **json.loads(Model.load(file).spec.to_json())}
+
+
+def _describe_picture(file: str) -> dict[str, Any]:
+    from lighting.files import MAGIC
+    from lighting.photo import read_photo
+
+    data = read_bytes(file)
+    if data.startswith(MAGIC):
+        return _describe_map(data)
+    with naming(file):
+        photo = read_photo(data)
+    size = {"format": photo.format, "width": photo.width, "height": photo.height}
+    return {"kind": "photo", **size, "metadata": _metadata(photo.facts)}
+
+
+def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
+    """The metadata that estimates use; of the place only whether it is known, since output may be passed on."""
+    known = {**asdict(facts), "location": facts.latitude is not None}
+    return {
+        name: value.isoformat() if isinstance(value, datetime) else value
+        for name, value in known.items()
+        if name not in ("latitude", "longitude")
+    }
+
+
+def _describe_map(data: bytes) -> dict[str, Any]:
+    from lighting.files import full_record, read_exr
+
+    image, lighting = read_exr(BytesIO(data))
+    record = None if lighting is None else full_record(lighting)
+    return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}

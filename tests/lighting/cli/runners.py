@@ -1,0 +1,60 @@
+"""Commands run in this process, in one of their own, and on a terminal."""
+
+import fcntl
+import os
+import pty
+import struct
+import subprocess
+import sys
+import termios
+from pathlib import Path
+from typing import Any
+
+from click.testing import CliRunner, Result
+
+from lighting.cli import cli
+from lighting.records import Lighting
+
+LIGHTING = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.021, sun_visibility=0.9)
+
+
+def run(*arguments: str | Path, stdin: bytes | None = None) -> Result:
+    """A command in this process; what is no click exception propagates."""
+    return CliRunner().invoke(cli, [str(a) for a in arguments], input=stdin, prog_name="lighting")
+
+
+def sub(*arguments: str | Path, stdin: bytes = b"", **options: Any) -> subprocess.CompletedProcess[bytes]:
+    """A command in a process of its own."""
+    command = [sys.executable, "-m", "lighting", *map(str, arguments)]
+    return subprocess.run(command, input=stdin, capture_output=True, timeout=60, check=False, **options)
+
+
+def error_of(result: Result, status: int = 1) -> str:
+    """The one sentence of a command that failed."""
+    assert result.exit_code == status, result.output
+    assert isinstance(result.exception, SystemExit)
+    assert result.stdout == ""
+    line = result.stderr.splitlines()[-1]
+    assert line.startswith("Error: ")
+    assert line.endswith(".")
+    assert len(result.stderr.splitlines()) == (1 if status == 1 else 4)
+    return line.removeprefix("Error: ")
+
+
+def terminal(*arguments: str | Path, stdout_too: bool) -> tuple[int, bytes]:
+    """Exit status and what a terminal shows of a command whose stderr, and perhaps stdout, it is."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 100, 0, 0))
+    command = [sys.executable, "-m", "lighting", *map(str, arguments)]
+    stdout = slave if stdout_too else subprocess.PIPE
+    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=slave) as process:
+        process.communicate(timeout=60)
+    os.close(slave)
+    shown = b""
+    try:
+        while chunk := os.read(master, 65536):
+            shown += chunk
+    except OSError:  # how Linux ends it
+        pass
+    os.close(master)
+    return process.returncode, shown

@@ -1,0 +1,106 @@
+"""Help, version, and how errors end."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from lighting import __version__
+from lighting.cli import cli
+from tests.lighting.cli.runners import run, sub
+
+COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+@pytest.mark.parametrize("command", [[], *([c] for c in COMMANDS)], ids=lambda c: " ".join(c) or "lighting")
+def test_help_is_everywhere(command: list[str], flag: str) -> None:
+    result = run(*command, flag)
+    assert result.exit_code == 0
+    assert result.stdout.startswith(f"Usage: {' '.join(['lighting', *command])} ")
+
+
+def test_help_names_every_command_whole() -> None:
+    text = run("--help").stdout
+    for command in COMMANDS:
+        assert f"\n  {command} " in text
+    assert "..." not in text.split("Commands:")[1]
+
+
+def test_every_option_has_help() -> None:
+    for command in cli.commands.values():
+        for option in command.params:
+            assert isinstance(option, click.Argument) or getattr(option, "help", None), (command.name, option.name)
+
+
+def test_version() -> None:
+    assert run("--version").stdout == f"lighting, version {__version__}\n"
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys, lighting.cli; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "lighting.cli" in modules
+    assert not {"numpy", "PIL", "onnxruntime", "OpenEXR", "tqdm", "lighting.records"} & set(modules)
+
+
+def test_help_answers_at_once() -> None:
+    """0.4 s is promised. Processor time, since the machine may be busy with other things."""
+    before = os.times()
+    assert sub("--help").returncode == 0
+    after = os.times()
+    spent = after.children_user + after.children_system - before.children_user - before.children_system
+    assert 0 < spent < 0.4
+
+
+@pytest.mark.parametrize(
+    "arguments", [["nonsense"], ["estimate"], ["envmap", "a.jpg"], ["estimate", "--nonsense", "x"]]
+)
+def test_wrong_usage_is_status_2(arguments: list[str]) -> None:
+    assert run(*arguments).exit_code == 2
+
+
+def test_debug_shows_the_traceback(photo_path: Path) -> None:
+    plain, debug = (sub(*flag, "estimate", photo_path, "--model", "absent.onnx") for flag in ([], ["--debug"]))
+    assert plain.stderr == b"Error: There is no network at absent.onnx.\n"
+    assert b"Traceback" in debug.stderr
+    assert plain.returncode == debug.returncode == 1
+
+
+def test_statuses_of_real_processes(network: Path, photo_path: Path) -> None:
+    assert sub("estimate", photo_path, "--model", network).returncode == 0
+    failed = sub("estimate", "absent.jpg", "--model", network)
+    assert (failed.returncode, failed.stderr) == (1, b"Error: absent.jpg: No such file or directory.\n")
+    assert sub("estimate").returncode == 2
+
+
+def test_a_reader_that_leaves_early_is_no_error(network: Path, photo_path: Path) -> None:
+    command = [sys.executable, "-m", "lighting", "estimate", *[str(photo_path)] * 3, "--model", str(network)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_full_disk_is_one_sentence(network: Path, photo_path: Path) -> None:
+    with Path("/dev/full").open("wb") as full:
+        command = [sys.executable, "-m", "lighting", "envmap", str(photo_path), "-o", "-", "--model", str(network)]
+        process = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert (process.returncode, process.stderr) == (1, b"Error: No space left on device.\n")
+
+
+def test_an_interrupt_leaves_no_traceback(network: Path) -> None:
+    command = [sys.executable, "-m", "lighting", "estimate", "absent.jpg", "-", "--model", str(network)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith(b"Error: absent.jpg")  # now it waits for stdin
+        process.send_signal(signal.SIGINT)
+        assert b"Traceback" not in process.stderr.read()
+    assert process.returncode == 1

@@ -1,0 +1,42 @@
+"""What a file says of itself."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from lighting.files import full_record
+from lighting.files.exr import read_exr
+from tests.conftest import TINY
+from tests.lighting.cli.runners import LIGHTING, error_of, run
+
+METADATA = ["local_time", "utc_offset", "utc_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
+
+
+def test_info_of_a_map_can_be_rendered_again(record_path: Path, tmp_path: Path) -> None:
+    run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--yaw", "90")
+    described = run("info", tmp_path / "a.exr")
+    run("render", "-", "-o", tmp_path / "b.exr", "--height", "32", stdin=described.stdout_bytes)
+    assert read_exr(tmp_path / "b.exr")[0] == pytest.approx(read_exr(tmp_path / "a.exr")[0], rel=1e-2)
+
+
+def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, tmp_path: Path) -> None:
+    run("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
+    photo, net, envmap = (json.loads(run("info", f).stdout) for f in (photo_path, network, tmp_path / "a.exr"))
+    assert photo.pop("metadata") == {**dict.fromkeys(METADATA), "location": False}
+    assert photo == {"file": str(photo_path), "kind": "photo", "format": "JPEG", "width": 320, "height": 240}
+    assert net == {"file": str(network), "kind": "network", **json.loads(TINY.to_json())}
+    assert envmap.pop("lighting") == full_record(LIGHTING)
+    assert envmap == {"file": str(tmp_path / "a.exr"), "kind": "environment map", "width": 32, "height": 16}
+
+
+def test_info_reads_stdin(photo_path: Path) -> None:
+    assert json.loads(run("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
+
+
+@pytest.mark.parametrize("data", [b"", b"text", b"v/1\x01 and no more"])
+def test_info_of_what_is_neither_is_one_sentence(data: bytes, tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(data)
+    error_of(run("info", tmp_path / "file"))
+    error_of(run("info", tmp_path / "absent"))
+    error_of(run("info", tmp_path))

@@ -1,0 +1,65 @@
+"""What commands say."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from lighting.cli.words import in_words
+from lighting.records import Lighting
+from tests.conftest import encode, scene
+from tests.lighting.cli.runners import run, sub, terminal
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "words"),
+    [
+        (-41.24, 4.0, "sun 41.2° left, 33.0° high"),
+        (41.24, 4.0, "sun 41.2° right, 33.0° high"),
+        (0.04, 4.0, "sun straight ahead, 33.0° high"),
+        (-170.0, 4.0, "sun 170.0° left (behind), 33.0° high"),
+        (180.0, -7.31, "camera looks 7.3° down"),
+    ],
+)
+def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -> None:
+    lighting = Lighting(azimuth, 33.0, 3.0, 0.1, camera_elevation=elevation)
+    assert words in in_words("x.jpg", lighting)
+
+
+def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path) -> None:
+    result = run("estimate", "absent.jpg", photo_path, "--model", network)
+    assert len(result.stdout.splitlines()) == 1
+    assert result.stderr.splitlines() == [
+        "Error: absent.jpg: No such file or directory.",
+        "1 of 2 photos failed.",
+    ]
+    assert result.exit_code == 1
+
+
+def test_a_name_that_is_not_text_is_shown_escaped(network: Path, tmp_path: Path) -> None:
+    name = os.fsencode(tmp_path) + b"/caf\xe9.jpg"
+    Path(os.fsdecode(name)).write_bytes(encode(scene(96, 64)))
+    words = sub("estimate", os.fsdecode(name), "--model", network)
+    assert words.returncode == 0
+    line = sub("estimate", "--json", os.fsdecode(name), "--model", network).stdout
+    assert os.fsencode(json.loads(line)["file"]) == name
+    refused = sub("envmap", os.fsdecode(name), "-o", os.fsdecode(name), "--model", network)
+    assert refused.returncode == 2
+    assert b"Traceback" not in refused.stderr
+
+
+def test_what_the_terminal_cannot_show_is_escaped(network: Path, tmp_path: Path) -> None:
+    photo = tmp_path / "日.jpg"
+    photo.write_bytes(encode(scene(96, 64)))
+    result = sub("estimate", photo, "--model", network, env={**os.environ, "PYTHONIOENCODING": "latin-1"})
+    assert (result.returncode, result.stderr) == (0, b"")
+    assert b"\\u65e5.jpg: sun " in result.stdout
+
+
+def test_progress_shows_on_a_terminal_alone(network: Path, photo_path: Path) -> None:
+    photos = ["estimate", str(photo_path), str(photo_path), "--model", str(network)]
+    assert b"2/2" in terminal(*photos, stdout_too=False)[1]
+    assert terminal(*photos, "--quiet", stdout_too=False) == (0, b"")
+    assert terminal("estimate", photo_path, "--model", network, stdout_too=False) == (0, b"")
+    assert b"2/2" not in terminal(*photos, stdout_too=True)[1]
