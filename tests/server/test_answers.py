@@ -1,0 +1,52 @@
+"""What answers hold beside a lighting record."""
+
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+from starlette.requests import Request
+
+from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.sun_grid import grid_directions
+from server.answers import envmap_link, estimates, is_fresh, sun_probability
+from server.queries import LightingQuery, SkyQuery
+
+GRID = "fibonacci:64"
+LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
+SUN = SunDistribution(GRID, np.full(64, 1 / 64, dtype=np.float32))
+ESTIMATE = Estimate(LIGHT, SUN)
+
+
+def request(if_none_match: str) -> Request:
+    return Request({"type": "http", "headers": [(b"if-none-match", if_none_match.encode())]})
+
+
+def test_the_link_has_the_parameters_of_the_light_under_the_services_root() -> None:
+    link = urlsplit(envmap_link(LIGHT, "/light"))
+    assert link.path == "/light/v1/envmap"
+    said = {name: values[0] for name, values in parse_qs(link.query).items()}
+    assert said.pop("sun") == "false"
+    assert SkyQuery.model_validate(said).lighting() == Lighting(
+        sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02
+    )
+
+
+def test_one_estimate_is_a_record_and_several_are_a_list() -> None:
+    query = LightingQuery.model_validate({})
+    assert estimates([ESTIMATE], query, "")["sun"]["azimuth"] == -41.2
+    assert [light["sky"]["turbidity"] for light in estimates([ESTIMATE] * 2, query, "")["lightings"]] == [3.4, 3.4]
+    assert "probability" not in estimates([ESTIMATE], query, "")
+
+
+def test_the_probability_comes_with_the_angles_of_its_cells() -> None:
+    told = estimates([ESTIMATE], LightingQuery.model_validate({"probability": "true"}), "")["probability"]
+    assert told == sun_probability(SUN)
+    assert sum(told["probability"]) == pytest.approx(1.0, abs=1e-4)
+    assert np.sin(np.radians(told["elevation"])) == pytest.approx(grid_directions(GRID)[:, 1], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("copy", "fresh"), [('W/"a"', True), ('"a"', True), ('"b", W/"a"', True), ("*", True), ('"b"', False), ("", False)]
+)
+def test_a_clients_copy_is_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> None:
+    assert is_fresh(request(copy), 'W/"a"') is fresh

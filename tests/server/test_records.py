@@ -1,0 +1,32 @@
+"""Lighting records that clients send."""
+
+import json
+from typing import Any
+
+import pytest
+from fastapi.exceptions import RequestValidationError
+
+from lighting.files import full_record, json_line
+from lighting.records import Lighting
+from server.problems import ProblemError
+from server.records import parse_record
+
+LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02)
+
+
+@pytest.mark.parametrize("text", [json.dumps(full_record(LIGHT)), json_line("photo.jpg", LIGHT)])
+def test_a_record_is_read_bare_or_from_a_line_of_estimate(text: str) -> None:
+    assert parse_record(text.encode()) == LIGHT
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b"\xff\xfe"])
+def test_what_is_not_json_is_a_problem(data: bytes) -> None:
+    with pytest.raises(ProblemError, match="not JSON"):
+        parse_record(data)
+
+
+@pytest.mark.parametrize("record", [[], 7, {}, {"sun": {}}, {"lighting": None}])
+def test_wrong_fields_are_named_below_the_body(record: Any) -> None:
+    with pytest.raises(RequestValidationError) as caught:
+        parse_record(json.dumps(record).encode())
+    assert all(error["loc"][0] == "body" for error in caught.value.errors())

@@ -1,0 +1,68 @@
+"""The CPU work of requests, called as the limiter calls it."""
+
+import zipfile
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any, TypeVar
+
+import anyio
+import numpy as np
+import pytest
+from PIL import Image
+
+from lighting.errors import PhotoError
+from lighting.files import read_exr
+from lighting.pipeline import Estimator
+from server import tasks
+from server.queries import EnvmapQuery, GivenQuery, LightingQuery, SkySceneQuery
+from server.service import Service
+from server.settings import Settings
+from tests.conftest import encode, scene
+from tests.server.conftest import SKY
+
+T = TypeVar("T")
+PHOTO = encode(scene(64, 48))
+
+
+@pytest.fixture
+def service(estimator: Estimator) -> Service:
+    return Service(Settings(), estimator)
+
+
+def in_a_thread(work: Callable[..., T], *arguments: Any) -> T:
+    async def run() -> T:
+        return await anyio.to_thread.run_sync(lambda: work(*arguments))
+
+    return anyio.run(run)
+
+
+def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: Service) -> None:
+    query = LightingQuery.model_validate({"headings": "0,45"})
+    first, second = in_a_thread(tasks.estimated_together, service, [PHOTO, PHOTO], query)
+    assert "other photos" in first.evidence
+    turn = (first.lighting.sun_azimuth - second.lighting.sun_azimuth) % 360.0
+    assert min(turn, 360.0 - turn) > 0.0
+    with pytest.raises(PhotoError, match=r"^Photo 2 of 2: "):
+        in_a_thread(tasks.estimated_together, service, [PHOTO, b"no photo"], query)
+
+
+def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service) -> None:
+    query = EnvmapQuery.model_validate({"height": 32})
+    image, lighting = read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))
+    (estimate,) = in_a_thread(tasks.estimated_together, service, [PHOTO], LightingQuery.model_validate({}))
+    assert image.shape == (32, 64, 3)
+    assert lighting == estimate.lighting
+
+
+def test_a_photo_becomes_a_preview(service: Service) -> None:
+    data = in_a_thread(tasks.preview_file, service, PHOTO, GivenQuery.model_validate({}))
+    with Image.open(BytesIO(data)) as drawn:
+        assert drawn.format == "PNG"
+
+
+def test_a_sky_alone_becomes_a_scene_with_a_grey_plate() -> None:
+    query = SkySceneQuery.model_validate({**SKY, "tool": "usd", "plate_width": 64, "plate_height": 48, "height": 16})
+    with zipfile.ZipFile(BytesIO(in_a_thread(tasks.scene_file_of_sky, query))) as archive:
+        plate = Image.open(archive.open("plate.png"))
+        assert plate.size == (64, 48)
+        assert np.unique(np.asarray(plate)).tolist() == [tasks.MID_GREY]
