@@ -9,18 +9,19 @@ if TYPE_CHECKING:
     from lighting.evidence import Given
     from lighting.files import read_exr, write_exr
     from lighting.pipeline import Estimator, estimate
-    from lighting.records import Lighting
+    from lighting.records import Estimate, Lighting
 
-__all__ = ["Estimator", "Given", "Lighting", "__version__", "estimate", "read_exr", "render", "write_exr"]
+__all__ = ["Estimate", "Estimator", "Given", "Lighting", "__version__", "estimate", "read_exr", "render", "write_exr"]
 
 _HOME = {
+    "Estimate": "records",
     "Estimator": "pipeline",
     "estimate": "pipeline",
-    "Given": "evidence.metadata",
+    "Given": "evidence",
     "render": "envmap",
     "Lighting": "records",
-    "read_exr": "files.exr",
-    "write_exr": "files.exr",
+    "read_exr": "files",
+    "write_exr": "files",
 }
 
 
