@@ -1,4 +1,4 @@
-"""Distributions over directions on the horizon, and over suns of few elevations: their modes, spreads and radii."""
+"""Distributions over headings: their modes, spreads and radii."""
 
 import math
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ def correlate(a: Floats, b: Floats) -> Floats:
 
 
 def best_angle(angle: Floats, probability: Floats) -> float:
-    """The strongest mode [deg, -180 to 180] of probabilities (N,) of angles (N,): the mean of what lies around it."""
+    """The strongest mode [deg, -180 to 180] of probabilities (N,) of angles (N,): the mean around the peak."""
     histogram = np.bincount(np.round(angle).astype(int) % 360, probability, 360).astype(np.float64)
     peak = np.argmax(blur(histogram, MODE_SMOOTHING))
     offset = wrap_azimuth(angle - peak)
@@ -53,7 +53,7 @@ def best_angle(angle: Floats, probability: Floats) -> float:
 
 
 def heading(probability: Floats) -> Heading:
-    """Best value and radii of a distribution (360,) over HEADINGS."""
+    """The best heading and the radii of a distribution (360,) over HEADINGS."""
     best = best_angle(HEADINGS, probability) % 360.0
     ground = direction(HEADINGS, 0.0)
     radius_50, radius_90 = radii(probability, ground, direction(best, 0.0))

@@ -1,4 +1,4 @@
-"""Everything that can go wrong, as sentences for people.
+"""The errors that this package raises; each text is one sentence for people.
 
 Exit codes of the command line and HTTP problems map from these classes alone.
 """
@@ -29,11 +29,11 @@ class EnvironmentMapError(LightingError):
 
 
 class SceneError(LightingError):
-    """A scene's tool is not known, or its folder cannot be written."""
+    """A scene's tool is unknown, or its folder cannot be written."""
 
 
 class BatchError(LightingError):
-    """A batch of photos cannot start or go on; what is finished stays."""
+    """A batch of photos cannot start or continue; finished results stay."""
 
 
 def reason(error: Exception) -> str:

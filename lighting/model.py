@@ -34,7 +34,7 @@ class Model:
     def load(cls, path: str | os.PathLike[str] | None = None, threads: int = 0) -> "Model":
         """The network in an ONNX file, by default the one in this package.
 
-        `threads` is how many work on one photo; 0 takes every CPU this process may use. Raises ModelError for a file
+        `threads` work on one photo; 0 means one for each CPU that this process may use. Raises ModelError for a file
         that is missing, damaged, or of another layout than this module's.
         """
         file = packaged_model() if path is None else Path(path)
@@ -47,7 +47,7 @@ class Model:
         return cls(session, spec)
 
     def predict(self, batch: NDArray[np.float32]) -> list[Prediction]:
-        """What the network says about each photo of a batch (N, 3, H, W); N may be 0."""
+        """The network's prediction for each photo of a batch (N, 3, H, W); N may be 0."""
         expected = (3, self.spec.height, self.spec.width)
         if batch.ndim != 4 or batch.shape[1:] != expected:
             raise ValueError(f"The network takes a batch of shape (N, {expected}), not {batch.shape}.")
@@ -70,7 +70,7 @@ class Model:
 
 
 def packaged_model() -> Path:
-    """The one network in this package; ModelError if there is none or a choice."""
+    """The network in this package; raises ModelError unless there is exactly one."""
     folder = Path(__file__).parent / "data"
     found = sorted(folder.glob("outdoor-*.onnx"))
     if len(found) != 1:
@@ -79,14 +79,14 @@ def packaged_model() -> Path:
 
 
 def available_cpus() -> int:
-    """CPUs this process may run on, which inside a container are fewer than the machine's."""
+    """The number of CPUs that this process may use; in a container it can be smaller than the machine's."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _session(file: Path, threads: int) -> Any:
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels else report their use
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels report usage otherwise
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -120,6 +120,6 @@ def _prediction(spec: ModelSpec, probability: NDArray[np.float32], parameters: N
 
 
 def _reason(error: Exception) -> str:
-    """The last clause of onnxruntime's message, which opens with codes and the path."""
+    """The last clause of onnxruntime's message; codes and the path come before it."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return lines[0].rsplit("failed:", 1)[-1].strip().rstrip(".") + "."

@@ -1,4 +1,4 @@
-"""The records between the network and the sky: what it expects, what it said, what the user gets.
+"""The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate.
 
 Names and units are the same in Python, JSON, command-line options, HTTP parameters, EXR attributes and CSV columns.
 """
@@ -46,7 +46,7 @@ OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """What a network expects and means; travels as JSON in the ONNX file's metadata."""
+    """A network's input, output layout and licence; stored as JSON in the ONNX file's metadata."""
 
     name: str
     version: str
@@ -84,7 +84,7 @@ class ModelSpec:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the network said about one photo."""
+    """The network's output for one photo."""
 
     spec: ModelSpec
     sun_probability: NDArray[np.float32]  # (N,) over the cells of spec.sun_grid, sums to 1
@@ -98,7 +98,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class SunEstimate:
-    """Where a distribution puts the sun; units as in RANGES."""
+    """The sun's direction and radii by a distribution; units as in RANGES."""
 
     azimuth: float
     elevation: float
@@ -143,7 +143,7 @@ class Lighting:
 
     @property
     def sun_shines(self) -> bool:
-        """Whether direct sunlight is at least as likely as not: the sun's disc is painted then, unless told."""
+        """Whether direct sunlight has a probability of at least one half; maps then paint the sun's disc by default."""
         return self.sun_visibility >= 0.5
 
     @property
@@ -152,7 +152,7 @@ class Lighting:
         return direction(self.sun_azimuth, self.sun_elevation)
 
     def to_dict(self) -> dict[str, Any]:
-        """The JSON record; `sun.direction` follows from the other fields, what is not known is left out."""
+        """The JSON record. It adds `sun.direction` and omits what is unknown."""
         record: dict[str, Any] = {"model": {"name": self.model_name, "version": self.model_version}}
         for section, names in _SECTIONS.items():
             values = {name: getattr(self, attribute) for name, attribute in names.items()}
@@ -167,9 +167,9 @@ class Lighting:
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
-        """The record that `to_dict` wrote; what may be absent takes its default, derived values are ignored.
+        """The Lighting in a record of `to_dict`; absent optional fields take their defaults, derived values are ignored.
 
-        Raises ParameterError, naming the field, for one that is missing, of the wrong type or out of range.
+        Raises ParameterError, which names the field that is missing, of the wrong type or out of range.
         """
         found = {name: _section(record, name, required=name in ("sun", "sky")) for name in (*_SECTIONS, "model")}
         if found["sky"].get("model", SKY_MODEL) != SKY_MODEL:
@@ -272,7 +272,7 @@ def check_range(name: str, value: object, low: float, high: float) -> None:
 
 
 def _is_finite(value: object) -> TypeGuard[int | float]:
-    """Whether it is a number (a bool is not) that a float can hold."""
+    """Whether the value is a finite number that a float can hold; a bool is not a number."""
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # an integer of hundreds of digits

@@ -1,6 +1,6 @@
-"""The discrete sky on which the network votes for the sun; shared with training.
+"""The grid of directions over which the network predicts the sun's probability; shared with training.
 
-A grid has a layout name, which travels in the model's metadata:
+A layout name identifies a grid; it is stored in the model's metadata:
 
 - ``fibonacci:N``: N directions of equal solid angle over the upper hemisphere, on a golden spiral.
 - ``rings:ExA``: E elevations times A azimuths, the bins of Hold-Geoffroy et al. (CVPR 2017) with 5x32.
@@ -78,7 +78,7 @@ def radii(
 
 
 def cones(probability: ArrayLike, directions: ArrayLike, centre: ArrayLike) -> tuple[Floats, Floats]:
-    """Angles [deg] (N + 1,) around `centre` (3,), from 0 on, and the share of the probability (N,) within each."""
+    """Sorted angles [deg] (N + 1,) around `centre` (3,), from 0 on, and the share of the probability (N,) within each."""
     p = np.asarray(probability, dtype=np.float64)
     distance = angle_between(directions, centre)
     order = np.argsort(distance)
@@ -94,7 +94,7 @@ def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats
 
 
 def over_cells(probability: ArrayLike, directions: ArrayLike, layout: str) -> Floats:
-    """Probabilities (N,) over the cells of those (M,) of directions (M, 3), each spread by 4 deg between its cells."""
+    """Probabilities (N,) of the cells from those (M,) of directions (M, 3), each spread over the cells by 4 deg."""
     if np.array_equal(directions, grid_directions(layout)):
         return np.asarray(probability)
     return np.asarray(np.asarray(probability) @ soft_label(directions, _SMOOTHING, layout))

@@ -13,7 +13,7 @@ Command = TypeVar("Command", bound=Callable[..., None])
 
 
 def output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
-    """A check that refuses a file, before any work, which its name, its folder or a terminal would refuse later."""
+    """A check that refuses an output file before any work if it could not be written later."""
 
     def check(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
         if name is not None and (objection := _objection(name, suffixes)):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def progress_over(items: Sequence[str], quiet: bool) -> Any:
-    """The items behind a progress bar, which shows where nothing else would: results do not go to the terminal."""
+    """The items behind a progress bar, which appears only if stderr is a terminal and the results go elsewhere."""
     from tqdm import tqdm
 
     hidden = quiet or len(items) < 2 or not sys.stderr.isatty() or sys.stdout.isatty()

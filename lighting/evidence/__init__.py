@@ -1,4 +1,4 @@
-"""What is known of the sun beside one photo's pixels: its metadata, its user, the ephemeris, other photos."""
+"""Evidence about the sun besides one photo's pixels: metadata, user, ephemeris and other photos; and its fusion."""
 
 from lighting.evidence.answer import estimate_of
 from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO

@@ -1,4 +1,4 @@
-"""The answer about one photo: all evidence as one Estimate."""
+"""The Estimate of one photo from all evidence."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,7 +10,7 @@ from lighting.records import Estimate
 
 
 def estimate_of(fused: Fused, known: Known) -> Estimate:
-    """The answer about one photo, with what it rests on."""
+    """The Estimate of fused evidence, with the evidence used and the warnings."""
     lighting = lighting_from(fused.prediction, fused.sun)
     heading = fused.camera_heading
     told: dict[str, Any] = {"evidence": fused.used, "warnings": (*known.warnings, *fused.warnings)}

@@ -1,4 +1,4 @@
-"""Whether pixels and metadata contradict each other beyond chance.
+"""Whether pixels and metadata contradict each other more than chance explains.
 
 Each test is a tail probability of what the metadata says under the network's own distribution. The network is not
 perfectly calibrated, so the thresholds are those that one true record in a hundred passes on unseen panoramas:
@@ -29,9 +29,9 @@ def contradictions(
     compass: tuple[float, float] | None,
     vertical_fov: float | None,
 ) -> Iterator[str]:
-    """One sentence for each part of the evidence that the pixels all but exclude.
+    """One sentence for each part of the evidence that the pixels almost exclude.
 
-    Candidates are (K, 2) suns with the pixels' density (K, 360) for each heading, perhaps none; `compass` is a heading
+    `candidates` (K, 2) are suns with the pixels' density (K, 360) for each heading; K may be 0; `compass` is a heading
     and its spread [deg].
     """
     if len(candidates) and elevation_tail(prediction, candidates[:, 0]) < ELEVATION_TAIL:
@@ -49,7 +49,7 @@ def contradictions(
 
 
 def elevation_tail(prediction: Prediction, elevation: Floats) -> float:
-    """Chance (0 to 1) that the pixels give to suns as far out as the likeliest of elevations (K,) [deg]."""
+    """Two-sided tail probability (0 to 1) of the likeliest of elevations (K,) [deg] under the pixels' distribution."""
     cells = angles(grid_directions(prediction.spec.sun_grid))[1]
     below = _logistic(elevation[:, None] - cells) - _logistic(-elevation[:, None] - cells)  # cells end at the horizon
     lower = below @ np.asarray(prediction.sun_probability, dtype=np.float64)
@@ -61,7 +61,7 @@ def _logistic(angle: Floats) -> Floats:
 
 
 def heading_tail(density: Floats, heading: float, spread: float) -> float:
-    """Chance (0 to 1) of a compass heading no likelier than this, from the pixels' density (K, 360) over HEADINGS."""
+    """Probability (0 to 1) of headings at most as likely as this one, by the pixels' density (K, 360) over HEADINGS."""
     total = density.sum(axis=0)
     expected = blur(total / total.sum(), spread)
     here = np.interp(heading % 360.0, [*HEADINGS, 360.0], [*expected, expected[0]])

@@ -1,4 +1,4 @@
-"""How far a compass needle points away from true north, by the World Magnetic Model."""
+"""Magnetic declination: how far a compass needle points from true north, by the World Magnetic Model."""
 
 import threading
 from datetime import datetime
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 TYPICAL_DECLINATION = 17.0  # deg, root mean square over the latitudes up to 65 deg in 2022
 
 _EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
-_CALCULATING = threading.Lock()  # a model keeps what it computes with in itself
+_CALCULATING = threading.Lock()  # a model stores intermediate values in itself, so threads must take turns
 _WEAK = 6000.0  # nT of horizontal field, under which the model's authors call compasses unreliable
 
 

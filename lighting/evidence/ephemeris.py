@@ -1,9 +1,9 @@
-"""Where the sun stands at a time and place.
+"""The sun's position at a time and place.
 
 The steps are those of Reda and Andreas, Solar Position Algorithm for Solar Radiation Applications (NREL/TP-560-34302,
-2004): the Earth's heliocentric longitude by VSOP87, nutation, aberration, sidereal time, parallax, refraction. Of the
-series the terms over 2.5e-6 rad are kept and of nutation the four largest (Meeus, Astronomical Algorithms, chapter 22),
-which costs less than 0.002 deg from 1950 to 2050. The Earth's latitude of at most 1.2 arc seconds is left out.
+2004): the Earth's heliocentric longitude by VSOP87, nutation, aberration, sidereal time, parallax, refraction. The
+series keep their terms over 2.5e-6 rad, and nutation its four largest (Meeus, Astronomical Algorithms, chapter 22);
+the error is below 0.002 deg from 1950 to 2050. The Earth's latitude of at most 1.2 arc seconds is neglected.
 """
 
 from datetime import UTC, datetime
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from lighting.geometry import SUN_RADIUS, Floats
 
-SUNSET = -SUN_RADIUS - 0.5667  # deg: where the centre truly is when the upper edge is seen on the horizon
+SUNSET = -SUN_RADIUS - 0.5667  # deg: true elevation of the centre when the upper edge appears on the horizon
 CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, ASTRONOMICAL_TWILIGHT = -6.0, -12.0, -18.0  # deg, where each ends
 
 _J2000 = np.datetime64("2000-01-01T12:00:00")
@@ -119,7 +119,7 @@ def _horizontal(hour_angle: Floats, declination: Floats, latitude: Floats) -> tu
 
 
 def _refraction(elevation: Floats) -> Floats:
-    """How much higher [deg] the sun appears (Bennett's formula the other way round, by Saemundsson)."""
+    """How much higher [deg] the sun appears (Saemundsson's inverse of Bennett's formula)."""
     above = np.maximum(elevation, SUNSET)
     lift = 1.02 / (60.0 * np.tan(np.radians(above + 10.3 / (above + 5.11))))
     return np.where(elevation >= SUNSET, lift, 0.0)

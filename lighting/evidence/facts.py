@@ -1,4 +1,4 @@
-"""A photo's facts with those of its user and of photos taken with it: which time, which place, which zone."""
+"""Merge a photo's facts with those of its user and of the photos taken with it: time, place and time zone."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,12 +10,12 @@ from lighting.photo import PhotoFacts, in_utc
 
 # Hours from UTC that clocks follow somewhere, summer times included.
 ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
-CLOCK_ERROR = 0.1  # h, by which a camera's clock may differ from the satellites' and still tell the zone
+CLOCK_ERROR = 0.1  # h that a camera's clock may be off GPS time and still identify the zone
 ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
 
 
 def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
-    """The photo's facts with the user's in their place; a time replaces time and offset, a place the whole place."""
+    """The photo's facts, replaced by the user's where given; a time replaces the offset too, a place both coordinates."""
     merged = facts if given.use_exif else PhotoFacts()
     if given.time is not None:
         merged = replace(merged, **_time_of(given.time))
@@ -36,7 +36,7 @@ def _time_of(time: datetime) -> dict[str, Any]:
 
 
 def of_one_place(facts: Sequence[PhotoFacts]) -> list[PhotoFacts]:
-    """The facts of photos taken together: the place is that of the first that has one, and so is the zone."""
+    """The facts of photos taken together; all get the place, and the time zone, of the first photo that has one."""
     place = next((f for f in facts if f.latitude is not None), PhotoFacts())
     there = [replace(f, latitude=place.latitude, longitude=place.longitude) for f in facts]
     offset = next((hours for f in facts if (hours := _zone_of(f)) is not None), None)
@@ -44,13 +44,13 @@ def of_one_place(facts: Sequence[PhotoFacts]) -> list[PhotoFacts]:
 
 
 def by_one_clock(facts: list[PhotoFacts]) -> list[PhotoFacts]:
-    """The facts without local times of no known zone, where another photo's time has one: its moment is surer."""
+    """The facts; where one photo's time is known in UTC, local times of unknown zone are dropped from the others."""
     surer = any(f.utc_time is not None for f in facts)
     return [replace(f, local_time=None) if surer and f.utc_time is None else f for f in facts]
 
 
 def _zone_of(facts: PhotoFacts) -> float | None:
-    """Hours from UTC, as stated or as the clock differs from the satellites' time; None where that is no zone's."""
+    """Hours from UTC, as stated or by the difference of clock and GPS time; None where that is not a zone's offset."""
     if facts.utc_offset is not None or facts.local_time is None or facts.utc_time is None:
         return facts.utc_offset
     ahead = (facts.local_time - facts.utc_time.replace(tzinfo=None)).total_seconds() / 3600
@@ -70,6 +70,6 @@ def place_of(facts: PhotoFacts) -> tuple[float, float] | None:
 
 
 def zones(longitude: float) -> tuple[float, ...]:
-    """Hours from UTC that clocks at a longitude [deg] may follow."""
+    """The offsets from UTC [h] that clocks at a longitude [deg] may have."""
     low, high = ZONE_LEAD
     return tuple(zone for zone in sorted(ZONES) if (zone - longitude / 15.0 - low) % 24.0 <= high - low)

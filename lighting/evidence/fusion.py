@@ -1,8 +1,8 @@
-"""What the pixels say times what the metadata knows: one distribution of the sun, and the sun as a compass.
+"""Fuse the network's distribution with metadata: one distribution of the sun, and the camera's heading.
 
 With time and place the ephemeris gives the sun's elevation and compass azimuth, and only the camera's heading is open.
 The network's distribution is read along the ring of that elevation, once for each whole degree of heading, and
-multiplied with the prior of the compass. Where the zone of the time is unknown there is one ring a candidate.
+multiplied with the prior of the compass. Where the time zone is unknown, each candidate sun has a ring.
 """
 
 from dataclasses import dataclass, replace
@@ -17,13 +17,13 @@ from lighting.geometry import Floats, direction
 from lighting.records import Prediction, SunDistribution, SunEstimate
 from lighting.sun_grid import grid_directions, over_cells, smooth_density
 
-COMPASS_SPREAD = 25.0  # deg, standard deviation that goes with the median error of 17 deg measured on phones
-GROSS_ERRORS = 0.1  # share of headings that say nothing: the prior's uniform floor
+COMPASS_SPREAD = 25.0  # deg, standard deviation: phones' compasses err by 17 deg in the median
+GROSS_ERRORS = 0.1  # share of compass headings that are useless: the uniform part of the prior
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known about one photo beside its pixels."""
+    """What is known about one photo besides its pixels."""
 
     candidates: tuple[tuple[float, float], ...] = ()  # equally likely (sun elevation, sun compass azimuth) [deg]
     heading: float | None = None  # deg clockwise from true north, where the camera points
@@ -33,9 +33,9 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Fused:
-    """What pixels and metadata together say of one photo; `answer.estimate_of` makes an Estimate of it."""
+    """The fused distribution and parameters of one photo; `estimate_of` makes an Estimate of it."""
 
-    prediction: Prediction  # with the field of view, turbidity and exposure that are best known
+    prediction: Prediction  # with the best known field of view, turbidity and exposure
     sun: SunEstimate
     directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
     probability: Floats  # (M,) of each, sums to 1
@@ -51,7 +51,7 @@ class Fused:
 
 
 def fuse(prediction: Prediction, evidence: Evidence) -> Fused:
-    """The network's answer times the evidence; ParameterError where the sun is below the horizon."""
+    """Fuse a prediction with its evidence; raises ParameterError where every candidate sun is below the horizon."""
     candidates = daylight(evidence)
     density = ring_density(prediction, candidates)
     if len(candidates):
@@ -64,7 +64,7 @@ def fuse(prediction: Prediction, evidence: Evidence) -> Fused:
 
 
 def daylight(evidence: Evidence) -> Floats:
-    """The candidates (K, 2) with the sun up, none if there were none; ParameterError if all have it down."""
+    """The candidates (K, 2) above the horizon; raises ParameterError if there are candidates and all are below it."""
     candidates = np.array(evidence.candidates, dtype=np.float64).reshape(-1, 2)
     up = candidates[candidates[:, 0] >= 0.0]
     if len(candidates) and not len(up):
@@ -78,14 +78,14 @@ def ring_directions(candidates: Floats) -> Floats:
 
 
 def ring_density(prediction: Prediction, candidates: Floats) -> Floats:
-    """Density [1/sr] (K, 360) that the pixels give each candidate's sun (K, 2) for each of HEADINGS."""
+    """Density [1/sr] (K, 360) of the pixels at each candidate's sun (K, 2), for each of HEADINGS."""
     if not len(candidates):
         return np.empty((0, len(HEADINGS)))
     return smooth_density(prediction.sun_probability, ring_directions(candidates), prediction.spec.sun_grid)
 
 
 def compass_prior(evidence: Evidence) -> Floats:
-    """Probability (360,) of each of HEADINGS before a pixel is seen: von Mises around the compass, on a floor."""
+    """Prior probability (360,) of HEADINGS: a von Mises curve around the compass heading plus a uniform part."""
     if evidence.heading is None:
         return np.full(360, 1 / 360)
     bell = von_mises(HEADINGS - evidence.heading, evidence.heading_spread)
@@ -110,7 +110,7 @@ def on_rings(prediction: Prediction, evidence: Evidence, weight: Floats) -> Fuse
 
 
 def used(evidence: Evidence) -> tuple[str, ...]:
-    """What counts for the answer; a heading says nothing of the sun without time and place."""
+    """The evidence that the answer uses; without time and place, a heading says nothing about the sun."""
     parts = {
         "pixels": True,
         "time+place": bool(evidence.candidates),

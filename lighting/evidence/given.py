@@ -1,4 +1,4 @@
-"""What the user says of a photo."""
+"""What the user says about a photo."""
 
 from dataclasses import dataclass, field, fields
 from datetime import datetime
@@ -14,9 +14,9 @@ SHORT_NAMES = {"exif": "use_exif", "lat": "latitude", "lon": "longitude", "fov":
 
 @dataclass(frozen=True)
 class Given:
-    """What the user says of a photo, which takes the place of what its metadata say; None is unsaid.
+    """What the user says about a photo; it replaces what the photo's metadata say. None is not given.
 
-    Raises ParameterError for what cannot be true or contradicts itself.
+    Raises ParameterError for values out of range and for values that contradict each other.
     """
 
     use_exif: bool = True
@@ -38,7 +38,7 @@ class Given:
         self._check_time()
 
     def said(self) -> dict[str, Any]:
-        """What it says, by name, without what is unsaid."""
+        """The fields that the user gave, by name."""
         return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) != f.default}
 
     def _check_time(self) -> None:

@@ -1,4 +1,4 @@
-"""What a photo's metadata and its user know, turned into evidence about the sun, the heading and the lens."""
+"""Turn a photo's metadata and its user's statements into evidence about the sun, the heading and the lens."""
 
 import math
 from collections.abc import Sequence
@@ -22,19 +22,19 @@ _IN_TWILIGHT = "the answer is the sky of a sun on the horizon, brighter than thi
 
 @dataclass(frozen=True)
 class Known:
-    """The evidence about one photo, and what its answer is to say beside it."""
+    """The evidence about one photo, and what its Estimate reports besides."""
 
     evidence: Evidence = field(default_factory=Evidence)
     warnings: tuple[str, ...] = ()
     sun_is_up: bool = True  # False where time and place say that no direct sunlight reaches the photo
-    is_night: bool = False  # its time and place are of a night too dark for these skies, and were not used
+    is_night: bool = False  # time and place say that it was night, too dark for these skies; they were not used
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer
 
 
 def known(facts: PhotoFacts, given: Given) -> Known:
-    """What is known of a photo by its facts and by its user.
+    """The evidence from a photo's metadata and its user.
 
-    Raises ParameterError where the user's own time or place is one of night; what the photo alone says never does.
+    Raises ParameterError where the user's own time or place is at night. A photo's own metadata never raise.
     """
     merged = merge(facts, given)
     candidates, warnings = suns(merged), _missing(merged, given)
@@ -55,7 +55,7 @@ def known(facts: PhotoFacts, given: Given) -> Known:
 
 
 def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
-    """The same of photos of one place and light; where one says that it was night, no time is believed."""
+    """The evidence of photos taken together. If one of them was taken at night by its metadata, no time is used."""
     there = of_one_place(facts)
     found = [known(fact, given) for fact in (there if given.utc_offset is not None else by_one_clock(there))]
     return [_timeless(k) for k in found] if any(k.is_night for k in found) else found

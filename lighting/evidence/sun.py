@@ -1,4 +1,4 @@
-"""Where the sun stood by a photo's time and place, and what a sun below the horizon means."""
+"""The sun's position by a photo's time and place, and words for a sun below the horizon."""
 
 from datetime import timedelta
 
@@ -12,7 +12,7 @@ from lighting.photo import PhotoFacts
 
 
 def suns(facts: PhotoFacts) -> tuple[tuple[float, float], ...]:
-    """The sun's elevation and compass azimuth [deg]: one for a time in UTC, one a zone for a local time, or none."""
+    """Elevations and compass azimuths [deg] of the sun: one for a time in UTC, one per possible zone for a local time."""
     if (place := place_of(facts)) is None:
         return ()
     azimuth, elevation = sun_position(_times(facts, place[1]), *place)
@@ -29,7 +29,7 @@ def _times(facts: PhotoFacts, longitude: float) -> NDArray[np.datetime64]:
 
 
 def below_horizon(facts: PhotoFacts, highest: float) -> str:
-    """What the highest of the possible elevations [deg], a negative one, means: the beginning of a sentence."""
+    """The beginning of a sentence about a sun whose highest possible elevation [deg] is negative."""
     return (
         f"At that time and place the sun is {-highest:.1f}° below the horizon ({_phase(highest, facts)}; civil "
         "twilight ends at 6°, nautical at 12°, astronomical at 18°): "

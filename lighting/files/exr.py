@@ -52,7 +52,7 @@ def write_exr(target: Target, image: NDArray[np.floating[Any]], lighting: Lighti
     if isinstance(target, str | os.PathLike):
         with opened(target) as stream:
             file.write(stream)
-    else:  # the library seeks back, which pipes and files opened for appending cannot do
+    else:  # OpenEXR seeks backwards, which pipes and files opened for appending cannot
         buffer = io.BytesIO()
         file.write(buffer)
         target.write(buffer.getbuffer())

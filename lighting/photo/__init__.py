@@ -1,4 +1,4 @@
-"""Photos: the pixels, EXIF and clock that a file holds, and the network's input made of them."""
+"""Photos: the pixels, EXIF data and time in a file, and the network's input tensor."""
 
 from lighting.photo.canvas import fit_size, place, to_tensor
 from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time

@@ -19,7 +19,7 @@ Tags = Mapping[int, Any]
 Fact = TypeVar("Fact")
 
 _FULL_FRAME = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
-_VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; other values are taken for these
+_VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; values outside are clamped
 _TIMES = (  # local times, the better one first, with their offsets from UTC
     (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
     (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
@@ -122,7 +122,7 @@ def _place(tags: Tags) -> tuple[float, float] | None:
     gps = ExifTags.GPS
     latitude = _angle(tags[gps.GPSLatitude], _text(tags[gps.GPSLatitudeRef]), "NS")
     longitude = _angle(tags[gps.GPSLongitude], _text(tags[gps.GPSLongitudeRef]), "EW")
-    nowhere = latitude == longitude == 0  # how many a program writes that it does not know
+    nowhere = latitude == longitude == 0  # many programs write 0, 0 where the place is unknown
     return (latitude, longitude) if abs(latitude) <= 90 and abs(longitude) <= 180 and not nowhere else None
 
 

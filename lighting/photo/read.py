@@ -34,7 +34,7 @@ MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
-_CHUNK = 1 << 22  # bytes read at once; a buffer as large as the limit would take longer to make than to fill
+_CHUNK = 1 << 22  # bytes read at once, so that small files need no buffer of the limit's size
 _STRIP = 1 << 22  # pixels converted at once
 _MID_GREY = (128, 128, 128, 255)
 _UPRIGHT = {  # EXIF orientation: what makes the picture upright
@@ -207,7 +207,7 @@ def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
         if profile and "sRGB" not in ImageCms.getProfileDescription(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):
             converted = ImageCms.profileToProfile(image, icc, ImageCms.createProfile("sRGB"), outputMode="RGB")
             return converted or image.convert("RGB")
-    except Exception:  # nor must a bad profile reject a photo
+    except Exception:  # a bad profile must not reject a photo either
         pass
     return image if image.mode == "RGB" else image.convert("RGB")
 
