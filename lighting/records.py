@@ -167,7 +167,7 @@ class Lighting:
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
-        """The Lighting in a record of `to_dict`; absent optional fields take their defaults, derived values are ignored.
+        """The Lighting in a record of `to_dict`; absent optional fields take defaults, derived values are ignored.
 
         Raises ParameterError, which names the field that is missing, of the wrong type or out of range.
         """

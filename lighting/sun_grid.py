@@ -78,7 +78,7 @@ def radii(
 
 
 def cones(probability: ArrayLike, directions: ArrayLike, centre: ArrayLike) -> tuple[Floats, Floats]:
-    """Sorted angles [deg] (N + 1,) around `centre` (3,), from 0 on, and the share of the probability (N,) within each."""
+    """Sorted angles [deg] (N + 1,) around `centre` (3,), from 0, and the share of the probability (N,) within each."""
     p = np.asarray(probability, dtype=np.float64)
     distance = angle_between(directions, centre)
     order = np.argsort(distance)

@@ -15,7 +15,7 @@ ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mea
 
 
 def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
-    """The photo's facts, replaced by the user's where given; a time replaces the offset too, a place both coordinates."""
+    """The photo's facts, replaced by the user's where given; a time replaces the offset, a place both coordinates."""
     merged = facts if given.use_exif else PhotoFacts()
     if given.time is not None:
         merged = replace(merged, **_time_of(given.time))

@@ -12,7 +12,7 @@ from lighting.photo import PhotoFacts
 
 
 def suns(facts: PhotoFacts) -> tuple[tuple[float, float], ...]:
-    """Elevations and compass azimuths [deg] of the sun: one for a time in UTC, one per possible zone for a local time."""
+    """Elevations and compass azimuths [deg]: one for a time in UTC, one per possible zone for a local time."""
     if (place := place_of(facts)) is None:
         return ()
     azimuth, elevation = sun_position(_times(facts, place[1]), *place)
