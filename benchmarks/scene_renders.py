@@ -9,7 +9,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-import scene_babylon
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -50,13 +49,6 @@ def render_mitsuba(folder: Path, samples: int) -> NDArray[np.uint8]:
 def render_threejs(folder: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
     """By a screenshot of the page."""
     return _screenshot(folder / "scene.html", size)
-
-
-def render_gltf(folder: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """By Babylon.js, which takes the map in the file too."""
-    if not all(script.is_file() for script in scene_babylon.SCRIPTS):
-        raise MissingToolError("Babylon.js (npm ci --prefix benchmarks/node)")
-    return _screenshot(scene_babylon.write_page(folder, size), size)
 
 
 def _screenshot(page: Path, size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -1,12 +1,12 @@
-"""One scene, five tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
+"""One scene, four tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
 
     python benchmarks/scenes.py [--sun -125 33] [--only TOOL ...] [--blender PROGRAM] [--samples 64]
                                 [--picture docs/scenes.png] [--keep FOLDER]
 
-The "photo" is rendered here from a known light, so the scenes can be held against it. USD is read and rendered by
-Blender, glTF by Babylon.js. Prints a table and draws all renders into one picture; a tool that this machine lacks is
-named and left out. The sun stands on the left, so that the shadow of the preview's diffuse ball lies free. PROGRAM is
-Blender or a Python that has its module bpy.
+The "photo" is rendered here from a known light, which the scenes are compared with. Blender reads and renders the USD;
+glTF is left out, since it holds no map. Prints a table and draws all renders into one picture; a tool that this machine
+lacks is named and left out. The sun stands on the left, so that the shadow of the preview's diffuse ball lies free.
+PROGRAM is Blender or a Python that has its module bpy.
 """
 
 import argparse
@@ -32,7 +32,6 @@ from scene_measures import (
 from scene_renders import (
     MissingToolError,
     render_blender,
-    render_gltf,
     render_import,
     render_mitsuba,
     render_threejs,
@@ -62,6 +61,7 @@ LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camer
 GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
 SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
+DRAWN = tuple(tool for tool in TOOLS if tool != "gltf")
 OURS, ALONE = "our preview", "its ball alone"
 
 
@@ -80,9 +80,9 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="One scene, five tools, one answer.")
+    parser = argparse.ArgumentParser(description="One scene, four tools, one answer.")
     parser.add_argument("--sun", nargs=2, type=float, default=SUN, help="azimuth, below 0, and elevation in degrees")
-    parser.add_argument("--only", nargs="+", choices=TOOLS, default=TOOLS, help="the tools to render with")
+    parser.add_argument("--only", nargs="+", choices=DRAWN, default=DRAWN, help="the tools to render with")
     parser.add_argument("--blender", help="Blender, or a Python that has its module bpy")
     parser.add_argument("--samples", type=int, default=64, help="per pixel, where a tool traces paths")
     parser.add_argument("--picture", help="draw all renders into this file")
@@ -108,15 +108,12 @@ def renders(
     draws: dict[str, Callable[[Path], NDArray[np.uint8]]] = {
         "blender": lambda made: render_blender(made, samples, blender),
         "usd": lambda made: render_import(made, "scene.usda", SIZE, samples, blender),
-        "gltf": lambda made: render_gltf(made, SIZE),
         "threejs": lambda made: render_threejs(made, SIZE),
         "mitsuba": lambda made: render_mitsuba(made, samples),
     }
     shown = {}
     for tool in filter(only.__contains__, draws):
-        write_scene(
-            scene, tool, folder / tool, overwrite=True, **({"image_based_light": True} if tool == "gltf" else {})
-        )
+        write_scene(scene, tool, folder / tool, overwrite=True)
         try:
             shown[tool] = draws[tool](folder / tool)
         except MissingToolError as missing:
@@ -221,7 +218,6 @@ def contact_sheet(shown: dict[str, Any]) -> Image.Image:
 TITLES = {
     "blender": "Blender, Cycles",
     "usd": "USD, read by Blender",
-    "gltf": "glTF in Babylon.js",
     "threejs": "three.js in Chromium",
     "mitsuba": "Mitsuba 3",
     OURS: "lighting preview",

@@ -158,7 +158,6 @@ class SceneQuery(Query):
 
     tool: Literal["blender", "usd", "gltf", "threejs", "mitsuba"] = Field(description="the tool that opens it")
     up_axis: Literal["Y", "Z"] = Field("Y", description="with `tool=usd`")
-    image_based_light: Flag = Field(False, description="with `tool=gltf`: put the map in as EXT_lights_image_based")
     sun: FlagOrAuto = Field(None, description="let direct sunlight in; by default where it is likely")
     height: Height = 512
 
@@ -175,7 +174,7 @@ class SceneQuery(Query):
         return self.model_dump(include={name for name, tool in _TOOL_OF.items() if tool == self.tool})
 
 
-_TOOL_OF = {"up_axis": "usd", "image_based_light": "gltf"}
+_TOOL_OF = {"up_axis": "usd"}
 
 
 class PhotoSceneQuery(SceneQuery, GivenQuery):

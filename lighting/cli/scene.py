@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", required=True, metavar="FOLDER", help="New or empty unless --overwrite.")
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; its other files stay.")
 @click.option("--lighting", "record", metavar="LIGHTING.json", help="Take the light from a record, not from PHOTO.")
-@click.option("--image-based-light", is_flag=True, help="gltf: put the map in as EXT_lights_image_based.")
 @click.option("--up-axis", type=click.Choice(("Y", "Z"), case_sensitive=False), help="usd: Y unless told.")
 @height_option
 @sun_option
@@ -36,7 +35,6 @@ def scene(
     output: str,
     overwrite: bool,
     record: str | None,
-    image_based_light: bool,
     up_axis: str | None,
     height: int,
     sun: bool | None,
@@ -49,8 +47,8 @@ def scene(
     The folder holds the camera with PHOTO behind it, the sun, the map without the sun's disc, a ground that catches
     shadows, and a placeholder where one's own object goes.
     """
-    options = _tool_options(tool, image_based_light, up_axis)
-    _check_map_options(tool, image_based_light)
+    options = _tool_options(tool, up_axis)
+    _check_map_options(tool)
     _check_record(record, given, model)
     if "-" in (photo, record) and photo == record:
         raise click.UsageError("The photo and the record cannot both be stdin.")
@@ -70,24 +68,18 @@ def scene(
     report_warnings(photo, lighting.warnings, quiet)
 
 
-def _tool_options(tool: str, image_based_light: bool, up_axis: str | None) -> dict[str, Any]:
+def _tool_options(tool: str, up_axis: str | None) -> dict[str, Any]:
     """What was asked for, as the tool's `write` takes it; UsageError for an option of another tool."""
-    options: dict[str, Any] = {}
-    if image_based_light:
-        options["image_based_light"] = True
-    if up_axis:
-        options["up_axis"] = up_axis
-    for name, owner in (("image_based_light", "gltf"), ("up_axis", "usd")):
-        if name in options and tool != owner:
-            raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {owner}.")
-    return options
+    if up_axis and tool != "usd":
+        raise click.UsageError("--up-axis goes with --for usd.")
+    return {"up_axis": up_axis} if up_axis else {}
 
 
-def _check_map_options(tool: str, image_based_light: bool) -> None:
-    """Raise UsageError where the size of a map is asked for that the scene does not hold."""
+def _check_map_options(tool: str) -> None:
+    """Raise UsageError if the height of a map is given for a scene that holds none."""
     asked = click.get_current_context().get_parameter_source("height") is ParameterSource.COMMANDLINE
-    if asked and tool == "gltf" and not image_based_light:
-        raise click.UsageError("--height is the map's, which glTF holds with --image-based-light only.")
+    if asked and tool == "gltf":
+        raise click.UsageError("--height is the map's, and a glTF scene holds no map.")
 
 
 def _check_record(record: str | None, given: "Given", model: str | None) -> None:

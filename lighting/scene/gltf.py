@@ -2,8 +2,8 @@
 
 The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its
 angular size has no place there. glTF knows neither backgrounds nor shadow catchers: the plate is an unlit picture
-behind the ground, and the ground a diffuse disc of its albedo around the object. The map is left out unless asked for,
-since few viewers take it (EXT_lights_image_based).
+behind the ground, and the ground a diffuse disc of its albedo around the object. The map is not in the file: glTF has
+no place for it that viewers read.
 """
 
 import json
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.files import SOFTWARE, full_record
-from lighting.scene import cubemap, meshes
+from lighting.files.exr import SOFTWARE
+from lighting.scene import meshes
 from lighting.scene.common import FAR, NEAR, PLACEHOLDER_ALBEDO, Folder, Scene, colour_and_strength, plate_png
 
 FILE = "scene.glb"
@@ -29,8 +29,8 @@ _BEHIND = 1.2  # the plate's distance / that of the disc's far edge
 _PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
 
 
-def write(scene: Scene, folder: Folder, *, image_based_light: bool = False) -> None:
-    """Write FILE, with the map in it as EXT_lights_image_based if asked."""
+def write(scene: Scene, folder: Folder) -> None:
+    """Write FILE."""
     binary = _Binary()
     document = {
         "asset": {"version": "2.0", "generator": SOFTWARE, "extras": {"lighting": full_record(scene.lighting)}},
@@ -46,8 +46,6 @@ def write(scene: Scene, folder: Folder, *, image_based_light: bool = False) -> N
         "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
         "images": [binary.png(plate_png(scene))],
     }
-    if image_based_light:
-        _add_image_based_light(document, scene, binary)
     (folder / FILE).write_bytes(binary.packed(document))
 
 
@@ -121,23 +119,6 @@ def _meshes(scene: Scene, binary: "_Binary") -> list[dict[str, Any]]:
         ("Plate", meshes.picture(height * scene.width / scene.height, height), _PLATE),
     ]
     return [{"name": name, "primitives": [binary.primitive(mesh, material)]} for name, mesh, material in parts]
-
-
-def _add_image_based_light(document: dict[str, Any], scene: Scene, binary: "_Binary") -> None:
-    levels = []
-    for files in cubemap.levels(scene.environment):
-        levels.append([len(document["images"]) + index for index in range(len(files))])
-        document["images"] += [binary.png(file) for file in files]
-    light = {
-        "name": "Sky",
-        "intensity": 1.0,
-        "irradianceCoefficients": cubemap.harmonics(scene.environment),
-        "specularImageSize": cubemap.SIZE,
-        "specularImages": levels,
-    }
-    document["extensionsUsed"].append("EXT_lights_image_based")
-    document["extensions"]["EXT_lights_image_based"] = {"lights": [light]}
-    document["scenes"][0]["extensions"] = {"EXT_lights_image_based": {"light": 0}}
 
 
 class _Binary:

@@ -48,8 +48,6 @@ def test_a_photo_makes_the_scene_of_the_library(client: TestClient, estimator: E
 
 def test_options_go_to_their_tool(client: TestClient) -> None:
     assert b'upAxis = "Z"' in files(post(client, tool="usd", up_axis="Z"))["scene.usda"]
-    assert b"EXT_lights_image_based" in files(post(client, tool="gltf", image_based_light="true"))["scene.glb"]
-    assert b"EXT_lights_image_based" not in files(post(client, tool="gltf"))["scene.glb"]
 
 
 def test_a_scene_takes_the_photos_metadata_and_what_the_client_knows(client: TestClient) -> None:
@@ -92,7 +90,6 @@ def test_a_cache_may_keep_a_scene(client: TestClient) -> None:
         ({"tool": "maya"}, "tool", "'blender'"),
         ({"tool": "gltf", "up_axis": "Z"}, "query", "up_axis goes with tool=usd"),
         ({"tool": "usd", "up_axis": "X"}, "up_axis", "'Y' or 'Z'"),
-        ({"tool": "usd", "image_based_light": "true"}, "query", "goes with tool=gltf"),
         ({"tool": "usd", "height": "17"}, "height", "even"),
     ],
 )

@@ -249,10 +249,9 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
     ("arguments", "sentence"),
     [
         (["--for", "maya"], "'maya' is not one of 'blender', 'usd', 'gltf', 'threejs', 'mitsuba'."),
-        (["--for", "usd", "--image-based-light"], "--image-based-light goes with --for gltf."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
         (["--for", "usd", "--lighting", "any.json", "--model", "any.onnx"], "--model does not go with it."),
-        (["--for", "gltf", "--height", "64"], "which glTF holds with --image-based-light only."),
+        (["--for", "gltf", "--height", "64"], "a glTF scene holds no map."),
         (["--for", "usd", "--height", "15"], "15 is not an even number from 16 to 4096."),
     ],
 )

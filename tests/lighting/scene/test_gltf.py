@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.scene import cubemap, gltf
+from lighting.scene import gltf
 from tests.scenes import known_scene
 
 NODE = Path(__file__).parents[2] / "node"
@@ -50,9 +50,8 @@ def validated(file: Path) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("image_based_light", [False, True])
-def test_the_khronos_validator_finds_neither_errors_nor_warnings(tmp_path: Path, image_based_light: bool) -> None:
-    gltf.write(known_scene(), tmp_path, image_based_light=image_based_light)
+def test_the_khronos_validator_finds_neither_errors_nor_warnings(tmp_path: Path) -> None:
+    gltf.write(known_scene(), tmp_path)
     issues = validated(tmp_path / gltf.FILE)
     assert (issues["numErrors"], issues["numWarnings"], issues["numHints"]) == (0, 0, 0), issues["messages"]
     assert {message["code"] for message in issues["messages"]} <= NOTED
@@ -107,26 +106,3 @@ def test_the_plate_is_the_photo_and_fills_the_view(tmp_path: Path) -> None:
     right, top, _ = document["accessors"][attributes["POSITION"]]["max"]
     assert np.degrees(2 * np.arctan(top / distance)) == pytest.approx(scene.vertical_fov, abs=1e-4)
     assert right / top == pytest.approx(scene.width / scene.height)
-
-
-def test_the_map_is_there_only_if_asked_for(tmp_path: Path) -> None:
-    gltf.write(known_scene(), tmp_path)
-    document, _ = document_of(tmp_path)
-    assert "EXT_lights_image_based" not in document["extensionsUsed"]
-    assert len(document["images"]) == 1
-
-
-@pytest.mark.slow
-def test_the_map_as_an_image_based_light(tmp_path: Path) -> None:
-    gltf.write(known_scene(), tmp_path, image_based_light=True)
-    document, binary = document_of(tmp_path)
-    (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
-    assert document["scenes"][0]["extensions"]["EXT_lights_image_based"] == {"light": 0}
-    assert np.shape(light["irradianceCoefficients"]) == (9, 3)
-    assert np.shape(light["specularImages"]) == (cubemap.LEVELS, 6)
-    for level, faces in enumerate(light["specularImages"]):
-        view = document["bufferViews"][document["images"][faces[0]]["bufferView"]]
-        image = Image.open(BytesIO(binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]))
-        assert image.size == (cubemap.SIZE >> level,) * 2
-        assert image.mode == "RGBA"
-    assert light["specularImageSize"] == cubemap.SIZE
