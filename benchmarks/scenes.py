@@ -52,16 +52,15 @@ from lighting.photo import Photo
 from lighting.preview.ink import write
 from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 from lighting.records import Lighting
-from lighting.scene import TOOLS
-from lighting.scene.common import Scene, make_scene
-from lighting.scene.files import write_scene
+from lighting.scene import TOOLS, TOOLS_WITHOUT_MAP, Scene, make_scene, write_scene
+from lighting.scene.placeholder import placeholder_of
 
 SUN = (-125.0, 33.0)  # deg, azimuth and elevation
 LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0, vertical_fov=45.0)
 GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
 SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
-DRAWN = tuple(tool for tool in TOOLS if tool != "gltf")
+DRAWN = tuple(tool for tool in TOOLS if tool not in TOOLS_WITHOUT_MAP)
 OURS, ALONE = "our preview", "its ball alone"
 
 
@@ -122,25 +121,23 @@ def renders(
 
 
 def _picture(scene: Scene, pixels: NDArray[np.uint8]) -> Picture:
-    shadow = scene.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
+    placeholder = placeholder_of(scene)
+    ball, foot = scene.spot + placeholder.ball_centre, scene.spot + placeholder.stick_foot
+    shadow = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
+    heights = np.arange(0, placeholder.stick_height, placeholder.stick_radius)[:, None]
+    stick = np.hstack([foot + heights * [0.0, 1.0, 0.0], np.full_like(heights, 1.5 * placeholder.stick_radius)])
     return Picture(
         srgb_decode(pixels / 255.0),
         scene.vertical_fov,
         scene.lighting.camera_elevation,
         scene.lighting.camera_roll,
         scene.camera_position,
-        scene.ball_centre,
-        scene.ball_radius,
-        scene.stick_foot,
+        ball,
+        placeholder.ball_radius,
+        foot,
         (0.3 * shadow, 0.9 * shadow),
-        np.vstack([[*scene.ball_centre, scene.ball_radius], _stick(scene)]),
+        np.vstack([[*ball, placeholder.ball_radius], stick]),
     )
-
-
-def _stick(scene: Scene) -> Floats:
-    """Spheres (N, 4) that cover the stick."""
-    heights = np.arange(0, scene.stick_height, scene.stick_radius)[:, None]
-    return np.hstack([scene.stick_foot + heights * [0.0, 1.0, 0.0], np.full_like(heights, 1.5 * scene.stick_radius)])
 
 
 def preview(scene: Scene, *, alone: bool = False) -> tuple[NDArray[np.uint8], Picture]:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import fields
 from datetime import datetime
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
@@ -13,7 +13,7 @@ from lighting.errors import ParameterError
 from lighting.evidence import SHORT_NAMES, Given, read_headings
 from lighting.photo import MIN_SIDE, read_offset, read_time
 from lighting.records import GROUND_ALBEDO, Lighting
-from lighting.scene.common import PLATE_SIDE
+from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
 from server.schemas import (
     Between,
     Exposure,
@@ -156,25 +156,22 @@ class SkyQuery(MapQuery, SkyParameters):
 class SceneQuery(Query):
     """For which tool, and how."""
 
-    tool: Literal["blender", "usd", "gltf", "threejs", "mitsuba"] = Field(description="the tool that opens it")
-    up_axis: Literal["Y", "Z"] = Field("Y", description="with `tool=usd`")
+    tool: Tool = Field(description="the tool that opens it")
+    up_axis: UpAxis = Field("Y", description="with `tool=usd`")
     sun: FlagOrAuto = Field(None, description="let direct sunlight in; by default where it is likely")
     height: Height = 512
 
     @model_validator(mode="after")
     def _of_this_tool(self) -> Self:
-        strange = [name for name in self.model_fields_set & set(_TOOL_OF) if _TOOL_OF[name] != self.tool]
-        if strange:
-            wanted = " and ".join(f"{name} goes with tool={_TOOL_OF[name]}" for name in sorted(strange))
+        others = misplaced(self.model_fields_set, self.tool)
+        if others:
+            wanted = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
             raise PydanticCustomError("tool", "{wanted}", {"wanted": wanted})
         return self
 
     def options(self) -> dict[str, Any]:
         """What the tool's writer takes."""
-        return self.model_dump(include={name for name, tool in _TOOL_OF.items() if tool == self.tool})
-
-
-_TOOL_OF = {"up_axis": "usd"}
+        return self.model_dump(include={name for name, tool in TOOL_OF_OPTION.items() if tool == self.tool})
 
 
 class PhotoSceneQuery(SceneQuery, GivenQuery):

@@ -1,14 +1,17 @@
-"""A photo whose light is known, as a scene."""
+"""Photos whose light is known, as scenes."""
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
+
+import numpy as np
 
 from lighting.colour import tone_map
 from lighting.envmap import render
 from lighting.geometry import camera_directions, sample_latlong
 from lighting.photo.read import Photo
 from lighting.records import Lighting
-from lighting.scene.common import Scene, make_scene
+from lighting.scene import Scene, make_scene
 
 LIGHT = Lighting(
     sun_azimuth=-40.0,
@@ -19,6 +22,7 @@ LIGHT = Lighting(
     camera_roll=4.0,
     vertical_fov=50.0,
 )
+PLAIN = np.full((30, 40, 3), 99, np.uint8)  # a grey photo
 GROUND = 0.25  # the photo's linear value of open ground, which the exposure is chosen for
 
 
@@ -30,3 +34,8 @@ def known_scene(width: int = 480, height: int = 360) -> Scene:
     rays = camera_directions(width, height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll)
     pixels = tone_map(sample_latlong(render(lighting, 512), rays))
     return make_scene(Photo(pixels, width, height, "PNG"), lighting, map_height=256)
+
+
+def plain_scene(**changes: Any) -> Scene:
+    """A grey photo under LIGHT with these fields changed."""
+    return make_scene(Photo(PLAIN, 40, 30, "PNG"), replace(LIGHT, **changes), map_height=32)

@@ -1,5 +1,6 @@
 """The command that writes scenes."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,82 +12,93 @@ from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import height_option, model_option, quiet_option, sun_option
 from lighting.cli.words import in_words, report_warnings
-from lighting.scene import TOOLS
+from lighting.scene import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
 
 
+@dataclass(frozen=True)
+class _Options:
+    """What the user asked for."""
+
+    photo: str
+    tool: Tool
+    output: Path
+    overwrite: bool
+    record: str | None  # the name of a file, or "-"
+    up_axis: UpAxis | None
+    height: int
+    sun: bool | None
+    given: "Given"
+    model: str | None
+    quiet: bool
+
+    @property
+    def of_tool(self) -> dict[str, Any]:
+        """Those of the options that only one tool takes which were given."""
+        given = {name: getattr(self, name) for name in TOOL_OF_OPTION}
+        return {name: value for name, value in given.items() if value is not None}
+
+
 @cli.command()
 @click.argument("photo")
-@click.option("--for", "tool", required=True, type=click.Choice(TOOLS), help="The tool that opens it.")
-@click.option("-o", "--output", required=True, metavar="FOLDER", help="New or empty unless --overwrite.")
-@click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; its other files stay.")
-@click.option("--lighting", "record", metavar="LIGHTING.json", help="Take the light from a record, not from PHOTO.")
-@click.option("--up-axis", type=click.Choice(("Y", "Z"), case_sensitive=False), help="usd: Y unless told.")
+@click.option("--for", "tool", required=True, type=click.Choice(TOOLS), help="The tool that opens the scene.")
+@click.option("-o", "--output", required=True, type=Path, metavar="FOLDER", help="New or empty unless --overwrite.")
+@click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; other files in it stay.")
+@click.option("--lighting", "record", metavar="LIGHTING.json", help="Take the light from this record, not from PHOTO.")
+@click.option("--up-axis", type=click.Choice(UP_AXES, case_sensitive=False), help="With --for usd; Y by default.")
 @height_option
 @sun_option
 @given_options
 @model_option
 @quiet_option
-def scene(
-    photo: str,
-    tool: str,
-    output: str,
-    overwrite: bool,
-    record: str | None,
-    up_axis: str | None,
-    height: int,
-    sun: bool | None,
-    given: "Given",
-    model: str | None,
-    quiet: bool,
-) -> None:
+def scene(**options: Any) -> None:
     """Write PHOTO and its light as a scene for another tool.
 
-    The folder holds the camera with PHOTO behind it, the sun, the map without the sun's disc, a ground that catches
-    shadows, and a placeholder where one's own object goes.
+    The folder holds the camera with PHOTO behind it, the sun, the environment map without the sun's disc, a ground that
+    catches shadows, and a placeholder where your own object goes.
     """
-    options = _tool_options(tool, up_axis)
-    _check_map_options(tool)
-    _check_record(record, given, model)
-    if "-" in (photo, record) and photo == record:
-        raise click.UsageError("The photo and the record cannot both be stdin.")
-    from lighting.photo import read_photo
-    from lighting.scene.common import PLATE_SIDE, make_scene
-    from lighting.scene.files import check_target, write_scene
+    asked = _Options(**options)
+    _check(asked)
+    from lighting.photo.read import read_photo
+    from lighting.scene import PLATE_SIDE, check_target, make_scene, write_scene
 
-    check_target(Path(output), overwrite=overwrite)
-    with naming(photo):
-        data = photo_bytes(photo)
+    check_target(asked.output, overwrite=asked.overwrite)
+    with naming(asked.photo):
+        data = photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        lighting = open_lighting(record) if record else estimated(data, given, model).lighting
-    made = make_scene(plate, lighting, map_height=height, sun=sun)
-    write_scene(made, tool, output, overwrite=overwrite, **options)
-    if not quiet:
-        click.echo(in_words(photo, lighting))
-    report_warnings(photo, lighting.warnings, quiet)
+        lighting = open_lighting(asked.record) if asked.record else _estimated(data, asked)
+    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun)
+    write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
+    if not asked.quiet:
+        click.echo(in_words(asked.photo, lighting))
+    report_warnings(asked.photo, lighting, asked.quiet)
 
 
-def _tool_options(tool: str, up_axis: str | None) -> dict[str, Any]:
-    """What was asked for, as the tool's `write` takes it; UsageError for an option of another tool."""
-    if up_axis and tool != "usd":
-        raise click.UsageError("--up-axis goes with --for usd.")
-    return {"up_axis": up_axis} if up_axis else {}
+def _check(asked: _Options) -> None:
+    """Raise UsageError for an option that would do nothing, and for one stdin read twice."""
+    for name, tool in misplaced(asked.of_tool, asked.tool).items():
+        raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
+    height = click.get_current_context().get_parameter_source("height")
+    if height is ParameterSource.COMMANDLINE and asked.tool in TOOLS_WITHOUT_MAP:
+        raise click.UsageError(f"--height is the map's, and a scene for {asked.tool} holds no map.")
+    if asked.record:
+        _check_record(asked)
 
 
-def _check_map_options(tool: str) -> None:
-    """Raise UsageError if the height of a map is given for a scene that holds none."""
-    asked = click.get_current_context().get_parameter_source("height") is ParameterSource.COMMANDLINE
-    if asked and tool == "gltf":
-        raise click.UsageError("--height is the map's, and a glTF scene holds no map.")
+def _check_record(asked: _Options) -> None:
+    from lighting.evidence.metadata import Given
+
+    if asked.model is not None:
+        raise click.UsageError("--lighting states the light; no network is run, so --model does not go with it.")
+    if asked.given != Given():
+        raise click.UsageError("--lighting states the light; time, place, heading and the like do not go with it.")
+    if asked.photo == asked.record == "-":
+        raise click.UsageError("The photo and the record cannot both be stdin.")
 
 
-def _check_record(record: str | None, given: "Given", model: str | None) -> None:
-    """Raise UsageError where metadata or a network is given for a light that a record tells."""
-    from lighting.evidence import Given
+def _estimated(data: bytes, asked: _Options) -> "Lighting":
+    from lighting.photo.read import read_photo
 
-    if record and model is not None:
-        raise click.UsageError("--lighting tells the light; no network is asked, so --model does not go with it.")
-    if record and given != Given():
-        raise click.UsageError("--lighting tells the light; time, place, heading and the like do not go with it.")
+    return load_estimator(asked.model)(read_photo(data), asked.given)

@@ -7,27 +7,22 @@ Texture is the same Hosek-Wilkie model on the same scale; by way of other colour
 import json
 import subprocess
 import sys
-from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from lighting.errors import SceneError
-from lighting.scene.common import (
+from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, Scene
+from lighting.scene.parts import (
     ENVIRONMENT,
-    FAR,
-    GROUND_RADIUS,
-    NEAR,
-    PLACEHOLDER_ALBEDO,
     PLATE,
-    SENSOR_HEIGHT,
-    SUN_ANGLE,
     Folder,
-    Scene,
     colour_and_strength,
+    data_text,
     to_z_up,
     write_shared_files,
 )
+from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 
@@ -39,13 +34,9 @@ def write(scene: Scene, folder: Folder) -> None:
     """Write SCRIPT, the NUMBERS it reads, plate and map; FILE too in a folder on disk where bpy can be imported."""
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
-    (folder / SCRIPT).write_text(_script(), encoding="utf-8")
+    (folder / SCRIPT).write_text(data_text("blender.py"), encoding="utf-8")
     if isinstance(folder, Path) and find_spec("bpy") is not None:
         _save(folder)
-
-
-def _script() -> str:
-    return (files("lighting") / "scene" / "data" / "blender.py").read_text(encoding="utf-8")
 
 
 def _save(folder: Path) -> None:
@@ -92,11 +83,12 @@ def _native_sky(scene: Scene) -> dict[str, Any]:
 
 def _placeholder(scene: Scene) -> dict[str, Any]:
     """The stick's foot is given from the spot."""
+    placeholder = placeholder_of(scene)
     return {
         "spot": to_z_up(scene.spot).tolist(),
-        "ball_radius": scene.ball_radius,
-        "stick_foot": to_z_up(scene.stick_foot - scene.spot).tolist(),
-        "stick_radius": scene.stick_radius,
-        "stick_height": scene.stick_height,
+        "ball_radius": placeholder.ball_radius,
+        "stick_foot": to_z_up(placeholder.stick_foot).tolist(),
+        "stick_radius": placeholder.stick_radius,
+        "stick_height": placeholder.stick_height,
         "albedo": PLACEHOLDER_ALBEDO,
     }

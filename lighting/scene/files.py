@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from lighting.errors import SceneError
-from lighting.scene import TOOLS
-from lighting.scene.common import Folder, Scene
+from lighting.scene.common import Scene
+from lighting.scene.parts import Folder
+from lighting.scene.tools import TOOLS
 
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
 

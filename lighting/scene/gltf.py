@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from lighting.files.exr import SOFTWARE
 from lighting.scene import meshes
-from lighting.scene.common import FAR, NEAR, PLACEHOLDER_ALBEDO, Folder, Scene, colour_and_strength, plate_png
+from lighting.scene.common import FAR, NEAR, Scene
+from lighting.scene.parts import Folder, colour_and_strength, plate_png
+from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 FILE = "scene.glb"
 
@@ -51,7 +53,7 @@ def write(scene: Scene, folder: Folder) -> None:
 
 def _nodes(scene: Scene) -> list[dict[str, Any]]:
     """Camera, plate, sun, ground, and the object's place with what stands there."""
-    spot, plate = scene.spot, scene.camera_matrix
+    placeholder, plate = placeholder_of(scene), scene.camera_matrix
     plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
     return [
         {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
@@ -61,10 +63,10 @@ def _nodes(scene: Scene) -> list[dict[str, Any]]:
             "matrix": _columns(scene.sun_matrix),
             "extensions": {"KHR_lights_punctual": {"light": 0}},
         },
-        {"name": "Ground", "mesh": 2, "translation": spot.tolist()},
-        {"name": "YourObject", "translation": spot.tolist(), "children": [5, 6]},
-        {"name": "Ball", "mesh": 0, "translation": (scene.ball_centre - spot).tolist()},
-        {"name": "Stick", "mesh": 1, "translation": (scene.stick_foot - spot).tolist()},
+        {"name": "Ground", "mesh": 2, "translation": scene.spot.tolist()},
+        {"name": "YourObject", "translation": scene.spot.tolist(), "children": [5, 6]},
+        {"name": "Ball", "mesh": 0, "translation": placeholder.ball_centre.tolist()},
+        {"name": "Stick", "mesh": 1, "translation": placeholder.stick_foot.tolist()},
     ]
 
 
@@ -75,7 +77,7 @@ def _columns(matrix: NDArray[Any]) -> list[float]:
 def _plate_distance(scene: Scene) -> float:
     """Metres along the camera's axis."""
     to_spot = float(np.linalg.norm(scene.spot - scene.camera_position))
-    return _BEHIND * (to_spot + _GROUND_IN_BALLS * scene.ball_radius)
+    return _BEHIND * (to_spot + _GROUND_IN_BALLS * placeholder_of(scene).ball_radius)
 
 
 def _sun(scene: Scene) -> dict[str, Any]:
@@ -111,11 +113,12 @@ def _diffuse(name: str, albedo: float) -> dict[str, Any]:
 
 
 def _meshes(scene: Scene, binary: "_Binary") -> list[dict[str, Any]]:
+    placeholder = placeholder_of(scene)
     height = 2 * _plate_distance(scene) * float(np.tan(np.radians(scene.vertical_fov) / 2))
     parts = [
-        ("Ball", meshes.ball(scene.ball_radius), _PLACEHOLDER),
-        ("Stick", meshes.stick(scene.stick_radius, scene.stick_height), _PLACEHOLDER),
-        ("Ground", meshes.disc(_GROUND_IN_BALLS * scene.ball_radius), _GROUND),
+        ("Ball", meshes.ball(placeholder.ball_radius), _PLACEHOLDER),
+        ("Stick", meshes.stick(placeholder.stick_radius, placeholder.stick_height), _PLACEHOLDER),
+        ("Ground", meshes.disc(_GROUND_IN_BALLS * placeholder.ball_radius), _GROUND),
         ("Plate", meshes.picture(height * scene.width / scene.height, height), _PLATE),
     ]
     return [{"name": name, "primitives": [binary.primitive(mesh, material)]} for name, mesh, material in parts]

@@ -1,12 +1,11 @@
 """Triangles for tools that take no spheres and cylinders."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
 
 _SEGMENTS = 64  # around the axis
 _RINGS = 32  # of the ball, from pole to pole

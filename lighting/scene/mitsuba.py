@@ -4,20 +4,12 @@ Mitsuba's frame is ours, its maps have +Z at the centre and its cameras look alo
 sun is a disc of the right angle far away, since a `directional` emitter casts shadows without penumbra.
 """
 
-from importlib.resources import files
-
 import numpy as np
 
-from lighting.scene.common import (
-    ENVIRONMENT,
-    GROUND_RADIUS,
-    PLACEHOLDER_ALBEDO,
-    SUN_ANGLE,
-    Floats,
-    Folder,
-    Scene,
-    write_shared_files,
-)
+from lighting.geometry import Floats, direction
+from lighting.scene.common import GROUND_RADIUS, SUN_ANGLE, Scene
+from lighting.scene.parts import ENVIRONMENT, Folder, data_text, filled, write_shared_files
+from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 SCENE, CAMERA, LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
 
@@ -29,123 +21,55 @@ _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 def write(scene: Scene, folder: Folder) -> None:
     """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE, plate and map."""
     write_shared_files(scene, folder)
-    for name, content in (
-        (SCENE, "\n".join(f'    <include filename="{part}"/>' for part in (CAMERA, LIGHT, OBJECT))),
-        (CAMERA, _camera(scene)),
-        (LIGHT, _light(scene)),
-        (OBJECT, _object(scene)),
+    for name, values in (
+        (SCENE, {}),
+        (CAMERA, _camera_values(scene)),
+        (LIGHT, _light_values(scene)),
+        (OBJECT, _object_values(scene)),
     ):
-        (folder / name).write_text(f'<scene version="3.0.0">\n{content}\n</scene>\n', encoding="utf-8")
-    script = files("lighting") / "scene" / "data" / "mitsuba_composite.py"
-    (folder / COMPOSITE).write_text(script.read_text(encoding="utf-8"), encoding="utf-8")
+        (folder / name).write_text(filled(f"mitsuba_{name}", values), encoding="utf-8")
+    (folder / COMPOSITE).write_text(data_text("mitsuba_composite.py"), encoding="utf-8")
 
 
-def _camera(scene: Scene) -> str:
+def _camera_values(scene: Scene) -> dict[str, object]:
     right, up, forward = scene.camera_axes
     matrix = np.eye(4)
     matrix[:3] = np.stack([-right, up, forward, scene.camera_position], axis=1)
-    return f"""\
-    <default name="samples" value="64"/>
-    <default name="width" value="{scene.width}"/>
-    <default name="height" value="{scene.height}"/>
-    <integrator type="path">
-        <integer name="max_depth" value="6"/>
-        <boolean name="hide_emitters" value="false"/>
-    </integrator>
-    <sensor type="perspective">
-        <string name="fov_axis" value="y"/>
-        <float name="fov" value="{scene.vertical_fov!r}"/>
-        <transform name="to_world">
-            <matrix value="{_numbers(matrix.ravel())}"/>
-        </transform>
-        <film type="hdrfilm">
-            <integer name="width" value="$width"/>
-            <integer name="height" value="$height"/>
-            <string name="pixel_format" value="rgba"/>
-            <rfilter type="gaussian"/>
-        </film>
-        <sampler type="independent">
-            <integer name="sample_count" value="$samples"/>
-        </sampler>
-    </sensor>"""
+    return {
+        "plate_width": scene.width,
+        "plate_height": scene.height,
+        "vertical_fov": scene.vertical_fov,
+        "camera_matrix": _numbers(matrix.ravel()),
+    }
 
 
-def _light(scene: Scene) -> str:
-    sun = scene.spot + SUN_DISTANCE * scene.sun_direction
-    radiance = scene.sun_irradiance / (np.pi * np.sin(_HALF_ANGLE) ** 2)
-    return f"""\
-    <!-- The sky and the ground it lights, without the sun's disc -->
-    <emitter type="envmap">
-        <string name="filename" value="{ENVIRONMENT}"/>
-        <transform name="to_world">
-            <rotate y="1" angle="180"/>
-        </transform>
-    </emitter>
-    <!-- The sun, {SUN_ANGLE} degrees wide; its irradiance is {_numbers(scene.sun_irradiance)} -->
-    <shape type="disk">
-        <transform name="to_world">
-            <scale value="{SUN_DISTANCE * np.tan(_HALF_ANGLE):.9g}"/>
-            <lookat origin="{_numbers(sun)}" target="{_numbers(scene.spot)}" up="{_numbers(_aside(scene))}"/>
-        </transform>
-        <bsdf type="diffuse">
-            <rgb name="reflectance" value="0"/>
-        </bsdf>
-        <emitter type="area">
-            <rgb name="radiance" value="{_numbers(radiance)}"/>
-        </emitter>
-    </shape>
-    <!-- The ground -->
-    <shape type="disk">
-        <transform name="to_world">
-            <scale value="{GROUND_RADIUS:.9g}"/>
-            <rotate x="1" angle="-90"/>
-        </transform>
-        <bsdf type="diffuse">
-            <rgb name="reflectance" value="{scene.lighting.ground_albedo!r}"/>
-        </bsdf>
-    </shape>"""
+def _light_values(scene: Scene) -> dict[str, object]:
+    return {
+        "environment": ENVIRONMENT,
+        "sun_angle": SUN_ANGLE,
+        "sun_irradiance": _numbers(scene.sun_irradiance),
+        "sun_radiance": _numbers(scene.sun_irradiance / (np.pi * np.sin(_HALF_ANGLE) ** 2)),
+        "sun_radius": f"{SUN_DISTANCE * np.tan(_HALF_ANGLE):.9g}",
+        "sun": _numbers(scene.spot + SUN_DISTANCE * scene.sun_direction),
+        "spot": _numbers(scene.spot),
+        "aside": _numbers(direction(scene.lighting.sun_azimuth + 90.0, 0.0)),  # never parallel to the sun's direction
+        "ground_radius": f"{GROUND_RADIUS:.9g}",
+        "ground_albedo": scene.lighting.ground_albedo,
+    }
 
 
-def _aside(scene: Scene) -> Floats:
-    """A horizontal unit vector across the sun's direction, which no sun can be parallel to."""
-    azimuth = np.radians(scene.lighting.sun_azimuth)
-    return np.array([np.cos(azimuth), 0.0, np.sin(azimuth)])
-
-
-def _object(scene: Scene) -> str:
-    foot, radius = scene.stick_foot, scene.stick_radius
-    top = foot + np.array([0.0, scene.stick_height, 0.0])
-    return f"""\
-    <!-- Your object here, standing on {_numbers(scene.spot)}:
-    <shape type="obj">
-        <string name="filename" value="object.obj"/>
-        <transform name="to_world">
-            <translate value="{_numbers(scene.spot)}"/>
-        </transform>
-    </shape>
-    -->
-    <bsdf type="diffuse" id="placeholder">
-        <rgb name="reflectance" value="{PLACEHOLDER_ALBEDO}"/>
-    </bsdf>
-    <shape type="sphere" id="ball">
-        <point name="center" value="{_numbers(scene.ball_centre)}"/>
-        <float name="radius" value="{scene.ball_radius:.9g}"/>
-        <ref id="placeholder"/>
-    </shape>
-    <shape type="cylinder" id="stick">
-        <point name="p0" value="{_numbers(foot)}"/>
-        <point name="p1" value="{_numbers(top)}"/>
-        <float name="radius" value="{radius:.9g}"/>
-        <ref id="placeholder"/>
-    </shape>
-    <shape type="disk" id="stick_end">
-        <transform name="to_world">
-            <scale value="{radius:.9g}"/>
-            <rotate x="1" angle="-90"/>
-            <translate value="{_numbers(top)}"/>
-        </transform>
-        <ref id="placeholder"/>
-    </shape>"""
+def _object_values(scene: Scene) -> dict[str, object]:
+    placeholder = placeholder_of(scene)
+    foot = scene.spot + placeholder.stick_foot
+    return {
+        "spot": _numbers(scene.spot),
+        "albedo": PLACEHOLDER_ALBEDO,
+        "ball_centre": _numbers(scene.spot + placeholder.ball_centre),
+        "ball_radius": f"{placeholder.ball_radius:.9g}",
+        "stick_foot": _numbers(foot),
+        "stick_top": _numbers(foot + np.array([0.0, placeholder.stick_height, 0.0])),
+        "stick_radius": f"{placeholder.stick_radius:.9g}",
+    }
 
 
 def _numbers(values: Floats) -> str:

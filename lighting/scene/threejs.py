@@ -6,22 +6,13 @@ as the shadow map. Its lat-long maps have +X at the centre, so the map is turned
 
 import json
 from base64 import b64encode
-from importlib.resources import files
-from string import Template
 from typing import Any
 
 from lighting.envmap import rotate
-from lighting.files import encode_envmap, full_record
-from lighting.scene.common import (
-    FAR,
-    GROUND_RADIUS,
-    NEAR,
-    PLACEHOLDER_ALBEDO,
-    Folder,
-    Scene,
-    colour_and_strength,
-    plate_png,
-)
+from lighting.files.formats import encode_envmap
+from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, Scene
+from lighting.scene.parts import Folder, colour_and_strength, data_text, filled, plate_png
+from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 PAGE = "scene.html"
 
@@ -30,18 +21,17 @@ _YAW = -90.0  # deg, takes our centre, -Z, to where three.js looks for it
 
 def write(scene: Scene, folder: Folder) -> None:
     """Write PAGE."""
-    data = files("lighting") / "scene" / "data"
-    page = Template((data / "viewer.html").read_text(encoding="utf-8"))
     parts = {
         "scene": json.dumps(_description(scene)).replace("<", "\\u003c"),  # no text in it ends the script
-        "three": (data / "three.min.js").read_text(encoding="utf-8"),
-        "viewer": (data / "viewer.js").read_text(encoding="utf-8"),
+        "three": data_text("three.min.js"),
+        "viewer": data_text("viewer.js"),
     }
-    (folder / PAGE).write_text(page.substitute(parts), encoding="utf-8")
+    (folder / PAGE).write_text(filled("viewer.html", parts), encoding="utf-8")
 
 
 def _description(scene: Scene) -> dict[str, Any]:
     """What viewer.js reads; metres and degrees, the frame of geometry.py, which is also three.js's."""
+    placeholder = placeholder_of(scene)
     colour, intensity = colour_and_strength(scene.sun_irradiance)
     return {
         "width": scene.width,
@@ -56,10 +46,10 @@ def _description(scene: Scene) -> dict[str, Any]:
         "shadow": scene.shadow.tolist(),
         "groundRadius": GROUND_RADIUS,
         "spot": scene.spot.tolist(),
-        "ballRadius": scene.ball_radius,
-        "stickFoot": scene.stick_foot.tolist(),
-        "stickHeight": scene.stick_height,
-        "stickRadius": scene.stick_radius,
+        "ballRadius": placeholder.ball_radius,
+        "stickFoot": (scene.spot + placeholder.stick_foot).tolist(),
+        "stickHeight": placeholder.stick_height,
+        "stickRadius": placeholder.stick_radius,
         "albedo": PLACEHOLDER_ALBEDO,
         "plate": "data:image/png;base64," + b64encode(plate_png(scene)).decode(),
         "environment": b64encode(encode_envmap(rotate(scene.environment, _YAW), format="hdr")).decode(),

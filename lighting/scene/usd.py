@@ -6,34 +6,33 @@ of its own: the plate hangs before the camera as a guide, which renderers leave 
 by which Omniverse RTX and Karma know one; to others it is a diffuse plane of the ground's albedo.
 """
 
-from collections.abc import Iterable
-from importlib.resources import files
-from string import Template
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import SceneError
-from lighting.scene.common import (
+from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, Scene
+from lighting.scene.parts import (
     ENVIRONMENT,
-    FAR,
-    GROUND_RADIUS,
-    NEAR,
-    PLACEHOLDER_ALBEDO,
     PLATE,
-    SUN_ANGLE,
     Folder,
-    Scene,
     colour_and_strength,
+    filled,
     to_z_up,
     write_shared_files,
 )
+from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
+from lighting.scene.tools import UP_AXES
 
 STAGE = "scene.usda"
-UP_AXES = ("Y", "Z")
+
+Placed = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
 _APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the metre
+_UP = np.array([0.0, 1.0, 0.0])
 
 
 def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
@@ -44,51 +43,76 @@ def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     if up_axis not in UP_AXES:
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.")
     write_shared_files(scene, folder)
-    layout = Template((files("lighting") / "scene" / "data" / "scene.usda").read_text(encoding="utf-8"))
-    (folder / STAGE).write_text(layout.substitute(_values(scene, up_axis)), encoding="utf-8")
+    (folder / STAGE).write_text(filled("scene.usda", _values(scene, up_axis)), encoding="utf-8")
 
 
 def _values(scene: Scene, up_axis: str) -> dict[str, Any]:
-    """What the layout's placeholders stand for; lengths in metres."""
-    colour, intensity = colour_and_strength(scene.sun_irradiance)
-    spot, up = scene.spot, np.array([0.0, 1.0, 0.0])
-    edge = GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]])
-    picture = _picture_corners(scene)
-
-    def placed(vectors: ArrayLike) -> NDArray[np.float64]:
-        turned = to_z_up(np.asarray(vectors)) if up_axis == "Z" else vectors
-        return np.asarray(turned, dtype=np.float64)
-
+    """What the placeholders of data/scene.usda stand for; lengths in metres."""
+    placed = partial(_placed, up_axis)
     return {
         "up_axis": up_axis,
+        "environment": ENVIRONMENT,
+        "plate": PLATE,
+        **_camera_values(scene, placed),
+        **_light_values(scene, placed),
+        **_ground_values(scene, placed),
+        **_object_values(scene, placed),
+    }
+
+
+def _placed(up_axis: str, vectors: ArrayLike) -> NDArray[np.float64]:
+    turned = to_z_up(np.asarray(vectors)) if up_axis == "Z" else vectors
+    return np.asarray(turned, dtype=np.float64)
+
+
+def _camera_values(scene: Scene, placed: Placed) -> dict[str, str]:
+    picture = _picture_corners(scene)
+    return {
         "resolution": f"({scene.width}, {scene.height})",
         "camera_matrix": _matrix(placed(scene.camera_matrix[:3].T)),
         "focal_length": _number(scene.focal_length / _APERTURE_UNIT),
         "horizontal_aperture": _number(scene.sensor_width / _APERTURE_UNIT),
         "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / _APERTURE_UNIT),
         "clipping": _vector([NEAR, FAR]),
-        "plate": PLATE,
         "plate_points": _vectors(picture),
         "plate_extent": _extent(picture),
-        "environment": ENVIRONMENT,
+    }
+
+
+def _light_values(scene: Scene, placed: Placed) -> dict[str, str]:
+    colour, intensity = colour_and_strength(scene.sun_irradiance)
+    return {
         "sky_matrix": _matrix(placed([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
         "sun_matrix": _matrix(placed(scene.sun_matrix[:3].T)),
         "sun_angle": _number(SUN_ANGLE),
         "sun_colour": _vector(colour),
         "sun_intensity": _number(intensity),
-        "ground_points": _vectors(placed(edge)),
-        "ground_extent": _extent(placed(edge)),
-        "ground_normal": _vector(placed(up)),
+    }
+
+
+def _ground_values(scene: Scene, placed: Placed) -> dict[str, str]:
+    corners = placed(GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]))
+    return {
+        "ground_points": _vectors(corners),
+        "ground_extent": _extent(corners),
+        "ground_normal": _vector(placed(_UP)),
         "ground_colour": _vector([scene.lighting.ground_albedo] * 3),
+    }
+
+
+def _object_values(scene: Scene, placed: Placed) -> dict[str, str]:
+    placeholder = placeholder_of(scene)
+    corner = np.array([placeholder.stick_radius, placeholder.stick_height / 2, placeholder.stick_radius])
+    return {
         "object_colour": _vector([PLACEHOLDER_ALBEDO] * 3),
-        "spot": _vector(placed(spot)),
-        "ball_centre": _vector(placed(scene.ball_centre - spot)),
-        "ball_radius": _number(scene.ball_radius),
-        "ball_extent": _extent(np.array([[-1.0] * 3, [1.0] * 3]) * scene.ball_radius),
-        "stick_centre": _vector(placed(scene.stick_foot - spot + up * scene.stick_height / 2)),
-        "stick_height": _number(scene.stick_height),
-        "stick_radius": _number(scene.stick_radius),
-        "stick_extent": _extent(placed(_stick_corners(scene))),
+        "spot": _vector(placed(scene.spot)),
+        "ball_centre": _vector(placed(placeholder.ball_centre)),
+        "ball_radius": _number(placeholder.ball_radius),
+        "ball_extent": _extent(np.array([[-1.0] * 3, [1.0] * 3]) * placeholder.ball_radius),
+        "stick_centre": _vector(placed(placeholder.stick_foot + _UP * placeholder.stick_height / 2)),
+        "stick_height": _number(placeholder.stick_height),
+        "stick_radius": _number(placeholder.stick_radius),
+        "stick_extent": _extent(placed(np.stack([-corner, corner]))),
     }
 
 
@@ -98,11 +122,6 @@ def _picture_corners(scene: Scene) -> NDArray[np.float64]:
     half_width = half_height * scene.width / scene.height
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return np.column_stack([signs * [half_width, half_height], np.full(4, -GROUND_RADIUS)])
-
-
-def _stick_corners(scene: Scene) -> NDArray[np.float64]:
-    corner = np.array([scene.stick_radius, scene.stick_height / 2, scene.stick_radius])
-    return np.stack([-corner, corner])
 
 
 def _matrix(rows: NDArray[np.float64]) -> str:

@@ -14,9 +14,7 @@ from starlette.testclient import TestClient
 from lighting import Lighting
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
-from lighting.scene import TOOLS
-from lighting.scene.common import PLATE_SIDE, make_scene
-from lighting.scene.files import zip_scene
+from lighting.scene import PLATE_SIDE, TOOLS, make_scene, zip_scene
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import SKY, jpeg_headers
 from tests.server.test_problems import problem

@@ -14,9 +14,8 @@ import pytest
 
 from lighting.errors import SceneError
 from lighting.geometry import direction
-from lighting.scene import blender
-from lighting.scene.common import to_z_up
-from lighting.scene.files import write_scene
+from lighting.scene import blender, write_scene
+from lighting.scene.parts import to_z_up
 from tests.scenes import known_scene
 
 
@@ -79,7 +78,7 @@ def test_sun_and_lens(numbers: dict[str, Any]) -> None:
 
 def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
-    monkeypatch.setattr(blender, "_script", lambda: "import sys; sys.exit('Error: no memory.')")
+    monkeypatch.setattr(blender, "data_text", lambda _name: "import sys; sys.exit('Error: no memory.')")
     with pytest.raises(SceneError, match=r"^Blender could not build scene\.blend: Error: no memory\.$"):
         write_scene(known_scene(), "blender", tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -15,6 +15,7 @@ from lighting.colour import luminance
 from lighting.geometry import camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.common import Scene
+from lighting.scene.placeholder import placeholder_of
 from tests.scenes import LIGHT, known_scene
 
 mi: Any = mitsuba_renderer
@@ -60,7 +61,9 @@ def shown(picture: NDArray[Any], scene: Scene, points: NDArray[Any], reach: int 
 @pytest.mark.slow
 def test_open_ground_has_the_radiance_of_the_map(picture: NDArray[np.float32]) -> None:
     scene = known_scene()
-    open_ground = scene.spot + np.array([[-6.0, 0, 0], [-5.0, 0, -1.0], [0, 0, -8.0]]) * scene.ball_radius
+    open_ground = (
+        scene.spot + np.array([[-6.0, 0, 0], [-5.0, 0, -1.0], [0, 0, -8.0]]) * placeholder_of(scene).ball_radius
+    )
     expected = luminance(scene.environment[-1, 0])
     assert shown(picture, scene, open_ground, 3).mean() == pytest.approx(float(expected), rel=0.03)
 
@@ -69,7 +72,7 @@ def test_open_ground_has_the_radiance_of_the_map(picture: NDArray[np.float32]) -
 def test_the_shadow_lies_opposite_the_sun(picture: NDArray[np.float32]) -> None:
     scene = known_scene()
     turn = np.arange(-36, 37, 3.0)  # the stick's shadow stays outside
-    ring = scene.spot + 2.2 * scene.ball_radius * direction(LIGHT.sun_azimuth + 180.0 + turn, 0.0)
+    ring = scene.spot + 2.2 * placeholder_of(scene).ball_radius * direction(LIGHT.sun_azimuth + 180.0 + turn, 0.0)
     light = shown(picture, scene, ring, 0)
     dark = np.clip(0.8 - light / light.max(), 0, None)
     assert (dark * turn).sum() / dark.sum() == pytest.approx(0.0, abs=2.5)

@@ -26,7 +26,8 @@ from lighting.geometry import (
     wrap_azimuth,
 )
 from lighting.scene import gltf, threejs
-from lighting.scene.common import PLACEHOLDER_ALBEDO, Scene
+from lighting.scene.common import Scene
+from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 from tests.browser import drawings
 from tests.scenes import known_scene
 
@@ -93,9 +94,12 @@ def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
     """Azimuth [deg] of the stick's shadow: the darkness' centroid on arcs around its foot."""
     expected = scene.lighting.sun_azimuth + 180.0
     turn = np.linspace(-8, 8, 401)
-    length = scene.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
+    placeholder = placeholder_of(scene)
+    length = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     reach = length * np.linspace(0.4, 0.9, 40)[:, None, None]
-    light = luminance(seen_at(picture, scene, scene.stick_foot + reach * direction(expected + turn, 0.0)))
+    light = luminance(
+        seen_at(picture, scene, scene.spot + placeholder.stick_foot + reach * direction(expected + turn, 0.0))
+    )
     dark = np.maximum(0.85 - light / light.max(), 0)
     assert dark.max() > 0.2
     return float(expected + (dark * turn).sum() / dark.sum())
@@ -138,7 +142,7 @@ def test_the_sticks_shadow_points_away_from_the_sun(pictures: Pictures, view: st
 def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> None:
     scene = known_scene()
     away = -scene.sun_direction * [1, 0, 1] / scene.sun_direction[1]
-    inside = scene.spot + scene.ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
+    inside = scene.spot + placeholder_of(scene).ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
     ratio = seen_at(pictures["page"], scene, inside) / seen_at(scene.plate, scene, inside)
     assert ratio == pytest.approx(scene.shadow, rel=0.03)
 
@@ -148,12 +152,14 @@ def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> Non
 def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, view: str) -> None:
     """Where the camera sees it in the sun, and where it faces away from the sun."""
     scene = known_scene()
-    to_camera = scene.camera_position - scene.ball_centre
+    placeholder = placeholder_of(scene)
+    centre = scene.spot + placeholder.ball_centre
+    to_camera = scene.camera_position - centre
     to_camera /= np.linalg.norm(to_camera)
     for normal in (scene.sun_direction + to_camera, 2 * to_camera - scene.sun_direction):
         normal = normal / np.linalg.norm(normal)
         light = sky_irradiance(scene, normal) + max(float(normal @ scene.sun_direction), 0.0) * scene.sun_irradiance
-        found = seen_at(pictures[view], scene, scene.ball_centre + scene.ball_radius * normal)
+        found = seen_at(pictures[view], scene, centre + placeholder.ball_radius * normal)
         assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
 
 

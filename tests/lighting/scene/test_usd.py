@@ -12,10 +12,11 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdValidation
 from lighting.errors import SceneError
 from lighting.files.exr import read_exr
 from lighting.geometry import latlong_directions
-from lighting.scene import usd
+from lighting.scene import UP_AXES, usd
+from lighting.scene.placeholder import placeholder_of
 from tests.scenes import known_scene
 
-UP_AXES = pytest.mark.parametrize("up_axis", usd.UP_AXES)
+BOTH_AXES = pytest.mark.parametrize("up_axis", UP_AXES)
 
 
 def opened(folder: Path, up_axis: str) -> Any:
@@ -39,7 +40,7 @@ def to_world(stage: Any, path: str) -> Any:
     return UsdGeom.Xformable(stage.GetPrimAtPath(path)).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
 
 
-@UP_AXES
+@BOTH_AXES
 def test_openusds_own_checker_finds_nothing(tmp_path: Path, up_axis: str) -> None:
     stage = opened(tmp_path, up_axis)
     assert complaints(stage) == []
@@ -55,7 +56,7 @@ def test_the_checker_does_find_faults(tmp_path: Path) -> None:
     assert len(complaints(stage)) >= 2
 
 
-@UP_AXES
+@BOTH_AXES
 def test_the_camera_stands_and_sees_as_the_scene_says(tmp_path: Path, up_axis: str) -> None:
     scene = known_scene()
     stage = opened(tmp_path, up_axis)
@@ -69,7 +70,7 @@ def test_the_camera_stands_and_sees_as_the_scene_says(tmp_path: Path, up_axis: s
     assert camera.aspectRatio == pytest.approx(scene.width / scene.height, abs=1e-5)
 
 
-@UP_AXES
+@BOTH_AXES
 def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, up_axis: str) -> None:
     scene = known_scene()
     stage = opened(tmp_path, up_axis)
@@ -82,7 +83,7 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, u
     assert sun.GetAngleAttr().Get() == pytest.approx(0.533)
 
 
-@UP_AXES
+@BOTH_AXES
 def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str) -> None:
     """A map with one bright pixel, by OpenEXR's definition: +Z at the centre, longitude falls to the right."""
     environment = np.zeros_like(known_scene().environment)
@@ -100,12 +101,13 @@ def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str)
     assert world == pytest.approx(latlong_directions(len(environment))[30, 400], abs=1e-6)
 
 
-@UP_AXES
+@BOTH_AXES
 def test_ground_and_placeholder_lie_where_the_scene_has_them(tmp_path: Path, up_axis: str) -> None:
     scene = known_scene()
+    placeholder = placeholder_of(scene)
     stage = opened(tmp_path, up_axis)
     ball = to_world(stage, "/World/YourObject/Ball").ExtractTranslation()
-    assert ours(ball, up_axis) == pytest.approx(scene.ball_centre, abs=1e-6)
+    assert ours(ball, up_axis) == pytest.approx(scene.spot + placeholder.ball_centre, abs=1e-6)
     ground = np.array(UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ground")).GetPointsAttr().Get())
     assert ours(ground.T, up_axis)[1] == pytest.approx(0, abs=1e-9)
     a, b, c = (ours(point, up_axis) for point in ground[:3])
@@ -113,7 +115,7 @@ def test_ground_and_placeholder_lie_where_the_scene_has_them(tmp_path: Path, up_
     stick = UsdGeom.Imageable(stage.GetPrimAtPath("/World/YourObject/Stick"))
     box = stick.ComputeWorldBound(Usd.TimeCode.Default(), "default").ComputeAlignedRange()
     ends = sorted(ours(corner, up_axis)[1] for corner in (box.GetMin(), box.GetMax()))
-    assert ends == pytest.approx([0, scene.stick_height], abs=1e-6)
+    assert ends == pytest.approx([0, placeholder.stick_height], abs=1e-6)
 
 
 def test_the_plate_is_a_guide_that_fills_the_view(tmp_path: Path) -> None:

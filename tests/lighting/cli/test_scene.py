@@ -1,0 +1,93 @@
+"""`lighting scene`: what it writes, and how it refuses."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from tests.lighting.cli.test_commands import error_of, run
+from tests.scenes import LIGHT
+
+
+@pytest.fixture
+def record_path(tmp_path: Path) -> Path:
+    path = tmp_path / "lighting.json"
+    path.write_text(json.dumps(LIGHT.to_dict()))
+    return path
+
+
+def test_the_command_estimates_the_light(network: Path, photo_path: Path, tmp_path: Path) -> None:
+    result = run("scene", photo_path, "--for", "mitsuba", "-o", tmp_path / "out", "--model", network)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.startswith(str(photo_path))
+    record = json.loads((tmp_path / "out" / "lighting.json").read_text())
+    assert record["model"]["name"] == "tiny"
+    with Image.open(tmp_path / "out" / "plate.png") as plate:
+        assert plate.size == (320, 240)
+
+
+def test_the_command_takes_a_record_in_place_of_an_estimate(
+    photo_path: Path, record_path: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    result = run("scene", photo_path, "--for", "usd", "--lighting", record_path, "-o", out, "-q", "--up-axis", "z")
+    assert (result.exit_code, result.output) == (0, "")
+    assert json.loads((out / "lighting.json").read_text()) == LIGHT.to_dict()
+    assert 'upAxis = "Z"' in (out / "scene.usda").read_text()
+
+
+def test_warnings_of_the_light_are_on_stderr(photo_path: Path, tmp_path: Path) -> None:
+    (tmp_path / "l.json").write_text(json.dumps(replace(LIGHT, warnings=("It was night.",)).to_dict()))
+    arguments: list[str | Path] = ["scene", photo_path, "--for", "usd", "--lighting", tmp_path / "l.json"]
+    assert run(*arguments, "-o", tmp_path / "a").stderr == f"Warning: {photo_path}: It was night.\n"
+    assert run(*arguments, "-o", tmp_path / "b", "-q").stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("output", "sentence"),
+    [
+        ("lighting.json", "is a file; a scene is a folder."),
+        ("none/out", "There is no folder"),
+        (".", "is not empty; --overwrite replaces the scene in it."),
+    ],
+)
+def test_a_folder_that_must_not_be_written_is_one_sentence(
+    photo_path: Path, record_path: Path, tmp_path: Path, output: str, sentence: str
+) -> None:
+    before = sorted(tmp_path.iterdir())
+    arguments: list[str | Path] = [
+        "scene",
+        photo_path,
+        "--for",
+        "usd",
+        "--lighting",
+        record_path,
+        "-o",
+        tmp_path / output,
+    ]
+    assert sentence in error_of(run(*arguments))
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--for", "maya"], "'maya' is not one of 'blender', 'usd', 'gltf', 'threejs', 'mitsuba'."),
+        (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
+        (["--for", "usd", "--lighting", "any.json", "--model", "any.onnx"], "--model does not go with it."),
+        (["--for", "gltf", "--height", "64"], "a scene for gltf holds no map."),
+        (["--for", "usd", "--height", "15"], "15 is not an even number from 16 to 4096."),
+    ],
+)
+def test_wrong_usage_is_one_sentence(photo_path: Path, tmp_path: Path, arguments: list[str], sentence: str) -> None:
+    assert sentence in error_of(run("scene", photo_path, "-o", tmp_path / "out", *arguments), 2)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bad_photo_is_one_sentence(tmp_path: Path, record_path: Path) -> None:
+    (tmp_path / "bad.jpg").write_bytes(b"no photo")
+    result = run("scene", tmp_path / "bad.jpg", "--for", "usd", "--lighting", record_path, "-o", tmp_path / "out")
+    assert "not a JPEG" in error_of(result)
+    assert not (tmp_path / "out").exists()

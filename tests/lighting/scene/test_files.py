@@ -1,0 +1,88 @@
+"""Scenes as folders and archives that appear only when they are whole."""
+
+import json
+import zipfile
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lighting.errors import SceneError
+from lighting.scene import TOOLS, Scene, blender, mitsuba, write_scene, zip_scene
+from tests.scenes import PLAIN, known_scene, plain_scene
+
+
+def test_a_new_folder_holds_the_scene_alone(tmp_path: Path) -> None:
+    write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert {"scene.xml", "plate.png", "environment.exr", "lighting.json"} < {
+        p.name for p in (tmp_path / "out").iterdir()
+    }
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "out" / "plate.png")), PLAIN)
+    assert (tmp_path / "out").stat().st_mode & 0o777 == 0o755
+
+
+def test_overwriting_replaces_the_scene_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    write_scene(plain_scene(), "mitsuba", folder)
+    (folder / "mine.txt").write_text("keep")
+    with pytest.raises(SceneError, match="is not empty; --overwrite replaces"):
+        write_scene(plain_scene(turbidity=6.0), "mitsuba", folder)
+    assert json.loads((folder / "lighting.json").read_text())["sky"]["turbidity"] == 3.0
+    write_scene(plain_scene(turbidity=6.0), "mitsuba", folder, overwrite=True)
+    assert json.loads((folder / "lighting.json").read_text())["sky"]["turbidity"] == 6.0
+    assert (folder / "mine.txt").read_text() == "keep"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    assert (tmp_path / "out" / "scene.xml").is_file()
+
+
+def test_the_folder_may_be_the_current_one_or_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    write_scene(known_scene(), "gltf", ".")
+    assert list(here.iterdir())
+    other, link = tmp_path / "other", tmp_path / "link"
+    other.mkdir()
+    link.symlink_to(other)
+    write_scene(known_scene(), "gltf", link)
+    assert link.is_symlink()
+    assert sorted(p.name for p in other.iterdir()) == sorted(p.name for p in here.iterdir())
+
+
+def test_what_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_scene: Scene, folder: Path) -> None:
+        (folder / "half").write_text("written")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(mitsuba, "write", fail)
+    with pytest.raises(SceneError, match=r"out cannot be written: No space left on device\.$"):
+        write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_tool_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"'maya' is not known; it must be one of blender, usd, gltf"):
+        write_scene(plain_scene(), "maya", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tool", TOOLS)
+def test_an_archive_holds_what_the_folder_holds(tmp_path: Path, tool: str) -> None:
+    write_scene(plain_scene(), tool, tmp_path / "out")
+    with zipfile.ZipFile(BytesIO(zip_scene(plain_scene(), tool))) as archive:
+        assert archive.testzip() is None
+        on_disk = {path.name for path in (tmp_path / "out").iterdir()} - {blender.FILE}  # which needs a disk
+        assert sorted(archive.namelist()) == sorted(on_disk)
+
+
+def test_one_scene_makes_one_archive() -> None:
+    assert zip_scene(plain_scene(), "mitsuba") == zip_scene(plain_scene(), "mitsuba")
