@@ -141,3 +141,15 @@ def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:
     top = texel(x0, y0) * (1 - fx) + texel(x0 + 1, y0) * fx
     bottom = texel(x0, y0 + 1) * (1 - fx) + texel(x0 + 1, y0 + 1) * fx
     return np.asarray(top * (1 - fy) + bottom * fy)
+
+
+def ray_sphere(origin: Floats, direction: Floats, centre: Floats, radius: float = 1.0) -> Floats:
+    """Distance (...) along rays to where they enter a sphere; inf where they miss it or start inside or beyond it.
+
+    Origins, unit directions and centres (..., 3) broadcast against each other and share one unit of length.
+    """
+    towards = centre - origin
+    along = np.einsum("...i,...i->...", towards, direction)
+    discriminant = along**2 - np.einsum("...i,...i->...", towards, towards) + radius**2
+    distance = along - np.sqrt(np.maximum(discriminant, 0))
+    return np.asarray(np.where((discriminant > 0) & (distance > 0), distance, np.inf))

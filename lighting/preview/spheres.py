@@ -23,6 +23,7 @@ from lighting.geometry import (
     focal_length,
     latlong_directions,
     latlong_solid_angle,
+    ray_sphere,
     sample_latlong,
 )
 from lighting.prefilter import blur, irradiance, shrink, without_sun
@@ -128,8 +129,8 @@ def _exchange(kind: int, centres: Floats, light: _Light) -> Floats:
     rays, weight = _cones(towards)
     shape, rays = rays.shape, rays.reshape(-1, 3)
     points = np.repeat(centres[kind] - towards / towards[:, 1:2], shape[1], axis=0)
-    distance = _hit(centres[kind] - points, rays)
-    first = np.all([distance <= _hit(centre - points, rays) for centre in centres], axis=0)
+    distance = ray_sphere(points, rays, centres[kind])
+    first = np.all([distance <= ray_sphere(points, rays, centre) for centre in centres], axis=0)
     radiance = _shade(kind, points + rays * distance[:, None], rays, centres, light, mirrored=True)
     radiance = np.where(first[:, None], radiance - sample_latlong(light.coarse, rays), 0.0).reshape(shape)
     upper = np.einsum("nr,nrc->nc", weight, radiance).reshape(_EXCHANGE_ROWS // 2, -1, 3)
@@ -182,7 +183,7 @@ def _trace(
     for kind, centre in enumerate(centres):
         if kind == leaving:
             continue
-        distance = _hit(centre - origin, rays)
+        distance = ray_sphere(origin, rays, centre)
         seen = np.flatnonzero(distance < nearest)
         nearest[seen] = distance[seen]
         start = np.broadcast_to(origin, rays.shape)[seen]
@@ -193,13 +194,6 @@ def _trace(
 
 def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("...i,...i->...", a, b))
-
-
-def _hit(towards: Floats, rays: Floats) -> Floats:
-    """Distance (N,) along the rays to a unit sphere whose centre lies `towards` (3,) or (N, 3); inf for a miss."""
-    along = _dot(towards, rays) if towards.ndim > 1 else rays @ towards
-    inside = along**2 - _dot(towards, towards) + 1
-    return np.where((inside > 0) & (along > 0), along - np.sqrt(np.maximum(inside, 0)), np.inf)
 
 
 def _surroundings(origin: Floats, rays: Floats, centres: Floats, light: _Light, disc: float | None) -> Floats:
@@ -270,7 +264,7 @@ def _around(kind: int, points: Floats, rays: Floats, centres: Floats, light: _Li
     down = rays[:, 1] < -1e-4
     reach = (centres[0, 1] - 1 - points[down, 1]) / rays[down, 1]
     radiance[down] = _ground(points[down] + rays[down] * reach[:, None], centres, light)
-    distance = _hit(centres[DIFFUSE] - points, rays)
+    distance = ray_sphere(points, rays, centres[DIFFUSE])
     ball = np.isfinite(distance) & (kind != DIFFUSE)
     hits = points[ball] + rays[ball] * distance[ball, None]
     radiance[ball] = _diffuse(hits, hits - centres[DIFFUSE], centres, light)

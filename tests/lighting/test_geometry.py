@@ -20,6 +20,7 @@ from lighting.geometry import (
     latlong_directions,
     latlong_pixel,
     latlong_solid_angle,
+    ray_sphere,
     sample_latlong,
     wrap_azimuth,
 )
@@ -271,3 +272,35 @@ def test_signs_of_the_camera() -> None:
 
 def test_behind_the_camera_there_is_no_pixel() -> None:
     assert np.isnan(camera_pixel([Z, X], 20, 20, 60.0)).all()
+
+
+@given(azimuths, tilts, st.floats(0.01, 100.0), st.floats(1.01, 50.0))
+def test_a_ray_towards_the_centre_ends_a_radius_before_it(
+    azimuth: float, elevation: float, radius: float, radii: float
+) -> None:
+    towards = direction(azimuth, elevation)
+    origin = np.array([3.0, -2.0, 7.0])
+    distance = ray_sphere(origin, towards, origin + radii * radius * towards, radius)
+    assert distance == pytest.approx((radii - 1) * radius, rel=1e-7)
+
+
+def test_rays_enter_a_sphere_at_its_surface_up_to_its_rim() -> None:
+    """From 2 radii away the rim stands at 30 deg, where the tangent is sqrt(3) long."""
+    rays = direction([0.0, 29.999, 30.001, 0.0], [0.0, 0.0, 0.0, -15.0])
+    distance = ray_sphere(np.zeros(3), rays, np.array([0.0, 0.0, -2.0]))
+    assert distance[0] == pytest.approx(1.0)
+    assert distance[1] == pytest.approx(np.sqrt(3.0), abs=0.01)
+    assert np.isinf(distance[2])
+    point = rays[3] * distance[3]
+    assert np.linalg.norm(point - [0.0, 0.0, -2.0]) == pytest.approx(1.0)
+
+
+def test_a_sphere_behind_or_around_the_origin_is_not_entered() -> None:
+    assert np.isinf(ray_sphere(np.zeros(3), -Z, np.array([[0.0, 0.0, 2.0], [0.0, 0.0, -0.5]]))).all()
+
+
+def test_origins_rays_and_centres_broadcast_and_keep_their_precision() -> None:
+    origins, rays = np.zeros((5, 1, 3), np.float32), np.tile(-Z, (4, 1)).astype(np.float32)
+    found = ray_sphere(origins, rays, np.array([0.0, 0.0, -3.0], np.float32))
+    assert (found.shape, found.dtype) == ((5, 4), np.float32)
+    np.testing.assert_allclose(found, 2.0, rtol=1e-6)
