@@ -48,8 +48,8 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-from lighting.photo import Photo
-from lighting.preview.ink import write
+from lighting.photo.read import Photo
+from lighting.preview.ink import Style, write
 from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 from lighting.records import Lighting
 from lighting.scene import TOOLS, TOOLS_WITHOUT_MAP, Scene, make_scene, write_scene
@@ -207,7 +207,7 @@ def contact_sheet(shown: dict[str, Any]) -> Image.Image:
     sheet = Image.new("RGB", (3 * width + 16, rows * (height + CAPTION + 8) - 8), (255, 255, 255))
     for index, (name, pixels) in enumerate(shown.items()):
         x, y = index % 3 * (width + 8), index // 3 * (height + CAPTION + 8)
-        write(sheet, (x, y), TITLES[name], 17, (40, 40, 40))
+        write(sheet, (x, y), TITLES[name], Style(17, (40, 40, 40)))
         sheet.paste(Image.fromarray(pixels), (x, y + CAPTION))
     return sheet
 

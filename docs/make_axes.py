@@ -13,6 +13,7 @@ from PIL import Image
 from lighting.geometry import angles, camera_pixel, direction, latlong_pixel
 from lighting.preview.ink import (
     Colour,
+    Style,
     arrow_head,
     polygon,
     rounded,
@@ -22,7 +23,7 @@ from lighting.preview.ink import (
     write,
     write_inside,
 )
-from lighting.preview.picture import BACKGROUND, MUTED, PANEL, SUN, TEXT, WHITE
+from lighting.preview.palette import BACKGROUND, MUTED, PANEL, SUN, TEXT, WHITE
 
 Floats = NDArray[np.floating[Any]]
 
@@ -53,7 +54,7 @@ def main() -> None:
         (MAP, "Environment map: width = 2 x height, row 0 is the zenith, the camera looks at the centre", draw_map()),
         (SKETCH, "Frame: right-handed, the camera at its origin", draw_sketch()),
     ):
-        write(canvas, (x, y - 36), title, 19, TEXT)
+        write(canvas, (x, y - 36), title, Style(19, TEXT))
         canvas.paste(panel, (x, y), rounded((width, height), 10))
     draw_ticks(canvas)
     canvas.save(Path(__file__).parent / "axes.png", optimize=True)
@@ -95,7 +96,7 @@ def label_axis(picture: Image.Image, name: str, axis: ArrayLike, colour: Colour)
             polygon(picture, circle((spot, y), 6), colour)
         anchors = ((14.0, "ls"), (width - 14.0, "rs")) if x == 0 else ((x, "ms"),)
         for spot, anchor in anchors:
-            write(picture, (spot, y - 14), name, 20, colour, anchor=anchor, shaded=True)
+            write(picture, (spot, y - 14), name, Style(20, colour, anchor=anchor, shaded=True))
         return
     stroke(picture, [np.array([[0, y], [width, y]])], colour, 8)
     write(
@@ -115,8 +116,8 @@ def draw_angles(picture: Image.Image) -> None:
     arrow(picture, np.array([line(direction(0, 0)), foot]), SUN)
     arrow(picture, np.array([foot, sun + np.array([0, 16])]), SUN)
     sun_marks(picture, [sun], SUN, 9)
-    write(picture, (foot[0] - 8, foot[1] + 26), "azimuth grows to the right", 18, SUN, anchor="ms", shaded=True)
-    write(picture, (foot[0] + 12, (foot[1] + sun[1]) / 2), "elevation", 18, SUN, anchor="lm", shaded=True)
+    write(picture, (foot[0] - 8, foot[1] + 26), "azimuth grows to the right", Style(18, SUN, anchor="ms", shaded=True))
+    write(picture, (foot[0] + 12, (foot[1] + sun[1]) / 2), "elevation", Style(18, SUN, anchor="lm", shaded=True))
 
 
 def draw_ticks(canvas: Image.Image) -> None:
@@ -124,11 +125,11 @@ def draw_ticks(canvas: Image.Image) -> None:
     left, top, _, height = MAP
     for angle in range(-180, 181, 30):
         x = left + (angle / 360 + 0.5) * MAP[2]
-        write(canvas, (x, top + height + 12), f"{angle}°", 17, MUTED, anchor="ma")
-    write(canvas, (left + MAP[2] / 2, top + height + 38), "azimuth", 17, MUTED, anchor="ma")
+        write(canvas, (x, top + height + 12), f"{angle}°", Style(17, MUTED, anchor="ma"))
+    write(canvas, (left + MAP[2] / 2, top + height + 38), "azimuth", Style(17, MUTED, anchor="ma"))
     for angle in range(-90, 91, 30):
         y = top + (0.5 - angle / 180) * height
-        write(canvas, (left - 12, y), f"{angle}°", 17, MUTED, anchor="rm")
+        write(canvas, (left - 12, y), f"{angle}°", Style(17, MUTED, anchor="rm"))
 
 
 def draw_sketch() -> Image.Image:
@@ -156,9 +157,9 @@ def draw_sun(picture: Image.Image) -> None:
     arrow(picture, project(1.25 * direction(AZIMUTH, np.linspace(0, ELEVATION, 24))), SUN)
     sun_marks(picture, [project(sun)], SUN, 9)
     x, y = project(1.25 * direction(0.6 * AZIMUTH, 0))
-    write(picture, (x, y - 14), "azimuth", 16, SUN, anchor="mm", shaded=True)
+    write(picture, (x, y - 14), "azimuth", Style(16, SUN, anchor="mm", shaded=True))
     x, y = project(1.29 * direction(AZIMUTH, ELEVATION / 2))
-    write(picture, (x + 6, y), "elevation", 16, SUN, anchor="lm", shaded=True)
+    write(picture, (x + 6, y), "elevation", Style(16, SUN, anchor="lm", shaded=True))
 
 
 def draw_camera(picture: Image.Image) -> None:

@@ -1,18 +1,18 @@
 """Lines, marks and text on a picture, antialiased: Pillow draws them larger, a mask brings them down."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
 
-Floats = NDArray[np.floating[Any]]
-Colour = tuple[int, int, int]
+from lighting.geometry import Floats
+from lighting.preview.palette import BLACK, Colour
+
 Point = tuple[float, float]
 
-BLACK: Colour = (0, 0, 0)
 _FINE = 3  # supersampling
 _SHADE = 0.45  # opacity of the dark ground under marks and outlined text
 
@@ -84,15 +84,24 @@ def rounded(size: tuple[int, int], radius: int) -> Image.Image:
     return mask.reduce(_FINE)
 
 
-def write(
-    picture: Image.Image, spot: Point, text: str, size: int, colour: Colour, *, anchor: str = "la", shaded: bool = False
-) -> None:
-    """Text with Pillow's anchor at `spot`; `shaded` puts a soft dark rim around it."""
-    if shaded:
+@dataclass(frozen=True)
+class Style:
+    """How a text looks."""
+
+    size: int  # pixels
+    colour: Colour
+    anchor: str = "la"  # of Pillow: which point of the text lies on its spot
+    shaded: bool = False  # with a soft dark rim, to be read on any ground
+
+
+def write(picture: Image.Image, spot: Point, text: str, style: Style) -> None:
+    """Text at `spot`."""
+    font, anchor = _font(style.size), style.anchor
+    if style.shaded:
         rim = Image.new("L", picture.size)
-        ImageDraw.Draw(rim).text(spot, text, font=_font(size), fill=255, anchor=anchor, stroke_width=2)
+        ImageDraw.Draw(rim).text(spot, text, font=font, fill=255, anchor=anchor, stroke_width=2)
         picture.paste(BLACK, mask=rim.point([round(value * 0.6) for value in range(256)]))
-    ImageDraw.Draw(picture).text(spot, text, font=_font(size), fill=colour, anchor=anchor)
+    ImageDraw.Draw(picture).text(spot, text, font=font, fill=style.colour, anchor=anchor)
 
 
 def write_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, colour: Colour) -> None:
@@ -100,7 +109,7 @@ def write_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, co
     left, top, right, bottom = _font(size).getbbox(text, anchor="mm")
     x, y = np.asarray(spot, dtype=np.float64)
     inside = (min(max(x, 8 - left), picture.width - 8 - right), min(max(y, 8 - top), picture.height - 8 - bottom))
-    write(picture, inside, text, size, colour, anchor="mm", shaded=True)
+    write(picture, inside, text, Style(size, colour, anchor="mm", shaded=True))
 
 
 def _scaled(points: ArrayLike, scale: int) -> list[Point]:

@@ -1,0 +1,81 @@
+"""The panel that shows the sky from above, with the sun's probability."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
+
+from lighting.geometry import Floats, angles, direction
+from lighting.preview.ink import Style, polygon, rounded, stroke, sun_marks, write
+from lighting.preview.palette import HEAT, LINE, MUTED, PANEL, TEXT, WHITE, sun_colour
+from lighting.preview.sphere_lines import frame_directions, regions
+from lighting.records import Lighting
+from lighting.sun_grid import grid_directions
+
+_HEAT_SIZE = 112  # pixels of the density before enlargement
+
+
+def compass_panel(lighting: Lighting, probability: Floats, layout: str, aspect: float, size: int) -> Image.Image:
+    """The dome from above: zenith at the centre, the camera's heading up, its right on the right."""
+    panel = Image.new("RGB", (size, size), PANEL)
+    radius = size / 2 - 44
+    heat = _heat(probability, layout).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
+    corner = (round(size / 2 - radius),) * 2
+    panel.paste(heat, corner, rounded(heat.size, heat.width // 2))
+    _rings(panel, radius)
+    view = _on_dome(frame_directions(lighting, aspect), size, radius)
+    polygon(panel, view, WHITE, 0.10)
+    stroke(panel, [view], WHITE, 1.5, 0.6)
+    regions(panel, lighting, lambda d: _on_dome(d, size, radius))
+    sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), sun_colour(lighting), 8)
+    return panel
+
+
+def _heat(probability: ArrayLike, layout: str) -> Image.Image:
+    """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
+    side = (np.arange(_HEAT_SIZE) + 0.5) / _HEAT_SIZE * 2 - 1
+    x, y = np.meshgrid(side, side)
+    elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
+    dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
+    density = _density(dome, np.asarray(probability, dtype=np.float32), layout)
+    level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_HEAT_SIZE, _HEAT_SIZE)
+    steps = np.linspace(0.0, 1.0, len(HEAT))
+    return Image.fromarray(np.stack([np.interp(level, steps, HEAT[:, c]) for c in range(3)], axis=-1).astype(np.uint8))
+
+
+def _density(dome: NDArray[np.float32], probability: NDArray[np.float32], layout: str) -> Floats:
+    """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighbourhood."""
+    cells = grid_directions(layout).astype(np.float32)
+    concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
+    likely = probability > 1e-4 * probability.max()
+    kernel = np.exp(concentration * (dome @ cells[likely].T - 1))
+    return np.asarray(kernel @ probability[likely] * concentration / np.float32(2 * np.pi))
+
+
+def _rings(panel: Image.Image, radius: float) -> None:
+    """Elevation rings with their degrees, the cross of front, right, back and left, and those words."""
+    centre = panel.width / 2
+    spokes = [np.array([[centre - radius, centre], [centre + radius, centre]])]
+    spokes.append(spokes[0][:, ::-1])
+    rings = [_circle(centre, radius * (90 - elevation) / 90) for elevation in (30, 60)]
+    stroke(panel, spokes + rings, WHITE, 1, 0.22)
+    stroke(panel, [_circle(centre, radius)], LINE, 2, 1.0)
+    for elevation in (30, 60):
+        spot = (centre + 6, centre + radius * (90 - elevation) / 90 - 3)
+        write(panel, spot, f"{elevation}°", Style(15, TEXT, anchor="ls", shaded=True))
+    write(panel, (centre, 24), "front", Style(18, TEXT, anchor="mm"))
+    write(panel, (centre, panel.height - 22), "behind", Style(18, MUTED, anchor="mm"))
+    for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
+        write(panel, (x, centre), word, Style(18, MUTED, anchor="mm"))
+
+
+def _circle(centre: float, radius: float) -> Floats:
+    turn = np.linspace(0.0, 2 * np.pi, 181)
+    return np.stack([centre + radius * np.cos(turn), centre + radius * np.sin(turn)], axis=-1)
+
+
+def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
+    """Pixels (N, 2) on a compass of that size; what is below the horizon goes to the rim."""
+    azimuth, elevation = angles(directions)
+    reach = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0
+    turn = np.radians(azimuth)
+    return np.stack([size / 2 + reach * np.sin(turn), size / 2 - reach * np.cos(turn)], axis=-1)

@@ -1,0 +1,62 @@
+"""The panel that shows the photo, with its horizon and the sun."""
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.geometry import Floats, camera_axes, camera_pixel, direction
+from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, write, write_inside
+from lighting.preview.layout import Box
+from lighting.preview.palette import PANEL, WHITE, sun_colour
+from lighting.records import Lighting
+
+
+def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box) -> Image.Image:
+    panel = Image.new("RGB", (box.width, box.height), PANEL)
+    height, width = photo.shape[:2]
+    scale = min(box.width / width, box.height / height)
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
+    _horizon(picture, lighting)
+    _sun_in_photo(picture, lighting)
+    panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
+    return panel
+
+
+def _horizon(picture: Image.Image, lighting: Lighting) -> None:
+    """The horizon as a thin line with a soft shadow; nothing where it is out of view."""
+    azimuth = np.linspace(-80.0, 80.0, 65)
+    line = _camera_pixels(picture, direction(azimuth, 0.0), lighting)
+    shaded_stroke(picture, [line], WHITE, 2)
+    inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
+    if len(inside) and 30 < inside[0, 1] < picture.height:
+        write(picture, (12, float(inside[0, 1]) - 8), "horizon", Style(17, WHITE, anchor="ls", shaded=True))
+
+
+def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting) -> Floats:
+    pixels = camera_pixel(
+        directions,
+        picture.width,
+        picture.height,
+        lighting.vertical_fov,
+        elevation=lighting.camera_elevation,
+        roll=lighting.camera_roll,
+    )
+    return pixels[~np.isnan(pixels[:, 0])]
+
+
+def _sun_in_photo(picture: Image.Image, lighting: Lighting) -> None:
+    """The sun where it is in the picture, else an arrow at the edge that one would follow to find it."""
+    colour = sun_colour(lighting)
+    seen = _camera_pixels(picture, lighting.sun_direction[None], lighting)
+    if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
+        sun_marks(picture, seen, colour, 9)
+        return
+    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll) @ lighting.sun_direction
+    away = np.array([right, -up] if forward > 0 else [1.0 if right > 0 else -1.0, 0.0])
+    away /= max(float(np.hypot(*away)), 1e-9)
+    middle = np.array([picture.width, picture.height]) / 2
+    tip = middle + away * np.min((middle - 14) / np.maximum(np.abs(away), 1e-9))
+    arrow_head(picture, tip, away, colour)
+    label = tip - away * 16 + [0, 30 if tip[1] < middle[1] else -30]
+    write_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, colour)

@@ -1,0 +1,49 @@
+"""Lines on the sphere of directions: the sun's regions and the photo's frame."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from PIL import Image
+
+from lighting.geometry import Floats, camera_axes
+from lighting.preview.ink import shaded_stroke, write_inside
+from lighting.preview.palette import sun_colour
+from lighting.records import Lighting
+
+
+def regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
+    """The circles around the sun that hold 50 % and 90 % of the probability, labelled."""
+    colour = sun_colour(lighting)
+    for radius, share, width in ((lighting.radius_90, "90 %", 1.5), (lighting.radius_50, "50 %", 2.5)):
+        rim = _rim(lighting, radius)
+        if radius <= 0 or rim[180, 1] <= 0:
+            continue
+        line = pixels(rim[rim[:, 1] > -0.02])
+        shaded_stroke(picture, list(pieces(line, picture.width)), colour, width)
+        outwards = pixels(rim[180]) - pixels(_rim(lighting, 0.98 * radius)[180])
+        write_inside(picture, pixels(rim[180]) + 14 * outwards / np.hypot(*outwards), share, 15, colour)
+
+
+def _rim(lighting: Lighting, radius: float) -> Floats:
+    """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
+    right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
+    turn = np.linspace(0.0, 2 * np.pi, 361)[:, None]
+    return np.asarray(
+        np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * (np.sin(turn) * right - np.cos(turn) * up)
+    )
+
+
+def frame_directions(lighting: Lighting, aspect: float) -> Floats:
+    """Directions (N, 3) through the photo's border, a closed loop."""
+    y = np.tan(np.radians(lighting.vertical_fov) / 2)
+    x, side = aspect * y, np.linspace(-1.0, 1.0, 48)
+    one = np.ones_like(side)
+    border = np.concatenate([np.stack(p, axis=-1) for p in ((side, one), (one, -side), (-side, -one), (-one, side))])
+    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll)
+    return np.asarray(x * border[:, :1] * right + y * border[:, 1:] * up + forward)
+
+
+def pieces(line: Floats, width: float) -> Iterator[Floats]:
+    """A line (N, 2) cut where it jumps by more than half the picture's width, as it does at the seam."""
+    jumps = np.flatnonzero(np.abs(np.diff(line[:, 0])) > width / 2) + 1
+    yield from (piece for piece in np.split(line, jumps) if len(piece) > 1)

@@ -1,0 +1,62 @@
+"""The preview's headline and numbers."""
+
+from PIL import Image
+
+from lighting.preview.ink import Style, write
+from lighting.preview.layout import MARGIN, WIDTH
+from lighting.preview.palette import MUTED, SUN, TEXT
+from lighting.records import Lighting
+
+
+def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
+    visible = lighting.sun_shines
+    where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
+    title = f"Sun {where}" if visible else "No direct sun"
+    write(canvas, (MARGIN, MARGIN - 6), title, Style(38, SUN if visible else TEXT))
+    if visible:
+        half, most = _short(lighting.radius_50), _short(lighting.radius_90)
+        spread = f"half of the probability lies within {half}°, 90 % within {most}°"
+    else:
+        spread = f"an overcast or shaded scene; if the sun shone, it would stand {where}"
+    write(canvas, (MARGIN, MARGIN + 40), spread, Style(20, MUTED))
+    model = f"{lighting.model_name} {lighting.model_version}"
+    write(canvas, (WIDTH - MARGIN, MARGIN + 40), model, Style(18, MUTED, anchor="ra"))
+    write(canvas, (WIDTH - MARGIN, MARGIN + 8), _sources(lighting), Style(18, MUTED, anchor="ra"))
+
+
+def _sources(lighting: Lighting) -> str:
+    """What the answer rests on if not on the pixels alone, and the heading that follows."""
+    sources = [f"from {', '.join(lighting.evidence)}"] if len(lighting.evidence) > 1 else []
+    heading = [] if lighting.camera_heading is None else [f"camera heading {lighting.camera_heading:.0f}°"]
+    return "; ".join(sources + heading)
+
+
+def _azimuth_words(azimuth: float) -> str:
+    size = round(abs(azimuth))
+    if size == 0:
+        return "straight ahead"
+    if size == 180:
+        return "straight behind"
+    side = "left" if azimuth < 0 else "right"
+    return f"{size}° {side}" + (" (behind)" if size > 90 else "")
+
+
+def _short(value: float) -> str:
+    """One decimal below 10."""
+    return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
+
+
+def numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
+    """Names and values of the record, in words."""
+    up = "up" if lighting.camera_elevation >= 0 else "down"
+    return [
+        ("Sun azimuth", _azimuth_words(lighting.sun_azimuth).removesuffix(" (behind)")),
+        ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
+        ("50 % / 90 % within", f"{_short(lighting.radius_50)}° / {_short(lighting.radius_90)}°"),
+        ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
+        ("Turbidity", f"{lighting.turbidity:.1f}"),
+        ("Exposure", f"{lighting.exposure:.3g}"),
+        ("Camera elevation", f"{abs(lighting.camera_elevation):.1f}° {up}"),
+        ("Camera roll", f"{round(lighting.camera_roll, 1) + 0.0:.1f}°"),
+        ("Vertical field of view", f"{lighting.vertical_fov:.1f}°"),
+    ]
