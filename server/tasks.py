@@ -7,10 +7,10 @@ from anyio.from_thread import check_cancelled
 
 from lighting.envmap import render
 from lighting.errors import PhotoError
-from lighting.files.formats import encode_envmap, encode_png
-from lighting.photo.read import Photo
-from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview
-from lighting.records import Lighting
+from lighting.files import encode_envmap
+from lighting.photo import Photo
+from lighting.preview import PHOTO_SIDE, preview_png
+from lighting.records import Estimate, Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
 from server.service import Service

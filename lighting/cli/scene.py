@@ -61,19 +61,19 @@ def scene(**options: Any) -> None:
     """
     asked = _Options(**options)
     _check(asked)
-    from lighting.photo.read import read_photo
+    from lighting.photo import read_photo
     from lighting.scene import PLATE_SIDE, check_target, make_scene, write_scene
 
     check_target(asked.output, overwrite=asked.overwrite)
     with naming(asked.photo):
         data = photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        lighting = open_lighting(asked.record) if asked.record else _estimated(data, asked)
+        lighting = open_lighting(asked.record) if asked.record else estimated(data, asked.given, asked.model).lighting
     made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun)
     write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
     if not asked.quiet:
         click.echo(in_words(asked.photo, lighting))
-    report_warnings(asked.photo, lighting, asked.quiet)
+    report_warnings(asked.photo, lighting.warnings, asked.quiet)
 
 
 def _check(asked: _Options) -> None:
@@ -88,7 +88,7 @@ def _check(asked: _Options) -> None:
 
 
 def _check_record(asked: _Options) -> None:
-    from lighting.evidence.metadata import Given
+    from lighting.evidence import Given
 
     if asked.model is not None:
         raise click.UsageError("--lighting states the light; no network is run, so --model does not go with it.")
@@ -96,9 +96,3 @@ def _check_record(asked: _Options) -> None:
         raise click.UsageError("--lighting states the light; time, place, heading and the like do not go with it.")
     if asked.photo == asked.record == "-":
         raise click.UsageError("The photo and the record cannot both be stdin.")
-
-
-def _estimated(data: bytes, asked: _Options) -> "Lighting":
-    from lighting.photo.read import read_photo
-
-    return load_estimator(asked.model)(read_photo(data), asked.given)

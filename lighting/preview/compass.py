@@ -1,24 +1,25 @@
 """The panel that shows the sky from above, with the sun's probability."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Floats, angles, direction
 from lighting.preview.ink import Style, polygon, rounded, stroke, sun_marks, write
 from lighting.preview.palette import HEAT, LINE, MUTED, PANEL, TEXT, WHITE, sun_colour
 from lighting.preview.sphere_lines import frame_directions, regions
-from lighting.records import Lighting
+from lighting.records import Estimate, SunDistribution
 from lighting.sun_grid import grid_directions
 
 _HEAT_SIZE = 112  # pixels of the density before enlargement
 
 
-def compass_panel(lighting: Lighting, probability: Floats, layout: str, aspect: float, size: int) -> Image.Image:
+def compass_panel(estimate: Estimate, aspect: float, size: int) -> Image.Image:
     """The dome from above: zenith at the centre, the camera's heading up, its right on the right."""
+    lighting = estimate.lighting
     panel = Image.new("RGB", (size, size), PANEL)
     radius = size / 2 - 44
-    heat = _heat(probability, layout).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
+    heat = _heat(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
     corner = (round(size / 2 - radius),) * 2
     panel.paste(heat, corner, rounded(heat.size, heat.width // 2))
     _rings(panel, radius)
@@ -30,21 +31,22 @@ def compass_panel(lighting: Lighting, probability: Floats, layout: str, aspect: 
     return panel
 
 
-def _heat(probability: ArrayLike, layout: str) -> Image.Image:
+def _heat(distribution: SunDistribution) -> Image.Image:
     """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
     side = (np.arange(_HEAT_SIZE) + 0.5) / _HEAT_SIZE * 2 - 1
     x, y = np.meshgrid(side, side)
     elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
     dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
-    density = _density(dome, np.asarray(probability, dtype=np.float32), layout)
+    density = _density(dome, distribution)
     level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_HEAT_SIZE, _HEAT_SIZE)
     steps = np.linspace(0.0, 1.0, len(HEAT))
     return Image.fromarray(np.stack([np.interp(level, steps, HEAT[:, c]) for c in range(3)], axis=-1).astype(np.uint8))
 
 
-def _density(dome: NDArray[np.float32], probability: NDArray[np.float32], layout: str) -> Floats:
+def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
     """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighbourhood."""
-    cells = grid_directions(layout).astype(np.float32)
+    probability = np.asarray(distribution.probability, dtype=np.float32)
+    cells = grid_directions(distribution.grid).astype(np.float32)
     concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
     likely = probability > 1e-4 * probability.max()
     kernel = np.exp(concentration * (dome @ cells[likely].T - 1))

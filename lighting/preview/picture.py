@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.geometry import Floats
+from lighting.envmap import render
+from lighting.files import encode_png
 from lighting.preview.compass import compass_panel
 from lighting.preview.ink import Style, rounded, write
 from lighting.preview.layout import CAPTION, WIDTH, Box, lay_out
@@ -13,27 +14,30 @@ from lighting.preview.palette import BACKGROUND, MUTED, TEXT, display
 from lighting.preview.photo_panel import photo_panel
 from lighting.preview.spheres import render_spheres
 from lighting.preview.words import draw_headline, numbers_of
-from lighting.records import Lighting
+from lighting.records import Estimate, Lighting
 
 MAP_HEIGHT = 512  # rows of the map that the picture is drawn with
 PHOTO_SIDE = 1000  # pixels that the photo's longer side keeps at least, if it has them
 
 
-def draw_preview(
-    photo: NDArray[np.uint8],
-    lighting: Lighting,
-    probability: Floats,
-    layout: str,
-    envmap: NDArray[np.float32],
-) -> NDArray[np.uint8]:
-    """The picture (H, 1600, 3) of an upright photo (h, w, 3) and its light.
+def preview_png(photo: NDArray[np.uint8], estimate: Estimate) -> bytes:
+    """The picture of an upright photo (h, w, 3, sRGB) and its light, as PNG."""
+    return encode_png(draw_preview(photo, estimate))
 
-    `probability` (N,) belongs to the sun grid `layout`; `envmap` (H, 2H, 3) is `lighting` rendered in the photo's
-    linear values, with or without the sun's disc.
+
+def draw_preview(
+    photo: NDArray[np.uint8], estimate: Estimate, envmap: NDArray[np.float32] | None = None
+) -> NDArray[np.uint8]:
+    """The same as sRGB pixels (H, 1600, 3).
+
+    `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
+    it is rendered here.
     """
+    lighting = estimate.lighting
+    envmap = render(lighting, MAP_HEIGHT) if envmap is None else envmap
     aspect, numbers = photo.shape[1] / photo.shape[0], numbers_of(lighting)
     plan = lay_out(aspect, len(numbers))
-    compass = compass_panel(lighting, probability, layout, aspect, plan.compass.width)
+    compass = compass_panel(estimate, aspect, plan.compass.width)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     draw_headline(canvas, lighting)
     for box, caption, panel in (

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import Floats, ray_sphere, sample_latlong
-from lighting.prefilter import SUN_RADIUS
+from lighting.geometry import SUN_RADIUS, Floats, ray_sphere, sample_latlong
 
 MIRROR, GLOSSY, DIFFUSE = range(3)  # from left to right
 

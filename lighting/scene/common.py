@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap import render, sky_irradiance, sun_irradiance
-from lighting.geometry import Floats, camera_axes, focal_length
-from lighting.photo.read import Photo
-from lighting.prefilter import SUN_RADIUS
+from lighting.geometry import SUN_RADIUS, Floats, camera_axes, focal_length
+from lighting.photo import Photo
 from lighting.records import Lighting
 
 SUN_ANGLE = 2 * SUN_RADIUS  # deg

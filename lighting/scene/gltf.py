@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.files.exr import SOFTWARE
+from lighting.files import SOFTWARE, full_record
 from lighting.scene import meshes
 from lighting.scene.common import FAR, NEAR, Scene
 from lighting.scene.parts import Folder, colour_and_strength, plate_png

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from lighting.files.formats import encode_envmap, encode_png
+from lighting.files import encode_envmap, encode_png, full_record
 from lighting.geometry import Floats
 from lighting.scene.common import Scene
 
@@ -32,7 +32,7 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
     """Write PLATE, ENVIRONMENT and RECORD."""
     (folder / PLATE).write_bytes(plate_png(scene))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
-    (folder / RECORD).write_text(json.dumps(scene.lighting.to_dict(), indent=2) + "\n", encoding="utf-8")
+    (folder / RECORD).write_text(json.dumps(full_record(scene.lighting), indent=2) + "\n", encoding="utf-8")
 
 
 def plate_png(scene: Scene) -> bytes:

@@ -9,7 +9,7 @@ from base64 import b64encode
 from typing import Any
 
 from lighting.envmap import rotate
-from lighting.files.formats import encode_envmap
+from lighting.files import encode_envmap, full_record
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, Scene
 from lighting.scene.parts import Folder, colour_and_strength, data_text, filled, plate_png
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of

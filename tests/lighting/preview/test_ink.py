@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lighting.preview.ink import arrow_head, rounded, stroke, sun_marks, write_inside
+from lighting.preview.ink import Style, arrow_head, rounded, stroke, sun_marks, write, write_inside
 
 
 def canvas() -> Image.Image:
@@ -60,3 +60,12 @@ def test_rounded_mask_cuts_only_the_corners() -> None:
     assert mask.shape == (40, 60)
     assert mask[0, 0] == 0
     assert mask[0, 30] == mask[20, 0] == mask[20, 30] == 255
+
+
+def test_a_shaded_text_stands_in_a_dark_rim() -> None:
+    plain, shaded = (Image.new("RGB", (120, 80), (200, 200, 200)) for _ in range(2))
+    write(plain, (60.0, 40.0), "sun", Style(20, (255, 255, 255), anchor="mm"))
+    write(shaded, (60.0, 40.0), "sun", Style(20, (255, 255, 255), anchor="mm", shaded=True))
+    assert np.asarray(plain).min() == 200
+    assert np.asarray(shaded).min() < 100
+    assert np.asarray(shaded).max() == 255

@@ -1,20 +1,17 @@
 """Light, shadow and reflections of the three spheres."""
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.envmap import render
-from lighting.geometry import camera_pixel, direction, latlong_directions
+from lighting.geometry import Floats, camera_pixel, direction, latlong_directions
 from lighting.preview import spheres
-from lighting.preview.spheres import DIFFUSE, GLOSSY, MIRROR, render_spheres
+from lighting.preview.shading import DIFFUSE, GLOSSY, MIRROR
+from lighting.preview.spheres import render_spheres
 from lighting.records import Lighting
-
-Floats = NDArray[np.floating[Any]]
 
 WIDTH, HEIGHT, PITCH = 160, 110, -10.0
 

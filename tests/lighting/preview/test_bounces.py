@@ -1,28 +1,27 @@
-"""The ground between the three spheres, against Mitsuba's path tracer."""
+"""The ground between the three spheres with all its bounces, against Mitsuba's path tracer."""
 
 from typing import Any
 
 import mitsuba as mitsuba_renderer
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.envmap import render, sun_irradiance
-from lighting.geometry import direction
-from lighting.preview import spheres
-from lighting.preview.spheres import (
+from lighting.geometry import Floats, direction
+from lighting.preview.bounces import lit_stage
+from lighting.preview.shading import (
     DIFFUSE,
     DIFFUSE_REFLECTANCE,
     GLOSSINESS,
     GLOSSY,
     GLOSSY_REFLECTANCE,
     MIRROR_REFLECTANCE,
+    ground,
 )
 from lighting.records import Lighting
 
 mi: Any = mitsuba_renderer
-Floats = NDArray[np.floating[Any]]
 
 SIDE = 0.1  # of a patch, in sphere radii
 GLOSSY_ROUGHNESS = (2 * GLOSSINESS) ** -0.5  # of the Beckmann lobe that spreads reflections as the glossy lobe does
@@ -70,11 +69,11 @@ def traced(scene: Any, point: Floats) -> Floats:
 
 def ours(lighting: Lighting, points: Floats) -> Floats:
     """Radiance (N, 3) of the patches around points (N, 3)."""
-    light = spheres._take_apart(render(lighting, 512), lighting.sun_direction, CENTRES)
+    stage = lit_stage(render(lighting, 512), lighting.sun_direction, CENTRES)
     step = (np.arange(4) + 0.5) / 4 * SIDE - SIDE / 2
     offsets = np.stack([*np.meshgrid(step, [0.0], step)], axis=-1).reshape(-1, 3)
     patches = (points[:, None] + offsets).reshape(-1, 3)
-    return np.asarray(spheres._ground(patches, CENTRES, light).reshape(len(points), -1, 3).mean(axis=1))
+    return np.asarray(ground(patches, stage).reshape(len(points), -1, 3).mean(axis=1))
 
 
 def patches(lighting: Lighting) -> Floats:

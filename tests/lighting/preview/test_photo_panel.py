@@ -1,0 +1,47 @@
+"""The horizon and the sun in the photo lie where geometry says."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lighting.geometry import camera_pixel, direction
+from lighting.preview.layout import lay_out
+from lighting.preview.photo_panel import photo_panel
+from lighting.records import Lighting
+from tests.previews import amber, outdoors, photo
+
+
+def drawn(lighting: Lighting) -> NDArray[np.int64]:
+    return np.asarray(photo_panel(photo(320, 240), lighting, lay_out(4 / 3, 9).photo)).astype(np.int64)
+
+
+@pytest.mark.parametrize(("elevation", "roll"), [(12.0, 0.0), (-9.0, 0.0), (6.0, 8.0), (0.0, -10.0)])
+def test_horizon_lies_where_geometry_says(elevation: float, roll: float) -> None:
+    lighting = outdoors(camera_elevation=elevation, camera_roll=roll, vertical_fov=60.0)
+    panel = drawn(lighting)
+    height, width = panel.shape[:2]
+    for azimuth in (-12.0, 0.0, 15.0):
+        x, y = camera_pixel(direction(azimuth, 0.0), width, height, 60.0, elevation=elevation, roll=roll)
+        column = panel[:, int(x)].min(axis=-1)
+        white = np.flatnonzero(column > 200)
+        assert abs(white.mean() + 0.5 - y) < 1.5
+
+
+def test_horizon_out_of_view_is_not_drawn() -> None:
+    panel = drawn(outdoors(camera_elevation=60.0, vertical_fov=40.0, sun_visibility=0.1))
+    assert panel.min(axis=-1).max() < 230  # the arrow is paler than the line
+
+
+def test_sun_in_view_is_marked_at_its_place() -> None:
+    panel = drawn(outdoors(15.0, 14.0, camera_elevation=5.0, vertical_fov=60.0))
+    height, width = panel.shape[:2]
+    expected = camera_pixel(direction(15.0, 14.0), width, height, 60.0, elevation=5.0)[::-1]
+    np.testing.assert_allclose(amber(panel).mean(axis=0), expected, atol=1.5)
+
+
+@pytest.mark.parametrize(("azimuth", "side"), [(70.0, 1), (-70.0, -1), (120.0, 1), (-165.0, -1)])
+def test_arrow_points_to_the_side_of_a_sun_out_of_view(azimuth: float, side: int) -> None:
+    panel = drawn(outdoors(azimuth, 20.0))
+    offset = amber(panel)[:, 1] - panel.shape[1] / 2
+    assert (np.sign(offset) == side).all()
+    assert np.abs(offset).max() > panel.shape[1] / 2 - 30
