@@ -100,8 +100,7 @@ def ray_rate(photos: Path, count: int) -> dict[str, Any]:
 _RAY = """
 import sys, time
 import ray
-from lighting.batch.job import Job
-from lighting.batch.ray import find_photos_at, run_ray
+from lighting.batch import Job, find_photos_at, run_ray
 ray.init(logging_level="error")
 source, names = find_photos_at(sys.argv[1])
 options = dict(address=None, workers=None, overwrite=True, progress=False)

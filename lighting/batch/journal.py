@@ -1,4 +1,4 @@
-"""The results of a batch as they come: one line of JSON a photo, appended, so that a killed batch can go on."""
+"""The results of a batch: one line of JSON per finished photo, appended, so that a killed batch can be resumed."""
 
 import json
 import sys
@@ -10,12 +10,14 @@ from typing import Any, BinaryIO
 from lighting.errors import BatchError
 from lighting.files import replacing
 
+JOURNAL = "lighting.jsonl"
+
 
 class Journal:
-    """The names of the photos that are done, in a file of lines opened for reading and appending."""
+    """The names of the finished photos, and the open file to which their lines are appended."""
 
     def __init__(self, file: BinaryIO) -> None:
-        """Cuts off what follows the last whole line, which a kill leaves; those photos count as not done."""
+        """Truncates the file after its last whole line; a photo whose line was cut short counts as not done."""
         self.done: set[str] = set()
         self.failed = 0
         self._file = file
@@ -26,13 +28,13 @@ class Journal:
         file.truncate(whole)
 
     def append(self, name: str, line: str, *, failed: bool) -> None:
-        """Add the line of a photo; it is with the system when this returns, so that a kill does not lose it."""
+        """Add a photo's line and flush it to the operating system, so that killing this process does not lose it."""
         self._file.write(line.encode() + b"\n")
         self._file.flush()
         self._count(name, failed)
 
     def clear(self) -> None:
-        """Forget everything, in the file too."""
+        """Discard all lines."""
         self._file.truncate(0)
         self.done.clear()
         self.failed = 0
@@ -44,9 +46,9 @@ class Journal:
 
 @contextmanager
 def open_journal(path: Path) -> Iterator[Journal]:
-    """The journal in a file, which is made if there is none; BatchError while another process has it open.
+    """The journal in a file, which is created if it does not exist. Raises BatchError if another process holds it open.
 
-    Photos that failed before are forgotten, so that they are tried again.
+    The lines of photos that failed are removed, so that these photos are tried again.
     """
     with path.open("a+b") as file:
         _lock(file, path)
@@ -61,7 +63,7 @@ def open_journal(path: Path) -> Iterator[Journal]:
 
 @contextmanager
 def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
-    """The file's lines of light in a new file that has taken its place, locked before it does."""
+    """A locked file without the lines of failed photos, which has replaced the first one."""
     file.seek(0)
     with ExitStack() as stack:
         with replacing(path) as temporary:
@@ -74,7 +76,7 @@ def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
 
 
 def _whole_lines(file: BinaryIO) -> Iterator[tuple[dict[str, Any], bytes]]:
-    """The records of a file with their lines, up to the first that is not whole."""
+    """The records of a file with their lines, up to the first incomplete line."""
     for line in file:
         if (record := _record(line)) is None:
             return
@@ -88,7 +90,7 @@ def read_records(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def _record(line: bytes) -> dict[str, Any] | None:
-    """The record in a whole line."""
+    """The record in a line; None for an incomplete one."""
     try:
         record = json.loads(line)
     except ValueError:
@@ -105,4 +107,4 @@ def _lock(file: BinaryIO, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        raise BatchError(f"Another batch is at work in {path.parent}.") from error
+        raise BatchError(f"Another batch is running in {path.parent}.") from error

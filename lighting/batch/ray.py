@@ -1,8 +1,8 @@
-"""The same batch on a Ray cluster (extra `ray`): Ray reads the photos, holds one estimator an actor, writes Parquet.
+"""A batch on Ray (extra `ray`): Ray reads the photos, runs one estimator per actor and writes Parquet.
 
-The folder of results holds `batch.json`; `lighting.parquet`, a folder of part files, of which each appears with a block
-of photos; and with maps `NAME.exr`. Folders are local paths that every node sees, or URIs that pyarrow knows (s3://,
-gs://). Ray restarts lost workers and repeats what they were at; a repeated block replaces its own part file.
+The output folder holds `batch.json`; `lighting.parquet`, a folder with one part file per finished block of photos; and,
+if maps are asked for, `NAME.exr`. Folders are local paths that every node sees, or URIs that pyarrow supports (s3://,
+gs://). Ray restarts an actor that it lost and repeats its block; the repeated block replaces its own part file.
 """
 
 import json
@@ -12,16 +12,17 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
-from lighting.batch.job import SETTINGS, SUFFIXES, Job, find_photos, light_of, load_estimator, refuse_other, settings
-from lighting.batch.table import FILE, row, schema
+from lighting.batch.job import SETTINGS, Job, check_settings, lighting_or_reason, load_estimator, settings
+from lighting.batch.photos import SUFFIXES, find_photos
+from lighting.batch.table import TABLE, row, schema
 from lighting.errors import BatchError
 
-_ACTOR_CPUS = 0.9  # of the one that an actor uses, so that the tasks which read and write find a place beside it
+_ACTOR_CPUS = 0.9  # reserved for an actor; the rest of its CPU is left for the tasks that read and write
 _TASK_CPUS = 0.05
 
 
 def find_photos_at(source: str) -> tuple[str, list[str]]:
-    """As batch.find_photos, and for the URI of a folder, which can hold no wildcard."""
+    """As find_photos, also for the URI of a folder, without wildcards."""
     if "://" not in source:
         return find_photos(source)
     from pyarrow.fs import FileSelector
@@ -37,37 +38,35 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
 def run_ray(
     job: Job, names: Sequence[str], *, address: str | None, workers: int | None, overwrite: bool, progress: bool
 ) -> int:
-    """Work through the photos that the results lack, on the cluster at `address` or one on this machine.
+    """Process the photos that are not in the results, on the cluster at `address` or on a local one.
 
-    `workers` is how many actors, by default one a CPU. Returns how many photos of the results have an error in place of
-    a lighting. Raises BatchError where Ray is not installed or the folder holds something else.
+    `workers` is the number of actors, by default one per CPU. Returns the number of failed photos in all results.
+    Raises BatchError if Ray is not installed or the folder holds results of another job.
     """
     filesystem, out = _place(job.out)
     _open_results(filesystem, out, job, overwrite)
-    done = _finished(filesystem, f"{out}/{FILE}")
+    done = _finished(filesystem, f"{out}/{TABLE}")
     missing = [name for name in names if name not in done]
     if missing:
-        with _cluster(address):
+        with _connected(address):
             _map_photos(job, missing, workers, progress)
-    return sum(_finished(filesystem, f"{out}/{FILE}").values())
+    return sum(_finished(filesystem, f"{out}/{TABLE}").values())
 
 
 class PhotoActor:
     """One estimator, from the bytes of photos to rows of the table."""
 
     def __init__(self, job: Job) -> None:
-        from lighting.evidence import Given
-
         self.job = job
-        self.estimator, self.given = load_estimator(job.model), Given(**job.given)
+        self.estimator, self.given = load_estimator(job)
         self.base = _place(job.source)[1]
 
     def __call__(self, photo: dict[str, Any]) -> dict[str, Any]:
         name = posixpath.relpath(photo["path"], self.base)
-        light = light_of(self.estimator, photo["bytes"], self.given)
-        if self.job.maps and not isinstance(light, str):
-            _write_map(self.job, name, light)
-        return row(name, light)
+        answer = lighting_or_reason(self.estimator, photo["bytes"], self.given)
+        if self.job.maps and not isinstance(answer, str):
+            _write_map(self.job, name, answer)
+        return row(name, answer)
 
 
 def _map_photos(job: Job, names: Sequence[str], workers: int | None, progress: bool) -> None:
@@ -87,12 +86,14 @@ def _map_photos(job: Job, names: Sequence[str], workers: int | None, progress: b
         compute=ray.data.ActorPoolStrategy(min_size=1, max_size=actors, initial_size=actors),
     )
     target, folder = _place(job.out)
-    rows.write_parquet(f"{folder}/{FILE}", filesystem=target, schema=schema(), ray_remote_args={"num_cpus": _TASK_CPUS})
+    rows.write_parquet(
+        f"{folder}/{TABLE}", filesystem=target, schema=schema(), ray_remote_args={"num_cpus": _TASK_CPUS}
+    )
 
 
 @contextmanager
-def _cluster(address: str | None) -> Iterator[None]:
-    """A connection to Ray, for as long as it is needed if this makes it."""
+def _connected(address: str | None) -> Iterator[None]:
+    """A connection to Ray, which is closed at the end unless this process already had one."""
     try:
         import ray
     except ImportError as error:
@@ -120,25 +121,25 @@ def _place(path: str) -> tuple[Any, str]:
 
 
 def _open_results(filesystem: Any, out: str, job: Job, overwrite: bool) -> None:
-    """Check that the folder is for this job, and write down what is asked for."""
+    """Check that the folder is for this job, and write its settings."""
     from pyarrow.fs import FileType
 
     asked = settings(job)
-    file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, FILE))
+    file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, TABLE))
     found = filesystem.open_input_file(file.path).read() if file.is_file else None
     if not overwrite:
-        refuse_other(found, asked, parts.type is not FileType.NotFound, job.out)
+        check_settings(found, asked, parts.type is not FileType.NotFound, job.out)
     elif parts.type is FileType.Directory:
         filesystem.delete_dir(parts.path)
     elif parts.is_file:
         filesystem.delete_file(parts.path)
-    filesystem.create_dir(f"{out}/{FILE}", recursive=True)
+    filesystem.create_dir(f"{out}/{TABLE}", recursive=True)
     with filesystem.open_output_stream(file.path) as stream:
         stream.write(json.dumps(asked, indent=2).encode() + b"\n")
 
 
 def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
-    """The photos in whole part files, and whether they failed; what a killed driver left half written is removed."""
+    """The photos in complete part files, and whether each failed; an incomplete part file is deleted."""
     from pyarrow import ArrowInvalid
     from pyarrow.fs import FileSelector
     from pyarrow.parquet import read_table

@@ -1,39 +1,45 @@
-"""Results as a table: one row a photo, the fields of a Lighting as columns, in Parquet (extra `parquet`)."""
+"""Results as a Parquet table (extra `parquet`): a row per photo, a column per field of Lighting."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from itertools import islice
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
+from lighting.batch.journal import JOURNAL, read_records
 from lighting.errors import BatchError
 from lighting.files import replacing
 from lighting.records import Lighting
 
-FILE = "lighting.parquet"
-ROWS = 8192  # held in memory at once, and of a row group
+TABLE = "lighting.parquet"
+ROWS = 8192  # of a row group, which is held in memory
 
 
 def row(name: str, light: Lighting | str) -> dict[str, Any]:
-    """The row of a photo: its light, or why there is none."""
+    """The row of a photo: its light, or the reason why it has none."""
     file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
     if isinstance(light, str):
         return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting))}
     return {"file": file, "error": None, **asdict(light)}
 
 
-def write_parquet(target: Path, records: Iterable[Mapping[str, Any]]) -> None:
-    """Write the records of a journal as Parquet; the file appears only when it is whole."""
+def require_parquet() -> None:
+    """Raise BatchError if pyarrow is not installed."""
+    schema()
+
+
+def write_table(out: Path) -> None:
+    """Write TABLE from the JOURNAL in the folder `out`; the file appears only when it is whole."""
     import pyarrow
     from pyarrow.parquet import ParquetWriter
 
-    with replacing(target) as path, ParquetWriter(path, schema()) as writer:
-        for part in _parts(map(_row_of, records)):
+    with replacing(out / TABLE) as path, ParquetWriter(path, schema()) as writer:
+        for part in _parts(map(_row_of, read_records(out / JOURNAL))):
             writer.write_table(pyarrow.Table.from_pylist(part, schema()))
 
 
 def schema() -> Any:
-    """The columns of the table, as pyarrow has them; BatchError where it is not installed."""
+    """The table's pyarrow.Schema; raises BatchError if pyarrow is not installed."""
     try:
         import pyarrow
     except ImportError as error:
@@ -43,7 +49,7 @@ def schema() -> Any:
 
 
 def _kind(pyarrow: Any, hint: Any) -> Any:
-    """The column type of a field of a Lighting: text or numbers, or lists of either."""
+    """The pyarrow type of a field of Lighting: text, number, or a list of either."""
     if get_origin(hint) is tuple:
         return pyarrow.list_(_kind(pyarrow, get_args(hint)[0]))
     return pyarrow.string() if hint is str else pyarrow.float64()

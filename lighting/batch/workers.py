@@ -1,4 +1,4 @@
-"""Processes that share out a list of items and survive the loss of one another."""
+"""Worker processes that share a list of items; a worker that dies is replaced."""
 
 import os
 import signal
@@ -16,10 +16,10 @@ from lighting.errors import BatchError
 Result = TypeVar("Result")
 Work = Callable[[str], Result]
 
-PATIENCE = 5.0  # seconds that workers have to finish what they are at when all ends
+PATIENCE = 5.0  # seconds that workers have to finish their item when the batch ends
 
-_AHEAD = 2  # items that a worker holds, so that it need not wait for the next one
-_ATTEMPTS = 2  # at an item whose worker dies, before it takes the blame
+_AHEAD = 2  # items that a worker holds, so that it never waits for the next one
+_ATTEMPTS = 2  # workers that an item may kill before it is given up
 _READY = "ready"
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -28,12 +28,12 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 class _Worker:
     process: BaseProcess
     connection: Connection
-    items: deque[str] = field(default_factory=deque)  # what it is at, and what comes next; none before it is prepared
+    items: deque[str] = field(default_factory=deque)  # the item in work and the next ones; empty until it is prepared
 
 
 @dataclass
 class _Share(Generic[Result]):
-    """Who works on what: items to come, those to try again, and how often each has lost its worker."""
+    """The items still to do, those to retry, how many workers each has killed, and the workers."""
 
     items: Iterator[str]
     prepare: Callable[[], Work[Result]]
@@ -47,9 +47,9 @@ def work_through(
 ) -> Iterator[tuple[str, Result | None]]:
     """Each item with its result, in the order in which they are finished, each exactly once.
 
-    Every process calls `prepare` once (it and the results are pickled) and what that returns for each item. An item
-    whose process dies is tried again in a new one; the second time it yields None. An exception of `prepare` or of
-    the work ends everything and is raised here. Raises BatchError where a second process dies before it is prepared.
+    Every process calls `prepare` once, and calls the function that it returns for each item; `prepare` and the results
+    are pickled. An item whose process dies is retried in a new process; if that dies too, its result is None. An
+    exception in a worker ends the batch and is raised here. Raises BatchError if two processes die while they start.
     """
     share = _Share(iter(items), prepare)
     try:
@@ -63,7 +63,7 @@ def work_through(
 
 
 def _heard(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, Result | None]]:
-    """What became of the worker's item; the worker gets another one, or a successor if it died."""
+    """The worker's finished item with its result. The worker gets its next items, or is replaced if it died."""
     try:
         answer = worker.connection.recv()
     except (EOFError, OSError):
@@ -78,7 +78,7 @@ def _heard(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, Result
 
 
 def _give(worker: _Worker, share: _Share[Result]) -> None:
-    """The next items, or leave to go; a worker that is dead already is found out when it is listened to."""
+    """Send the worker its next items, or dismiss it if none are left. A dead worker is noticed by `_heard`."""
     while len(worker.items) < _AHEAD:
         item = share.again.popleft() if share.again else next(share.items, None)
         if item is None:
@@ -92,7 +92,7 @@ def _give(worker: _Worker, share: _Share[Result]) -> None:
 
 
 def _bury(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, None]]:
-    """Put a new worker in the place of one that died; what it had not begun yet goes to another one."""
+    """Replace a worker that died; the items that it had not begun are retried."""
     share.team.remove(worker)
     _dismiss([worker])
     item = worker.items.popleft() if worker.items else None
@@ -111,7 +111,7 @@ def _bury(worker: _Worker, share: _Share[Result]) -> Iterator[tuple[str, None]]:
 
 
 def _start(prepare: Callable[[], Work[Result]]) -> _Worker:
-    context = get_context("spawn")  # alike on every system, and safe whatever threads this process has
+    context = get_context("spawn")  # the same on every system, and safe in a process with threads
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs, prepare), daemon=True)
     process.start()
@@ -120,7 +120,7 @@ def _start(prepare: Callable[[], Work[Result]]) -> _Worker:
 
 
 def _dismiss(team: list[_Worker]) -> None:
-    """Workers leave when their connection closes, after what they are at."""
+    """Close the connections, upon which workers exit after their current item; kill those that take too long."""
     for worker in team:
         worker.connection.close()
     for worker in team:
@@ -131,7 +131,7 @@ def _dismiss(team: list[_Worker]) -> None:
 
 
 def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
-    """The life of a worker process; Ctrl-C is for the process that it works for."""
+    """What a worker process runs. It ignores Ctrl-C, which its parent process handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(_ONE_THREAD)
     try:
@@ -143,5 +143,5 @@ def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
     except (EOFError, ConnectionError):
         return
     except Exception as error:
-        with suppress(OSError):  # whom it would tell may have gone meanwhile
+        with suppress(OSError):  # the parent process may have ended
             connection.send(error)

@@ -1,8 +1,8 @@
-"""The command about many photos."""
+"""The command that processes many photos."""
 
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,39 @@ from lighting.cli.group import cli
 from lighting.cli.options import map_options, model_option, quiet_option
 
 if TYPE_CHECKING:
-    from lighting.batch.job import Job
+    from lighting.batch import Job
     from lighting.evidence import Given
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What the user asked for."""
+
+    input: str
+    out: str
+    envmap: bool
+    height: int
+    sun: bool | None
+    yaw: float
+    parquet: bool
+    workers: int | None
+    overwrite: bool
+    engine: str
+    address: str | None
+    given: "Given"
+    model: str | None
+    quiet: bool
+
+    @property
+    def job(self) -> "Job":
+        from lighting.batch import Job, Maps
+
+        maps = Maps(self.height, self.sun, self.yaw) if self.envmap else None
+        return Job(self.input, self.out, self.model, maps, self.engine, self.given.said())
+
+    @property
+    def progress(self) -> bool:
+        return not self.quiet and sys.stderr.isatty()
 
 
 @cli.command()
@@ -24,48 +55,36 @@ if TYPE_CHECKING:
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as NAME.exr.")
 @map_options
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
-@click.option("--workers", type=click.IntRange(1), help="Processes, by default one a CPU.")
-@click.option("--overwrite", is_flag=True, help="Start anew instead of going on; maps of before stay.")
-@click.option("--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What works.")
-@click.option("--address", metavar="ADDRESS", help="Ray's cluster; by default one on this machine.")
+@click.option("--workers", type=click.IntRange(1), help="Number of processes; one per CPU by default.")
+@click.option("--overwrite", is_flag=True, help="Discard earlier results instead of resuming; maps stay.")
+@click.option(
+    "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What runs the workers."
+)
+@click.option("--address", metavar="ADDRESS", help="Address of a Ray cluster; a local one is started by default.")
 @given_of_many_options
 @model_option
 @quiet_option
 @click.pass_context
-def batch(
-    ctx: click.Context,
-    /,
-    input: str,
-    out: str,
-    envmap: bool,
-    given: "Given",
-    model: str | None,
-    engine: str,
-    **options: Any,
-) -> None:
+def batch(ctx: click.Context, /, **options: Any) -> None:
     """Estimate the light of many photos.
 
-    INPUT is a folder or a quoted glob such as "photos/**/*.jpg". OUT is a folder, which gets lighting.jsonl, the lines
-    of "estimate --json"; from Ray it gets lighting.parquet instead. A photo that cannot be read is recorded with the
-    reason, and the exit status is 1 at the end. The same command again goes on where a batch was stopped, and tries
-    again what failed (from Ray, whose results stay as they are, only with --overwrite). Time, place and lens are taken
-    from each photo's metadata.
+    INPUT is a folder or a quoted glob such as "photos/**/*.jpg". The folder OUT receives lighting.jsonl, with the lines
+    that "estimate --json" prints; --engine ray writes lighting.parquet instead. For a photo that cannot be read the
+    results hold the reason, and the exit status is 1. Run the same command again to resume an interrupted batch and to
+    retry failed photos (with --engine ray, failed photos are retried only with --overwrite). Time, place and lens are
+    taken from each photo's metadata.
     """
-    from lighting.batch.job import Job, Maps
-
-    maps = Maps(*(options.pop(name) for name in ("height", "sun", "yaw"))) if envmap else None
+    asked = _Options(**options)
     _refuse_idle_options(ctx)
-    run = _with_ray if engine == "ray" else _with_pool
-    failed = run(Job(input, out, model, maps, engine, given.said()), **options)
+    failed = _run_ray(asked) if asked.engine == "ray" else _run_pool(asked)
     if failed:
-        click.echo(
-            f"Photos that could not be read: {failed}; the reasons are in {click.format_filename(out)}.", err=True
-        )
+        out = click.format_filename(asked.out)
+        click.echo(f"Photos that could not be read: {failed}; the reasons are in {out}.", err=True)
     ctx.exit(1 if failed else 0)
 
 
 def _refuse_idle_options(ctx: click.Context) -> None:
-    """An option that would do nothing is wrong usage."""
+    """Raise UsageError for an option that would do nothing."""
     given = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
     if not ctx.params["envmap"] and given & {"height", "sun", "yaw"}:
         raise click.UsageError("--height, --sun and --yaw need --envmap.")
@@ -75,39 +94,41 @@ def _refuse_idle_options(ctx: click.Context) -> None:
         raise click.UsageError("--engine ray writes Parquet by itself, and nothing else.")
 
 
-def _with_pool(job: "Job", parquet: bool, workers: int | None, overwrite: bool, quiet: bool, **_: Any) -> int:
+def _run_pool(asked: _Options) -> int:
     """Returns how many photos failed."""
-    from lighting.batch.job import JOURNAL, find_photos, open_batch, run_pool
-    from lighting.batch.journal import read_records
-    from lighting.batch.table import FILE, schema, write_parquet
+    from lighting.batch import find_photos, open_batch, require_parquet, run_pool, write_table
     from lighting.model import available_cpus
 
-    if parquet:
-        schema()  # says what is missing before any work
-    source, names = find_photos(job.source)
-    job = replace(job, source=source)
-    with open_batch(job, overwrite=overwrite) as journal:
-        finished = run_pool(job, names, journal, workers or available_cpus())
-        for _name in _progress(finished, len(journal.done.intersection(names)), len(names), quiet):
+    if asked.parquet:
+        require_parquet()
+    source, names = find_photos(asked.input)
+    job = replace(asked.job, source=source)
+    with open_batch(job, overwrite=asked.overwrite) as journal:
+        finished = run_pool(job, names, journal, asked.workers or available_cpus())
+        for _name in _progress(finished, len(journal.done.intersection(names)), len(names), asked.progress):
             pass
-        if parquet:
-            write_parquet(Path(job.out, FILE), read_records(Path(job.out, JOURNAL)))
+        if asked.parquet:
+            write_table(Path(job.out))
     return journal.failed
 
 
-def _with_ray(job: "Job", address: str | None, workers: int | None, overwrite: bool, quiet: bool, **_: Any) -> int:
-    """The same of all results that Ray wrote, of earlier runs too."""
-    from lighting.batch.ray import find_photos_at, run_ray
+def _run_ray(asked: _Options) -> int:
+    """Returns how many photos failed, in this run and in the earlier ones whose results are kept."""
+    from lighting.batch import find_photos_at, run_ray
 
-    source, names = find_photos_at(job.source)
-    shown = not quiet and sys.stderr.isatty()
+    source, names = find_photos_at(asked.input)
     return run_ray(
-        replace(job, source=source), names, address=address, workers=workers, overwrite=overwrite, progress=shown
+        replace(asked.job, source=source),
+        names,
+        address=asked.address,
+        workers=asked.workers,
+        overwrite=asked.overwrite,
+        progress=asked.progress,
     )
 
 
-def _progress(finished: Iterator[str], done: int, total: int, quiet: bool) -> Any:
-    """The finished photos behind a bar with their rate and the time left, which only a terminal shows."""
+def _progress(finished: Iterator[str], done: int, total: int, shown: bool) -> Any:
+    """The finished photos behind a progress bar with their rate and the time left."""
     from tqdm import tqdm
 
-    return tqdm(finished, initial=done, total=total, unit="photo", disable=quiet or not sys.stderr.isatty())
+    return tqdm(finished, initial=done, total=total, unit="photo", disable=not shown)

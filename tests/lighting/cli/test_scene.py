@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from tests.lighting.cli.test_commands import error_of, run
+from tests.lighting.cli.runners import error_of, run
 from tests.scenes import LIGHT
 
 

@@ -1,0 +1,86 @@
+"""A batch on one machine, in a process per CPU.
+
+The output folder holds `batch.json`, the settings; `lighting.jsonl`, one line per photo in the order in which they were
+finished; and, if maps are asked for, `NAME.exr` under each photo's own relative name. The same batch started again
+resumes an interrupted one and retries the photos that failed.
+"""
+
+import errno
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lighting.batch.job import SETTINGS, Job, Maps, check_settings, lighting_or_reason, load_estimator, settings
+from lighting.batch.journal import JOURNAL, Journal, open_journal
+from lighting.batch.table import TABLE
+from lighting.batch.workers import work_through
+from lighting.errors import EnvironmentMapError
+from lighting.files import json_line, replacing
+
+if TYPE_CHECKING:
+    from lighting.records import Lighting
+
+LOST = "The process that worked on this photo ended, twice."
+LONG_NAME = "The photo's name is too long for a map of that name."
+
+
+@contextmanager
+def open_batch(job: Job, *, overwrite: bool = False) -> Iterator[Journal]:
+    """The journal of a job, with the results of an interrupted run; `overwrite` discards them.
+
+    Raises BatchError if the folder holds results of another job, or another process is writing to it.
+    """
+    out = Path(job.out)
+    out.mkdir(parents=True, exist_ok=True)
+    asked = settings(job)
+    if not overwrite:
+        found = out / SETTINGS
+        check_settings(found.read_bytes() if found.exists() else None, asked, (out / JOURNAL).exists(), job.out)
+    with open_journal(out / JOURNAL) as journal:
+        if overwrite:
+            journal.clear()
+            (out / TABLE).unlink(missing_ok=True)
+        with replacing(out / SETTINGS) as path:
+            path.write_text(json.dumps(asked, indent=2) + "\n")
+        yield journal
+
+
+def run_pool(job: Job, names: Sequence[str], journal: Journal, workers: int) -> Iterator[str]:
+    """Process the photos that are not in the journal, in `workers` processes; yields the name of each finished one."""
+    missing = [name for name in names if name not in journal.done]
+    for name, result in work_through(missing, partial(prepare, job), min(workers, len(missing))):
+        line, failed = result or (json_line(name, LOST), True)
+        journal.append(name, line, failed=failed)
+        yield name
+
+
+def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
+    """Load the network; returns a function from a photo's name to its line of JSON and whether the photo failed."""
+    estimator, given = load_estimator(job)
+
+    def work(name: str) -> tuple[str, bool]:
+        answer = lighting_or_reason(estimator, Path(job.source, name), given)
+        if job.maps and not isinstance(answer, str) and not _write_map(Path(job.out, f"{name}.exr"), answer, job.maps):
+            answer = LONG_NAME
+        return json_line(name, answer), isinstance(answer, str)
+
+    return work
+
+
+def _write_map(path: Path, lighting: "Lighting", maps: Maps) -> bool:
+    """Whether the file system takes a name as long as the map's; raises EnvironmentMapError for other failures."""
+    from lighting.envmap import view
+    from lighting.files import write_exr
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        write_exr(path, *view(lighting, **asdict(maps)))
+    except EnvironmentMapError as error:
+        if isinstance(error.__cause__, OSError) and error.__cause__.errno == errno.ENAMETOOLONG:
+            return False
+        raise
+    return True

@@ -1,0 +1,40 @@
+"""Which photos a folder or a glob stands for."""
+
+from pathlib import Path
+
+import pytest
+
+from lighting.batch import find_photos
+from lighting.errors import BatchError
+
+
+def test_photos_of_a_folder_at_any_depth(photos: Path) -> None:
+    expected = ["a.jpg", "b.PNG", "bad.jpg", "below/a.jpg", "ä b.webp"]
+    assert find_photos(str(photos)) == (str(photos), expected)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("*.jpg", ["a.jpg", "bad.jpg"]),
+        ("**/*.jpg", ["a.jpg", "bad.jpg", "below/a.jpg"]),
+        ("b*/a.jpg", ["below/a.jpg"]),
+        ("notes.*", ["notes.txt"]),
+        ("a.jpg", ["a.jpg"]),
+    ],
+)
+def test_photos_of_a_glob_are_named_from_its_fixed_part(photos: Path, pattern: str, names: list[str]) -> None:
+    assert find_photos(f"{photos}/{pattern}") == (str(photos), names)
+
+
+def test_a_glob_may_be_relative(photos: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(photos.parent)
+    assert find_photos("photos/below/*") == (str(Path("photos/below")), ["a.jpg"])
+    monkeypatch.chdir(photos)
+    assert find_photos("a.*") == (".", ["a.jpg"])
+
+
+@pytest.mark.parametrize("pattern", ["nothing", "photos/*.tif", "photos/.trash/none"])
+def test_no_photo_at_all_is_an_error(photos: Path, pattern: str) -> None:
+    with pytest.raises(BatchError, match="neither a folder with photos"):
+        find_photos(str(photos.parent / pattern))

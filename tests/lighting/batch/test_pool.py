@@ -1,0 +1,204 @@
+"""What a batch on one machine writes, and that a stopped batch loses and repeats nothing."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from lighting.batch import find_photos
+from lighting.cli import cli
+from lighting.files import full_record, read_exr
+from lighting.model import Model
+from lighting.photo import read_photo
+from lighting.pipeline import Estimator
+from tests.conftest import encode, scene, write_network
+from tests.lighting.batch.runners import MANY, records, run
+
+pytestmark = pytest.mark.slow
+
+
+def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path) -> None:
+    result = run(photos, tmp_path / "out", "--model", network)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == f"Photos that could not be read: 1; the reasons are in {tmp_path / 'out'}.\n"
+    found = {record.pop("file"): record for record in records(tmp_path / "out")}
+    assert sorted(found) == find_photos(str(photos))[1]
+    assert found.pop("bad.jpg")["error"].startswith("The file is not a JPEG")
+    estimator = Estimator(Model.load(network))
+    assert found == {name: {"lighting": full_record(estimator(read_photo(photos / name)).lighting)} for name in found}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"batch.json", "lighting.jsonl"}
+
+
+def test_maps_lie_under_the_photos_own_names(photos: Path, tmp_path: Path, network: Path) -> None:
+    assert run(photos / "**" / "a.jpg", tmp_path / "out", "--envmap", "--height", 32, "--model", network).exit_code == 0
+    assert sorted(path.name for path in tmp_path.glob("out/**/*.exr")) == ["a.jpg.exr", "a.jpg.exr"]
+    for record in records(tmp_path / "out"):
+        image, lighting = read_exr(tmp_path / "out" / f"{record['file']}.exr")
+        assert image.shape == (32, 64, 3)
+        assert lighting is not None
+        assert full_record(lighting) == record["lighting"]
+
+
+def test_maps_take_the_options_of_render(photos: Path, tmp_path: Path, network: Path) -> None:
+    options = ["--envmap", "--height", 64, "--no-sun", "--yaw", 90, "--model", network]
+    assert run(photos / "a.jpg", tmp_path / "out", *options).exit_code == 0
+    (record,) = records(tmp_path / "out")
+    (tmp_path / "record.json").write_text(json.dumps(record))
+    arguments = [tmp_path / "record.json", "-o", tmp_path / "same.exr", "--height", 64, "--no-sun", "--yaw", 90]
+    assert CliRunner().invoke(cli, ["render", *map(str, arguments)]).exit_code == 0
+    same = read_exr(tmp_path / "same.exr")
+    batch = read_exr(tmp_path / "out" / "a.jpg.exr")
+    assert batch[1] == same[1]
+    np.testing.assert_array_equal(batch[0], same[0])
+
+
+def test_a_name_too_long_for_its_map_fails_alone(tmp_path: Path, network: Path) -> None:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    names = ["a.jpg", "m" * 244 + ".jpg", "n" * 248 + ".jpg"]  # with .exr the second just fits a name of 255
+    for name in names:
+        (folder / name).write_bytes(encode(scene(64, 64)))
+    result = run(folder, tmp_path / "out", "--envmap", "--height", 16, "--model", network)
+    assert result.exit_code == 1
+    failed = {record["file"]: record.get("error") for record in records(tmp_path / "out")}
+    assert failed == dict(zip(names, [None, None, "The photo's name is too long for a map of that name."], strict=True))
+    assert len(list(tmp_path.glob("out/*.exr"))) == 2
+
+
+def test_what_failed_is_tried_again(photos: Path, tmp_path: Path, network: Path) -> None:
+    arguments = (photos, tmp_path / "out", "--model", network)
+    assert run(*arguments).exit_code == 1
+    before = records(tmp_path / "out")
+    assert run(*arguments).exit_code == 1
+    assert sorted(map(str, records(tmp_path / "out"))) == sorted(map(str, before))
+    (photos / "bad.jpg").write_bytes(encode(scene(64, 64)))
+    assert run(*arguments).exit_code == 0
+    assert {r["file"] for r in records(tmp_path / "out") if "lighting" in r} == {r["file"] for r in before}
+    assert len(records(tmp_path / "out")) == len(before)
+
+
+def test_what_is_known_of_all_photos_counts_and_is_kept(photos: Path, tmp_path: Path, network: Path) -> None:
+    out = tmp_path / "out"
+    said = (photos / "a.jpg", out, "--model", network, "--fov", 44, "--no-exif")
+    assert run(*said).exit_code == 0
+    (record,) = records(out)
+    assert record["lighting"]["camera"]["vertical_fov"] == 44.0
+    assert json.loads((out / "batch.json").read_text())["metadata"] == {"use_exif": False, "vertical_fov": 44.0}
+    assert run(*said[:-2], 45, "--no-exif").stderr.endswith(
+        "another metadata; choose another folder, or --overwrite.\n"
+    )
+    assert run(*said[:-1], "--lat", 91, "--lon", 0).exit_code == 2
+
+
+def test_a_missing_network_is_one_sentence(photos: Path, tmp_path: Path) -> None:
+    result = run(photos, tmp_path / "out", "--model", tmp_path / "no.onnx")
+    assert (result.exit_code, result.stderr) == (1, f"Error: There is no network at {tmp_path / 'no.onnx'}.\n")
+
+
+def test_a_damaged_network_is_one_sentence(photos: Path, tmp_path: Path) -> None:
+    (tmp_path / "bad.onnx").write_bytes(b"nonsense")
+    result = run(photos, tmp_path / "out", "--model", tmp_path / "bad.onnx")
+    assert result.exit_code == 1
+    assert "is not an ONNX network that can be read" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_finished_photos_are_not_redone(photos: Path, tmp_path: Path, network: Path) -> None:
+    assert run(photos, tmp_path / "out", "--model", network).exit_code == 1
+    lines = (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines(keepends=True)
+    before = b"".join(line for line in lines if b'"error"' not in line)
+    (photos / "new.jpg").write_bytes(encode(scene(100, 80)))
+    assert run(photos, tmp_path / "out", "--model", network).exit_code == 1
+    after = (tmp_path / "out" / "lighting.jsonl").read_bytes()
+    assert after.startswith(before)
+    assert [json.loads(line)["file"] for line in after[len(before) :].splitlines()] == ["bad.jpg", "new.jpg"]
+
+
+def test_overwrite_starts_anew(photos: Path, tmp_path: Path, network: Path) -> None:
+    assert run(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
+    (photos / "bad.jpg").unlink()
+    assert run(photos, tmp_path / "out", "--overwrite", "--model", network).exit_code == 0
+    assert len(records(tmp_path / "out")) == 4
+    assert not (tmp_path / "out" / "lighting.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [(["--envmap"], "maps"), (["--model", "other.onnx"], "network and sha256"), (["--source"], "source")],
+)
+def test_results_of_another_job_are_refused(
+    photos: Path, tmp_path: Path, network: Path, change: list[str], named: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_network(tmp_path / "other.onnx", bias=1.0)
+    assert run(photos, "out", "--model", network).exit_code == 1
+    source = photos / "below" if change == ["--source"] else photos
+    result = run(source, "out", "--model", network, *([] if change == ["--source"] else change))
+    assert result.exit_code == 1
+    assert result.stderr == f"Error: out holds results of another {named}; choose another folder, or --overwrite.\n"
+    assert len(records(tmp_path / "out")) == 5
+
+
+def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, network: Path) -> None:
+    (tmp_path / "lighting.jsonl").write_text("somebody's\n")
+    result = run(photos, tmp_path, "--model", network)
+    assert result.exit_code == 1
+    assert "holds results, but no batch.json" in result.stderr
+    assert (tmp_path / "lighting.jsonl").read_text() == "somebody's\n"
+
+
+@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
+def test_a_stopped_batch_goes_on(many: Path, tmp_path: Path, network: Path, sign: signal.Signals) -> None:
+    """Each photo exactly once, and its map whole, whatever stopped the first run."""
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "lighting", "batch", many, out, "--envmap", "--height", "16", "--model", network]
+    first = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, start_new_session=True)
+    wait_for_lines(out / "lighting.jsonl", 20)
+    if sign is signal.SIGINT:
+        os.killpg(first.pid, sign)  # as a terminal does
+    else:
+        first.send_signal(sign)
+    _, error = first.communicate(timeout=60)
+    assert first.returncode != 0
+    assert b"Traceback" not in error
+    before = (out / "lighting.jsonl").read_bytes()
+    assert 20 <= before.count(b"\n") < MANY
+    second = subprocess.run(list(map(str, command)), capture_output=True, timeout=120, check=False)
+    assert (second.returncode, second.stderr) == (0, b"")
+    assert (out / "lighting.jsonl").read_bytes().startswith(before[: before.rindex(b"\n") + 1])
+    assert Counter(record["file"] for record in records(out)) == Counter(find_photos(str(many))[1])
+    assert all(read_exr(out / f"{number:04}.jpg.exr")[0].shape == (16, 32, 3) for number in range(MANY))
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds the workers in Linux's /proc")
+def test_a_killed_worker_costs_nothing(many: Path, tmp_path: Path, network: Path) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "lighting", "batch", many, out, "--workers", "2", "--model", network]
+    running = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE)
+    wait_for_lines(out / "lighting.jsonl", 20)
+    os.kill(workers_of(running.pid)[0], signal.SIGKILL)
+    _, error = running.communicate(timeout=120)
+    assert (running.returncode, error) == (0, b"")
+    assert Counter(record["file"] for record in records(out)) == Counter(find_photos(str(many))[1])
+    assert all("lighting" in record for record in records(out))
+
+
+def wait_for_lines(path: Path, count: int) -> None:
+    end = time.monotonic() + 60
+    while not path.exists() or path.read_bytes().count(b"\n") < count:
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def workers_of(pid: int) -> list[int]:
+    """Processes that the pool of a process started."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]

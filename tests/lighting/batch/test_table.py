@@ -1,0 +1,61 @@
+"""The results as Parquet."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from pyarrow.parquet import read_table
+
+from lighting.batch import require_parquet
+from lighting.batch.table import row, schema
+from lighting.errors import BatchError
+from lighting.records import RANGES, Lighting
+from tests.conftest import encode, scene
+from tests.lighting.batch.runners import records, run
+
+
+@pytest.mark.slow
+def test_parquet_holds_the_same_numbers(photos: Path, tmp_path: Path, network: Path) -> None:
+    assert run(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
+    table = read_table(tmp_path / "out" / "lighting.parquet")
+    assert table.column_names[:2] == ["file", "error"]
+    assert set(RANGES) < set(table.column_names)
+    rows = {row["file"]: row for row in table.to_pylist()}
+    for record in records(tmp_path / "out"):
+        row = rows.pop(record["file"])
+        assert row["error"] == record.get("error")
+        assert row["sun_azimuth"] == (record["lighting"]["sun"]["azimuth"] if "lighting" in record else None)
+    assert rows == {}
+
+
+@pytest.mark.slow
+def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -> None:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    (folder / os.fsdecode(b"caf\xe9.jpg")).write_bytes(encode(scene(64, 64)))
+    assert run(folder, tmp_path / "out", "--parquet", "--model", network).exit_code == 0
+    (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
+    assert row["file"] == "caf\\udce9.jpg"
+
+
+def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    result = run(photos, tmp_path / "out", "--parquet")
+    assert result.exit_code == 1
+    assert result.stderr == "Error: Parquet needs pyarrow: pip install 'outdoor-lighting[parquet]'.\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_row_has_the_schemas_columns() -> None:
+    columns = schema().names
+    assert list(row("a.jpg", Lighting(10.0, 20.0, 3.0, 1.0))) == columns
+    failed = row("b.jpg", "no photo")
+    assert list(failed) == columns
+    assert {name for name, value in failed.items() if value is not None} == {"file", "error"}
+
+
+def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(BatchError, match=r"^Parquet needs pyarrow: pip install"):
+        require_parquet()

@@ -1,0 +1,30 @@
+"""`lighting batch`: wrong usage, help, imports."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.lighting.batch.runners import run
+
+
+@pytest.mark.parametrize("options", [["--height", 64], ["--yaw", 0], ["--address", "auto"]])
+def test_options_that_would_do_nothing_are_refused(tmp_path: Path, options: list[object]) -> None:
+    result = run(tmp_path, tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert "need" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_ray_and_pyarrow_are_not_imported_unless_asked() -> None:
+    code = "import sys, lighting.cli, lighting.batch; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "lighting.batch.ray" in modules
+    assert not {"ray", "pyarrow"} & set(modules)
+
+
+def test_help_says_what_is_written() -> None:
+    help_text = " ".join(run("--help").stdout.split())
+    assert "receives lighting.jsonl" in help_text
+    assert "--engine [pool|ray]" in help_text
