@@ -11,7 +11,7 @@ from server.process import prepare, share_compression
 
 
 def main() -> None:
-    """Serve until SIGTERM or SIGINT; running requests then have `shutdown_seconds` to finish."""
+    """Serve until SIGTERM or SIGINT, after which running requests have `shutdown_seconds` to finish."""
     prepare()
     try:
         if sys.argv[1:]:
@@ -22,24 +22,24 @@ def main() -> None:
 
 
 def refuse(arguments: Sequence[str]) -> NoReturn:
-    """Help or the version where they are asked for; status 2 for any other argument, since there is none."""
+    """Print help or the version if asked for; any other argument is wrong usage, status 2."""
     from server.settings import PREFIX, Settings
 
     fields = Settings.model_fields.items()
     listed = "\n".join(f"  {PREFIX + name.upper():26}{field.description}" for name, field in fields)
     parser = ArgumentParser(
         prog="lighting-server",
-        description="Serve the light of outdoor photos over HTTP. What may be chosen is read from the environment:",
+        description="Estimate the light of outdoor photos over HTTP. Settings are read from environment variables:",
         epilog=listed,
         formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=__version__)
     parser.parse_args(arguments)
-    parser.error("there are no arguments but these")
+    parser.error("there are no other arguments; settings are read from the environment")
 
 
 def serve() -> None:
-    """The same in a prepared process."""
+    """Read the settings, load the network and serve."""
     import uvicorn
     from pydantic import ValidationError
 
@@ -69,13 +69,13 @@ def serve() -> None:
 
 
 def _logging(level: str) -> dict[str, Any]:
-    """One line an event on stderr."""
+    """Log to stderr, one line per event."""
     return {
         "version": 1,
         "disable_existing_loggers": False,
         "formatters": {"line": {"format": "%(asctime)s %(levelname)s %(name)s: %(message)s"}},
         "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
-        "loggers": {"python_multipart": {"level": "ERROR"}},  # warns of every odd byte of a form
+        "loggers": {"python_multipart": {"level": "ERROR"}},  # warns about every malformed form
         "root": {"level": level, "handlers": ["stderr"]},
     }
 

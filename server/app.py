@@ -1,4 +1,4 @@
-"""The app, put together."""
+"""The ASGI app."""
 
 import logging
 from collections.abc import AsyncIterator, Callable
@@ -19,8 +19,8 @@ from server.service import Service
 from server.settings import Settings
 
 TAGS = [
-    {"name": "lighting", "description": "From a photo to its light, and from light to environment maps."},
-    {"name": "operations", "description": "For whoever runs the service."},
+    {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
+    {"name": "operations", "description": "For operators."},
 ]
 EXPOSED = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model")
 
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 
 def create_app(settings: Settings | None = None, estimator: Estimator | None = None) -> FastAPI:
-    """The service as an ASGI app; it loads the network when it starts, unless it is given one.
+    """The service as an ASGI app, which loads the network when it starts unless an estimator is passed.
 
     Raises SettingsError for a file of API keys that cannot be read or is empty; starting raises ModelError.
     """
@@ -39,7 +39,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
         version=__version__,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         openapi_tags=TAGS,
-        docs_url=None,  # the usual documentation pages load their scripts from another host
+        docs_url=None,  # these documentation pages load scripts from another host
         redoc_url=None,
         lifespan=_lifespan,
         generate_unique_id_function=_operation_id,
@@ -93,7 +93,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 async def _warm_up(service: Service) -> None:
-    """Have the network answer once; until then /readyz says 503."""
+    """Run the network once; until then /readyz answers 503."""
     try:
         await to_thread.run_sync(service.answer_once)
     except Exception:
@@ -105,7 +105,7 @@ def _operation_id(route: APIRoute) -> str:
 
 
 def _document(app: FastAPI) -> None:
-    """Add to the OpenAPI document the schemas that only bodies and errors refer to."""
+    """Add the schemas to the OpenAPI document to which only bodies and errors refer."""
     generate = app.openapi
 
     def openapi() -> dict[str, Any]:

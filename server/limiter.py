@@ -1,4 +1,4 @@
-"""One limit on CPU work: so many requests run, so many wait, the next is refused at once."""
+"""The limit on CPU work: a fixed number of requests run, a fixed number wait, and any further one is refused."""
 
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
@@ -12,11 +12,11 @@ T = TypeVar("T")
 
 
 class BusyError(Exception):
-    """Every place is taken and the queue is full."""
+    """All workers are busy and the queue is full."""
 
 
 class Limiter:
-    """Places for requests, which run in threads; one is admitted before its body is read, which bounds the bodies."""
+    """Runs requests in a fixed number of threads; they are admitted before their bodies are read, to bound memory."""
 
     def __init__(self, places: int, queue: int) -> None:
         self.places = places
@@ -34,7 +34,7 @@ class Limiter:
 
     @contextmanager
     def admission(self) -> Iterator[None]:
-        """Hold one of the places or waiting places; raises BusyError when there is none."""
+        """Count as running or waiting until the end of the block; raises BusyError if the queue is full."""
         if self.admitted >= self.capacity:
             raise BusyError
         self.admitted += 1
@@ -44,9 +44,9 @@ class Limiter:
             self.admitted -= 1
 
     async def run(self, receive: Receive, work: Callable[[], T]) -> T:
-        """What `work` returns, from a thread, when its turn comes; ClientDisconnect once the client has gone.
+        """Run `work` in a thread as soon as one is free; raises ClientDisconnect if the client disconnects.
 
-        Work that waits is dropped then; work that runs stops where it calls anyio.from_thread.check_cancelled.
+        Waiting work is then dropped; running work stops at its next call of anyio.from_thread.check_cancelled.
         """
         return await _unless_gone(receive, lambda: to_thread.run_sync(work, limiter=self._threads))
 

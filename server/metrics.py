@@ -1,4 +1,4 @@
-"""Counters for Prometheus, in a registry of each app's own."""
+"""Prometheus metrics; each app has its own registry."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
 
 
 class Metrics:
-    """What the service counts; routes are labelled by template, so that labels stay few."""
+    """The service's metrics. Routes are labelled by template, which keeps the number of labels small."""
 
     def __init__(self, limiter: Limiter) -> None:
         self.registry = registry = CollectorRegistry()
@@ -18,19 +18,25 @@ class Metrics:
             "lighting_requests", "Requests answered.", ["method", "route", "status"], registry=registry
         )
         self.latency = Histogram(
-            "lighting_request_seconds", "From first byte to last.", ["route"], buckets=SECONDS, registry=registry
+            "lighting_request_seconds",
+            "Time from a request's first byte to its answer's last.",
+            ["route"],
+            buckets=SECONDS,
+            registry=registry,
         )
         self.inference = Histogram(
             "lighting_inference_seconds",
-            "The network and the metadata, on the photos of one request.",
+            "Time to estimate the light of one request's photos.",
             buckets=SECONDS,
             registry=registry,
         )
         self.photo_bytes = Counter("lighting_photo_bytes", "Bytes of photos read.", registry=registry)
         self.photo_pixels = Counter("lighting_photo_pixels", "Pixels of photos read.", registry=registry)
         self.model = Gauge("lighting_model_info", "The network that answers.", ["name", "version"], registry=registry)
-        self._gauge("lighting_queue_depth", "Requests admitted that wait or upload.", lambda: limiter.waiting)
-        self._gauge("lighting_running", "Requests worked on.", lambda: limiter.running)
+        self._gauge(
+            "lighting_queue_depth", "Admitted requests that wait or are being uploaded.", lambda: limiter.waiting
+        )
+        self._gauge("lighting_running", "Requests that are running.", lambda: limiter.running)
 
     def _gauge(self, name: str, meaning: str, value: Callable[[], int]) -> None:
         Gauge(name, meaning, registry=self.registry).set_function(value)

@@ -1,4 +1,4 @@
-"""For whoever runs the service: health, metrics, one log line a request, and what no error may escape."""
+"""For operators: health, metrics, one log line per request, and a handler for unexpected errors."""
 
 import logging
 import re
@@ -16,7 +16,7 @@ from server.schemas import Status
 from server.service import Service, Services
 
 UNCOUNTED = ("/livez", "/readyz", "/healthz", "/metrics")
-UNMATCHED = "unmatched"  # the route of requests that no route takes
+UNMATCHED = "unmatched"  # label of requests that match no route
 _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
 
 access = logging.getLogger("server.access")
@@ -52,7 +52,7 @@ async def metrics(service: Services) -> Response:
 
 
 class Observed:
-    """Gives each request an id, counts it and logs it: its route, never its query, body or file names."""
+    """Gives each request an id, counts and logs it. The log holds its route, never its query, body or file names."""
 
     def __init__(self, app: ASGIApp, service: Service) -> None:
         self.app = app
@@ -91,13 +91,13 @@ class Observed:
 
 
 def _request_id(headers: Headers) -> str:
-    """The client's, where it is short and plain, or a new one."""
+    """The client's own id if it is short and plain, else a new one."""
     given = headers.get("x-request-id", "")
     return given if _REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
 
 
 class Caught:
-    """Answers 500 without internals where an error escaped everything else, and logs it."""
+    """Answers 500 without internal details for errors that nothing else handled, and logs them."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -120,7 +120,7 @@ class Caught:
 
 
 class HeadAsGet:
-    """Answers HEAD as GET without the body."""
+    """Answers HEAD like GET, without the body."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app

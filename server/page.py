@@ -1,4 +1,4 @@
-"""The web page: what vite built from server/web, or a few words where it was not built."""
+"""The web page that vite builds from server/web, or a short notice if it was not built."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 
 BUNDLE = Path(__file__).parent / "web" / "dist"
-FOREVER = "public, max-age=31536000, immutable"  # the names of built files change with what they hold
+FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
 NOT_BUILT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Outdoor lighting</title></head><body>
@@ -21,7 +21,7 @@ NOT_BUILT = """<!doctype html>
 
 
 def page_router(bundle: Path = BUNDLE) -> APIRouter:
-    """Routes of the page in a folder; they see a page that is built later too."""
+    """Routes of the page in the folder `bundle`, which may be built after the service has started."""
     router = APIRouter(include_in_schema=False)
     files = StaticFiles(directory=bundle / "assets", check_dir=False)
 

@@ -1,4 +1,4 @@
-"""Errors as application/problem+json (RFC 9457): every kind there is, and what turns into which."""
+"""Errors as application/problem+json (RFC 9457): the kinds of problem, and which exception becomes which."""
 
 import logging
 from collections.abc import Mapping
@@ -37,18 +37,18 @@ class Kind:
 
 UNREADABLE_PHOTO = Kind("unreadable-photo", 400, "The photo cannot be read")
 UNREADABLE_BODY = Kind("unreadable-body", 400, "The body cannot be read")
-UNAUTHORISED = Kind("unauthorised", 401, "An API key is needed")
-NOT_FOUND = Kind("not-found", 404, "There is nothing here")
+UNAUTHORISED = Kind("unauthorised", 401, "An API key is required")
+NOT_FOUND = Kind("not-found", 404, "There is no such route")
 METHOD_NOT_ALLOWED = Kind("method-not-allowed", 405, "The method is not allowed here")
 TOO_SLOW = Kind("too-slow", 408, "The body did not arrive in time")
 TOO_LARGE = Kind("too-large", 413, "The body or the photo is too large")
 UNSUPPORTED_TYPE = Kind("unsupported-type", 415, "The body is of a type that is not accepted")
 INVALID = Kind("invalid", 422, "A parameter is missing, unknown or out of range")
 TOO_MANY_REQUESTS = Kind("too-many-requests", 429, "The rate limit is reached")
-GONE = Kind("client-gone", 499, "The client went away")
+GONE = Kind("client-gone", 499, "The client disconnected")
 INTERNAL = Kind("internal", 500, "The service failed")
 NOT_READY = Kind("not-ready", 503, "The network is not loaded yet")
-BUSY = Kind("busy", 503, "Every place is taken")
+BUSY = Kind("busy", 503, "The service is busy")
 
 KINDS = (
     UNREADABLE_PHOTO,
@@ -69,7 +69,7 @@ _OF_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
 
 
 class ProblemError(Exception):
-    """Ends a request with a problem; `more` are further members of its body."""
+    """Ends a request with a problem; `more` adds members to its body."""
 
     def __init__(self, kind: Kind, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
         super().__init__(detail)
@@ -98,7 +98,7 @@ def _body(kind: Kind, detail: str, instance: str, request_id: str) -> dict[str, 
 
 
 def problem_of(error: Exception) -> ProblemError:
-    """The problem that an exception amounts to; 500 without internals for one that nobody expects."""
+    """The problem for an exception; an unexpected one becomes a 500 without internal details."""
     match error:
         case ProblemError():
             return error
@@ -113,11 +113,11 @@ def problem_of(error: Exception) -> ProblemError:
         case ParameterError():
             return ProblemError(INVALID, str(error))
         case BusyError():
-            return ProblemError(BUSY, "All places are taken and the queue is full.", {"Retry-After": RETRY_SECONDS})
+            return ProblemError(BUSY, "All workers are busy and the queue is full.", {"Retry-After": RETRY_SECONDS})
         case ClientDisconnect():
-            return ProblemError(GONE, "The client went away.")
+            return ProblemError(GONE, "The client disconnected.")
         case _:
-            return ProblemError(INTERNAL, "Something went wrong inside the service.")
+            return ProblemError(INTERNAL, "An unexpected error occurred in the service.")
 
 
 def _of_http_exception(error: HTTPException) -> ProblemError:
@@ -133,14 +133,14 @@ def _invalid_request(error: RequestValidationError) -> ProblemError:
 
 
 def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A field with what is wrong about it and, where it is a number, its range."""
+    """A field, what is wrong with it and, for a number, its range."""
     limits = {name: value for name, value in found.get("ctx", {}).items() if name in ("minimum", "maximum")}
     field = ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0])
     return {"field": field, "detail": found["msg"], **limits}
 
 
 async def answer(request: Request, error: Exception) -> JSONResponse:
-    """The answer to a request that ended with an error; what nobody expected is logged."""
+    """The answer to a request that ended with an error; unexpected errors are logged."""
     problem = problem_of(error)
     if problem.kind is METHOD_NOT_ALLOWED:
         problem.headers = _allowed(request) or problem.headers
@@ -150,7 +150,7 @@ async def answer(request: Request, error: Exception) -> JSONResponse:
 
 
 def _allowed(request: Request) -> dict[str, str]:
-    """The methods of every route of a path; the router names those of the first alone."""
+    """All methods of a path; the router names only those of its first route."""
     path = getattr(request.scope.get("route"), "path", "")
     methods = {method.upper() for method in request.app.openapi()["paths"].get(path, ())}
     also = {"HEAD"} if "GET" in methods else set()
@@ -158,7 +158,7 @@ def _allowed(request: Request) -> dict[str, str]:
 
 
 def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """These errors for the OpenAPI document of a route."""
+    """These statuses for the OpenAPI document of a route."""
     return {status: _documented([kind for kind in KINDS if kind.status == status]) for status in statuses}
 
 
@@ -169,6 +169,6 @@ def _documented(kinds: list[Kind]) -> dict[str, Any]:
 
 
 def install(app: FastAPI) -> None:
-    """Let every error of the app end as a problem."""
+    """Register the handler that answers errors with problems."""
     for expected in (ProblemError, HTTPException, RequestValidationError, LightingError, BusyError, ClientDisconnect):
         app.add_exception_handler(expected, answer)

@@ -1,19 +1,19 @@
-"""How this process works with threads and memory."""
+"""Threads and memory of the server's process."""
 
 import ctypes
 import os
 import sys
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
-_KEPT = 1 << 28  # bytes of free memory that stay with the process
-_BUFFER = 1 << 25  # bytes; what is larger is asked of the system each time, and no more is allowed here
+_KEPT = 1 << 28  # bytes of free memory that the process keeps
+_BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
 
 
 def prepare() -> None:
-    """One thread for each photo, and memory that is used again: to be called before numpy is imported.
+    """Use one thread per photo and reuse memory; call this before numpy is imported.
 
-    OpenBLAS's own threads would spin beside those that work on other photos. And glibc would return the buffers of a
-    photo to the system and fault them in again for the next, in as many heaps as there are threads.
+    OpenBLAS's own threads would compete with those that process other photos. And glibc would return each photo's
+    buffers to the system and request them again for the next photo, in one heap per thread.
     """
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
@@ -23,7 +23,7 @@ def prepare() -> None:
 
 
 def share_compression(threads: int) -> None:
-    """Let so many threads compress the blocks of an EXR; a pool of one would be slower than none."""
+    """Compress the blocks of an EXR in this many threads. For one, no pool is made: it would be slower than none."""
     import OpenEXR
 
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)

@@ -1,4 +1,4 @@
-"""What requests say in their URLs, with units and ranges."""
+"""The parameters in the URLs of requests, with units and ranges."""
 
 import re
 from collections.abc import Callable
@@ -36,7 +36,7 @@ _DATE, _CLOCK, _OFFSET = (
 
 
 def _in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A reader whose ParameterError becomes the error of a field."""
+    """The reader, with its ParameterError turned into the error of a field."""
 
     def parsed(text: str) -> Any:
         try:
@@ -48,12 +48,12 @@ def _in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
 
 
 def _time(text: str) -> datetime:
-    """A time whose plus sign the URL may have turned into a space."""
+    """Read a time; the plus sign of its offset may have become a space in the URL."""
     return read_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
 
 
 def _headings(text: str) -> str:
-    """The same text, since a list would be one of repeated parameters."""
+    """Check the text and return it: pydantic would read a list from repeated parameters."""
     read_headings(text)
     return text
 
@@ -80,17 +80,17 @@ Headings = Annotated[
 
 
 class Query(BaseModel):
-    """Parameters of a URL; a name that is not one of them is refused."""
+    """Parameters of a URL; unknown names are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class GivenQuery(Query):
-    """What the client knows of a photo, in place of what the photo's metadata say."""
+    """What the client states about a photo; it overrides the photo's metadata."""
 
-    exif: Flag = Field(True, description="use the photo's metadata; false counts the pixels alone")
-    time: Time = Field(None, description="when, in ISO 8601, with the offset from UTC behind it if known")
-    utc_offset: Offset = Field(None, description="hours from UTC of a local time, -12 to 14")
+    exif: Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
+    time: Time = Field(None, description="when the photo was taken, ISO 8601, with the offset from UTC if known")
+    utc_offset: Offset = Field(None, description="offset of a local time from UTC in hours, -12 to 14")
     lat: Annotated[float | None, named("latitude", "deg, positive north; needs `lon`", 48.14)] = None
     lon: Annotated[float | None, named("longitude", "deg, positive east; needs `lat`", 11.58)] = None
     heading: Annotated[
@@ -124,9 +124,9 @@ class LightingQuery(GivenQuery):
 class MapQuery(Query):
     """How a map is rendered."""
 
-    sun: FlagOrAuto = Field(None, description="paint the sun's disc; by default where direct sunlight is likely")
+    sun: FlagOrAuto = Field(None, description="paint the sun's disc; by default if direct sunlight is likely")
     height: Height = 512
-    format: Format = Field("exr", description="OpenEXR, Radiance, or PNG as the photo's exposure shows it")
+    format: Format = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
 
 
 class EnvmapQuery(MapQuery, GivenQuery):
@@ -134,7 +134,7 @@ class EnvmapQuery(MapQuery, GivenQuery):
 
 
 class SkyParameters(Query):
-    """The light itself."""
+    """The parameters of a sky."""
 
     sun_azimuth: SunAzimuth
     sun_elevation: SunElevation
@@ -154,11 +154,11 @@ class SkyQuery(MapQuery, SkyParameters):
 
 
 class SceneQuery(Query):
-    """For which tool, and how."""
+    """The tool that a scene is for, and its options."""
 
     tool: Tool = Field(description="the tool that opens it")
     up_axis: UpAxis = Field("Y", description="with `tool=usd`")
-    sun: FlagOrAuto = Field(None, description="let direct sunlight in; by default where it is likely")
+    sun: FlagOrAuto = Field(None, description="include direct sunlight; by default if it is likely")
     height: Height = 512
 
     @model_validator(mode="after")
@@ -170,7 +170,7 @@ class SceneQuery(Query):
         return self
 
     def options(self) -> dict[str, Any]:
-        """What the tool's writer takes."""
+        """The options of the tool's writer."""
         return self.model_dump(include={name for name, tool in TOOL_OF_OPTION.items() if tool == self.tool})
 
 
@@ -181,7 +181,7 @@ class PhotoSceneQuery(SceneQuery, GivenQuery):
 class SkySceneQuery(SceneQuery, SkyParameters):
     """A scene from parameters alone."""
 
-    sun: Flag = Field(True, description="let direct sunlight in")
+    sun: Flag = Field(True, description="include direct sunlight")
     camera_elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
     camera_roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
     vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0

@@ -12,7 +12,7 @@ from server.checks import check_photos, refuse_given
 from server.problems import documented
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkyQuery, SkySceneQuery
 from server.records import parse_record
-from server.schemas import MEDIA_TYPES, Estimate, Estimates, ModelCard
+from server.schemas import MEDIA_TYPES, LightingEstimate, LightingEstimates, ModelCard
 from server.service import Admitted, PhotoBytes, PhotosBytes, Services
 from server.settings import Settings
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
@@ -45,7 +45,7 @@ def body(content: dict[str, Any]) -> dict[str, Any]:
 @router.post(
     "/lighting",
     summary="The light of a photo, or of several photos of one place and light",
-    response_model=Estimate | Estimates,
+    response_model=LightingEstimate | LightingEstimates,
     responses=PHOTO_PROBLEMS,
     openapi_extra=body(PHOTO_BODY | PHOTOS_FORM),
 )

@@ -1,4 +1,4 @@
-"""What requests and answers hold, with units and ranges: the models behind the OpenAPI document."""
+"""The models of requests and answers behind the OpenAPI document, with units and ranges."""
 
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
@@ -27,7 +27,7 @@ MEDIA_TYPES: dict[Format, str] = {"exr": "image/x-exr", "hdr": "image/vnd.radian
 
 
 class Between:
-    """A number is in [low, high]; whatever else is refused with that range."""
+    """A number must lie in [low, high]; the error for any other value states that range."""
 
     def __init__(self, low: float, high: float, **documented: Any) -> None:
         self.limits = {"minimum": low, "maximum": high}  # also members of the error
@@ -53,7 +53,7 @@ class Between:
 
 
 def named(name: str, meaning: str, example: float) -> Between:
-    """The range of a parameter of RANGES, documented."""
+    """The range of a parameter in RANGES or OPTIONAL_RANGES, with its documentation."""
     return Between(*(RANGES | OPTIONAL_RANGES)[name], description=meaning, examples=[example])
 
 
@@ -64,7 +64,7 @@ def _even(number: int) -> int:
 
 
 def _flag(value: object) -> object:
-    """`true` and `false` alone, as the OpenAPI document says."""
+    """Accept only `true` and `false`, as the OpenAPI document says."""
     if isinstance(value, str):
         if value not in ("true", "false"):
             raise PydanticCustomError("flag", "must be true or false")
@@ -88,44 +88,54 @@ GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the s
 
 
 class Part(BaseModel):
-    """A part of a lighting record; what it holds beyond these fields is ignored."""
+    """A part of a lighting record; other fields than these are ignored."""
 
     model_config = ConfigDict(strict=True, extra="ignore")
 
 
-class ModelName(Part):
+class ModelPart(Part):
     name: str = "none"
     version: str = "0"
 
 
-class Sun(Part):
+class SunPart(Part):
     azimuth: SunAzimuth
     elevation: SunElevation
-    direction: list[float] = Field([], description="unit vector towards the sun; follows from the angles")
+    direction: list[float] = Field([], description="unit vector towards the sun; computed from the angles")
     visibility: Annotated[float, named("sun_visibility", "probability of direct sunlight on the scene", 0.93)] = 1.0
-    radius_50: Annotated[float, named("radius_50", "deg around the sun that hold 50 % of its probability", 9.5)] = 0.0
-    radius_90: Annotated[float, named("radius_90", "deg around the sun that hold 90 % of its probability", 31.0)] = 0.0
+    radius_50: Annotated[
+        float, named("radius_50", "deg, radius around the sun that holds 50 % of the probability", 9.5)
+    ] = 0.0
+    radius_90: Annotated[
+        float, named("radius_90", "deg, radius around the sun that holds 90 % of the probability", 31.0)
+    ] = 0.0
 
 
-class Sky(Part):
+class SkyPart(Part):
     model: Literal["hosek-wilkie"] = "hosek-wilkie"
     turbidity: Turbidity
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
     exposure: Exposure
     coefficients: dict[str, list[float]] = Field(
-        {}, description="nine of each channel and the radiance of three; follow from the other fields"
+        {}, description="nine per channel and the radiance of each channel; computed from the other fields"
     )
 
 
-class Camera(Part):
+class CameraPart(Part):
     elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
     roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
     vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0
     heading: Annotated[float, named("camera_heading", "deg from true north, clockwise", 87.0)] | None = Field(
         None, description="only where time and place are known"
     )
-    heading_radius_50: Annotated[float, named("camera_heading_radius_50", "deg, hold 50 %", 8.0)] | None = None
-    heading_radius_90: Annotated[float, named("camera_heading_radius_90", "deg, hold 90 %", 21.0)] | None = None
+    heading_radius_50: (
+        Annotated[float, named("camera_heading_radius_50", "deg, half the width of the range that holds 50 %", 8.0)]
+        | None
+    ) = None
+    heading_radius_90: (
+        Annotated[float, named("camera_heading_radius_90", "deg, half the width of the range that holds 90 %", 21.0)]
+        | None
+    ) = None
     heading_probability: list[Annotated[float, Between(0.0, 1.0)]] | None = Field(
         None, min_length=360, max_length=360, description="of each whole degree from true north"
     )
@@ -134,8 +144,8 @@ class Camera(Part):
     )
 
 
-class Place(Part):
-    """Where the photo was taken; only for a client that asked to keep it."""
+class PlacePart(Part):
+    """Where the photo was taken; present only if the client set `keep_location`."""
 
     latitude: Annotated[float, named("latitude", "deg, positive north", 48.14)] | None = None
     longitude: Annotated[float, named("longitude", "deg, positive east", 11.58)] | None = None
@@ -144,27 +154,29 @@ class Place(Part):
 class LightingRecord(Part):
     """The light of one photo and the camera that took it."""
 
-    model: ModelName = ModelName()
-    sun: Sun
-    sky: Sky
-    camera: Camera = Camera()
+    model: ModelPart = ModelPart()
+    sun: SunPart
+    sky: SkyPart
+    camera: CameraPart = CameraPart()
     evidence: list[str] = Field(
-        [], description="what it rests on", examples=[["pixels", "time+place", "heading", "focal length"]]
+        [],
+        description="the sources that the estimate uses",
+        examples=[["pixels", "time+place", "heading", "focal length"]],
     )
-    warnings: list[str] = Field([], description="sentences, above all where pixels and metadata contradict each other")
-    place: Place | None = None
+    warnings: list[str] = Field([], description="sentences, mostly about metadata that contradict the pixels")
+    place: PlacePart | None = None
 
     def lighting(self) -> Lighting:
-        """The same as the library's record."""
+        """The record as the library's Lighting; raises ParameterError."""
         return Lighting.from_dict(self.model_dump(exclude={"sun": {"direction"}, "sky": {"coefficients"}}))
 
 
 class Links(BaseModel):
-    envmap: str = Field(description="where the environment map of this light is", examples=["/v1/envmap?sun_azimuth=9"])
+    envmap: str = Field(description="link to the environment map of this light", examples=["/v1/envmap?sun_azimuth=9"])
 
 
 class SunProbability(BaseModel):
-    """Where the sun may be; the lists run over the cells of the grid."""
+    """The probability of each cell of the sun grid; the lists are in the order of the cells."""
 
     grid: str = Field(examples=["fibonacci:1024"])
     azimuth: list[float] = Field(description="deg")
@@ -172,21 +184,21 @@ class SunProbability(BaseModel):
     probability: list[float] = Field(description="sums to 1")
 
 
-class Estimate(LightingRecord):
+class LightingEstimate(LightingRecord):
     links: Links
-    probability: SunProbability | None = Field(None, description="only if asked for")
+    probability: SunProbability | None = Field(None, description="present only if the request set `probability`")
 
 
-class Estimates(BaseModel):
+class LightingEstimates(BaseModel):
     """The light of several photos of one place, each in its own camera's frame, in the order of the photos."""
 
-    lightings: list[Estimate] = Field(min_length=2)
+    lightings: list[LightingEstimate] = Field(min_length=2)
 
 
 class Accuracy(BaseModel):
-    """Errors over test crops, in degrees, from the model card; those of the sun over crops whose sun is known."""
+    """Errors over test crops, in degrees; those of the sun over crops whose sun is known."""
 
-    crops: int = Field(description="whose sun is known")
+    crops: int = Field(description="number of crops whose sun is known")
     sun_median: float
     sun_quartile_1: float
     sun_quartile_3: float
@@ -210,7 +222,9 @@ class ModelCard(BaseModel):
     version: str = Field(examples=["1.0.0"])
     licence: str = Field(examples=["Apache-2.0"])
     grid: str = Field(examples=["fibonacci:1024"])
-    accuracy: dict[str, Accuracy] = Field(description="by protocol of the model card; empty for a network without one")
+    accuracy: dict[str, Accuracy] = Field(
+        description="by evaluation protocol; empty for a network without published figures"
+    )
 
 
 class FieldError(BaseModel):
@@ -229,7 +243,7 @@ class Problem(BaseModel):
     detail: str
     instance: str
     request_id: str
-    errors: list[FieldError] = Field([], description="the fields that are wrong, with their ranges")
+    errors: list[FieldError] = Field([], description="the invalid fields, with their ranges")
 
 
 class Status(BaseModel):

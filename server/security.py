@@ -1,4 +1,4 @@
-"""Who may call and how often, and the headers that tell browsers to stay inside."""
+"""API keys, rate limits, and security headers for browsers."""
 
 import hmac
 import time
@@ -33,7 +33,7 @@ HEADERS = {
 
 
 class SecurityHeaders:
-    """Puts HEADERS on every answer."""
+    """Adds HEADERS to every answer."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -48,7 +48,7 @@ class SecurityHeaders:
 
 
 class Keys:
-    """API keys, kept as digests; none at all means that everybody may call."""
+    """API keys, stored as digests; without keys everybody may call."""
 
     def __init__(self, keys: Iterable[str]) -> None:
         self._digests = [sha256(key.encode()).digest() for key in keys]
@@ -57,13 +57,13 @@ class Keys:
         return bool(self._digests)
 
     def hold(self, key: str) -> bool:
-        """Whether the key is one of them; takes the same time for every key."""
+        """Whether the key is valid, in a time that does not depend on the key."""
         digest = sha256(key.encode()).digest()
         return sum(hmac.compare_digest(digest, known) for known in self._digests) > 0
 
 
 class Rate:
-    """Limits on the requests of each client."""
+    """Rate limits for each client."""
 
     def __init__(self, limits: list[RateLimitItem]) -> None:
         self.limits = limits
@@ -73,7 +73,7 @@ class Rate:
         return bool(self.limits)
 
     def seconds_to_wait(self, client: str) -> int:
-        """0, and the request counts; or the seconds until the client may ask again."""
+        """0, and the request is counted; or the number of seconds until the client may send another request."""
         waits = [self._wait(limit, client) for limit in self.limits if not self._windows.test(limit, client)]
         if not waits:
             for limit in self.limits:
@@ -89,14 +89,14 @@ Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 
 
 async def authorised(request: Request, credentials: Credentials) -> None:
-    """Refuse a request without one of the keys."""
+    """Refuse a request without a valid key."""
     if credentials is None or not request.app.state.service.keys.hold(credentials.credentials):
         detail = "Send one of the service's API keys: Authorization: Bearer KEY."
         raise ProblemError(problems.UNAUTHORISED, detail, {"WWW-Authenticate": "Bearer"})
 
 
 async def unhurried(request: Request) -> None:
-    """Refuse a request over its client's rate."""
+    """Refuse a request that exceeds its client's rate limit."""
     wait = request.app.state.service.rate.seconds_to_wait(client_name(request))
     if wait:
         detail = f"The rate limit is reached; wait {wait} s."
@@ -104,9 +104,9 @@ async def unhurried(request: Request) -> None:
 
 
 def client_name(request: Request) -> str:
-    """The network address that a client is known by; IPv6 clients own the 64 bits behind theirs."""
+    """The address by which a client is identified: an IPv4 address, or the /64 network of an IPv6 address."""
     host = request.client.host if request.client else ""
-    if host.count(":") == 1:  # some proxies add the port
+    if host.count(":") == 1:  # some proxies append the port
         host = host.partition(":")[0]
     try:
         address = ip_address(host)

@@ -15,19 +15,19 @@ PREFIX = "LIGHTING_"
 
 
 class SettingsError(LightingError):
-    """A setting that cannot be followed."""
+    """A setting that is invalid."""
 
 
 def _words(value: object) -> object:
-    """The words of a text, between commas or white space."""
+    """Split a text at commas and white space."""
     return tuple(value.replace(",", " ").split()) if isinstance(value, str) else value
 
 
 def _keys(value: object) -> object:
-    """The same of keys; ValueError for a text without any, which would leave the service open."""
+    """Split a text of keys; ValueError if it holds none, which would leave the service open."""
     words = _words(value)
     if value and not words:
-        raise ValueError("There is no key in it; leave it out to let everybody call.")
+        raise ValueError("It holds no key; leave it unset to let everybody call.")
     return words
 
 
@@ -36,30 +36,35 @@ Keys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_keys)]
 
 
 class Settings(BaseSettings):
-    """What an operator may choose."""
+    """The operator's settings."""
 
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, env_ignore_empty=True, extra="forbid")
 
-    host: str = Field("127.0.0.1", description="address to listen on; `0.0.0.0` is every one")
-    port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 takes a free one")
-    model: Path | None = Field(None, description="another network (.onnx) than the one in the package")
-    concurrency: int = Field(0, ge=0, le=1024, description="requests worked on at once; 0 is one per CPU")
-    threads: int = Field(1, ge=1, le=1024, description="threads of onnxruntime for one photo")
-    queue: int = Field(64, ge=0, description="requests that may wait beside those; the next is answered 503")
-    max_bytes: int = Field(MAX_BYTES, ge=1, description="largest body")
+    host: str = Field("127.0.0.1", description="address to listen on; `0.0.0.0` listens on all")
+    port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 picks a free one")
+    model: Path | None = Field(None, description="path of another network (.onnx) than the one in the package")
+    concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
+    threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
+    queue: int = Field(64, ge=0, description="requests that may wait in addition; further ones are answered with 503")
+    max_bytes: int = Field(MAX_BYTES, ge=1, description="maximum size of a request body in bytes")
     max_pixels: int = Field(
-        MAX_PIXELS, ge=1, le=MOST_PIXELS, description="most pixels of a photo, looked at before it is decoded"
+        MAX_PIXELS,
+        ge=1,
+        le=MOST_PIXELS,
+        description="maximum number of pixels of a photo, checked before it is decoded",
     )
-    max_photos: int = Field(8, ge=1, le=64, description="most photos of one place in one request")
-    upload_seconds: float = Field(60.0, gt=0, description="longest time a body may take to arrive")
-    shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM")
-    cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps")
-    api_keys: Keys = Field((), description="keys (`Authorization: Bearer KEY`) between commas; none leaves all open")
-    api_keys_file: Path | None = Field(None, description="file with more keys, one a line, `#` begins a comment")
-    rate_limit: str = Field("", description="requests per client, such as `60/minute` or `5/second;1000/day`")
-    cors_origins: Words = Field((), description="origins of pages elsewhere that may call, separated by commas")
-    trusted_proxies: str = Field("127.0.0.1", description="addresses whose `X-Forwarded-For` is believed")
-    log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level that is logged")
+    max_photos: int = Field(8, ge=1, le=64, description="maximum number of photos in one request")
+    upload_seconds: float = Field(60.0, gt=0, description="time limit for receiving a body, in seconds")
+    shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM, in seconds")
+    cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
+    api_keys: Keys = Field(
+        (), description="API keys (`Authorization: Bearer KEY`), separated by commas; without keys everybody may call"
+    )
+    api_keys_file: Path | None = Field(None, description="file with further keys, one per line; `#` begins a comment")
+    rate_limit: str = Field("", description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
+    cors_origins: Words = Field((), description="origins whose web pages may call, separated by commas")
+    trusted_proxies: str = Field("127.0.0.1", description="addresses whose `X-Forwarded-For` header is trusted")
+    log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="lowest level that is logged")
 
     @field_validator("rate_limit")
     @classmethod
@@ -70,7 +75,7 @@ class Settings(BaseSettings):
 
     @property
     def places(self) -> int:
-        """Requests worked on at once."""
+        """Requests processed at the same time."""
         return self.concurrency or available_cpus()
 
     @property
@@ -92,5 +97,5 @@ def _keys_in(path: Path) -> list[str]:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} is not a text file.") from error
     keys = [key for line in lines if (key := line.partition("#")[0].strip())]
     if not keys:
-        raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} holds no key; leave it out to let everybody call.")
+        raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} holds no key; leave it unset to let everybody call.")
     return keys

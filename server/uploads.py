@@ -1,4 +1,4 @@
-"""Bodies of requests: a photo as a form's file or as it is, or a lighting record, none of them ever written to disk."""
+"""Request bodies: photos as files of a form or as the body itself, or a lighting record. Nothing is written to disk."""
 
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable
 from contextlib import asynccontextmanager
@@ -27,7 +27,7 @@ def media_type(request: Request) -> str:
 
 
 class Body:
-    """The body of a request, at most `max_bytes` long and arriving within `seconds`."""
+    """The body of a request, limited to `max_bytes` and to `seconds` of receiving it."""
 
     def __init__(self, request: Request, max_bytes: int, seconds: float) -> None:
         self.request = request
@@ -35,12 +35,12 @@ class Body:
         self.seconds = seconds
 
     async def photo(self, *also: str) -> bytes:
-        """The file of a photo; raises ProblemError. `also` names types that the caller takes beside photos."""
+        """The bytes of one photo; raises ProblemError. `also` names further types, which the caller reads itself."""
         (data,) = await self.photos(1, *also)
         return data
 
     async def photos(self, most: int, *also: str) -> list[bytes]:
-        """The files of one photo or of up to `most`."""
+        """The bytes of one to `most` photos; raises ProblemError."""
         kind = media_type(self.request)
         if kind == FORM:
             return await self._in_time(self._photos_of_form(most))
@@ -50,7 +50,7 @@ class Body:
         raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
 
     async def record(self) -> bytes:
-        """The JSON of a lighting record; raises ProblemError."""
+        """The bytes of a JSON lighting record; raises ProblemError."""
         return await self._in_time(self._whole(min(self.max_bytes, MAX_RECORD_BYTES)))
 
     async def _in_time(self, reading: Awaitable[T]) -> T:
@@ -97,7 +97,7 @@ class Body:
 
 
 class _Form(MultiPartParser):
-    """A parser that refuses a form without its end."""
+    """A parser that refuses a form that ends early."""
 
     ended = False
 

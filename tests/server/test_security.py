@@ -131,7 +131,7 @@ def test_a_file_without_keys_does_not_open_the_service(text: str, tmp_path: Path
 
 def test_an_empty_list_of_keys_does_not_open_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LIGHTING_API_KEYS", " , ")
-    with pytest.raises(ValueError, match="no key in it"):
+    with pytest.raises(ValueError, match="holds no key"):
         Settings()
 
 
