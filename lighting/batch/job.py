@@ -66,9 +66,9 @@ def check_settings(found: bytes | None, asked: dict[str, object], has_results: b
         there = dict(json.loads(found))
     except (ValueError, TypeError):
         there = {}
-    changed = " and ".join(name for name in asked if there.get(name) != asked[name])
+    changed = ", ".join(name for name in asked if there.get(name) != asked[name])
     if changed:
-        raise BatchError(f"{out} holds results of another {changed}; choose another folder, or --overwrite.")
+        raise BatchError(f"{out} holds results of other settings ({changed}); choose another folder, or --overwrite.")
 
 
 def load_estimator(job: Job) -> "tuple[Estimator, Given]":

@@ -1,6 +1,7 @@
 """The service with the tiny network, in this process."""
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -64,3 +65,9 @@ SKY: dict[str, Any] = {"sun_azimuth": -41.2, "sun_elevation": 33.0, "turbidity":
 
 def jpeg_headers() -> dict[str, str]:
     return {"Content-Type": "image/jpeg"}
+
+
+def sample(client: TestClient, name: str) -> float:
+    """The value of a metric, written with its labels."""
+    match = re.search(rf"^{re.escape(name)} (\S+)$", client.get("/metrics").text, re.MULTILINE)
+    return float(match[1]) if match else 0.0

@@ -32,9 +32,9 @@ def test_where_results_go_does_not_decide_about_them(network: Path, tmp_path: Pa
     ("found", "has_results", "words"),
     [
         (None, True, "holds results, but no batch.json"),
-        (b'{"maps": 1, "source": "a"}', True, "results of another maps;"),
-        (b'{"maps": 1, "source": "b"}', False, "results of another maps and source;"),
-        (b"[1]", True, "results of another source;"),
+        (b'{"maps": 1, "source": "a"}', True, r"other settings \(maps\);"),
+        (b'{"maps": 1, "source": "b"}', False, r"other settings \(maps, source\);"),
+        (b"[1]", True, r"other settings \(source\);"),
     ],
 )
 def test_other_settings_are_named(found: bytes | None, has_results: bool, words: str) -> None:

@@ -93,7 +93,7 @@ def test_what_is_known_of_all_photos_counts_and_is_kept(photos: Path, tmp_path: 
     assert record["lighting"]["camera"]["vertical_fov"] == 44.0
     assert json.loads((out / "batch.json").read_text())["metadata"] == {"use_exif": False, "vertical_fov": 44.0}
     assert run(*said[:-2], 45, "--no-exif").stderr.endswith(
-        "another metadata; choose another folder, or --overwrite.\n"
+        "other settings (metadata); choose another folder, or --overwrite.\n"
     )
     assert run(*said[:-1], "--lat", 91, "--lon", 0).exit_code == 2
 
@@ -132,7 +132,7 @@ def test_overwrite_starts_anew(photos: Path, tmp_path: Path, network: Path) -> N
 
 @pytest.mark.parametrize(
     ("change", "named"),
-    [(["--envmap"], "maps"), (["--model", "other.onnx"], "network and sha256"), (["--source"], "source")],
+    [(["--envmap"], "maps"), (["--model", "other.onnx"], "network, sha256"), (["--source"], "source")],
 )
 def test_results_of_another_job_are_refused(
     photos: Path, tmp_path: Path, network: Path, change: list[str], named: str, monkeypatch: pytest.MonkeyPatch
@@ -143,7 +143,10 @@ def test_results_of_another_job_are_refused(
     source = photos / "below" if change == ["--source"] else photos
     result = run(source, "out", "--model", network, *([] if change == ["--source"] else change))
     assert result.exit_code == 1
-    assert result.stderr == f"Error: out holds results of another {named}; choose another folder, or --overwrite.\n"
+    assert (
+        result.stderr
+        == f"Error: out holds results of other settings ({named}); choose another folder, or --overwrite.\n"
+    )
     assert len(records(tmp_path / "out")) == 5
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from lighting.files import full_record
 from tests.lighting.cli.runners import error_of, run
 from tests.scenes import LIGHT
 
@@ -34,7 +35,7 @@ def test_the_command_takes_a_record_in_place_of_an_estimate(
     out = tmp_path / "out"
     result = run("scene", photo_path, "--for", "usd", "--lighting", record_path, "-o", out, "-q", "--up-axis", "z")
     assert (result.exit_code, result.output) == (0, "")
-    assert json.loads((out / "lighting.json").read_text()) == LIGHT.to_dict()
+    assert json.loads((out / "lighting.json").read_text()) == full_record(LIGHT)
     assert 'upAxis = "Z"' in (out / "scene.usda").read_text()
 
 

@@ -1,0 +1,49 @@
+"""The example photos: their table, and how they were exposed."""
+
+import csv
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from examples.make_examples import COLUMNS, EXAMPLES, HERE, add_grain, develop, enlarge, truth
+
+
+def test_the_table_beside_the_photos_is_that_of_the_script() -> None:
+    with (HERE / "examples.csv").open(newline="", encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    assert tuple(rows[0]) == COLUMNS
+    assert [row["file"] for row in rows] == [example.file for example in EXAMPLES]
+    for row, example in zip(rows, EXAMPLES, strict=True):
+        assert float(row["vertical_fov"]) == example.vertical_fov
+        with Image.open(HERE / example.file) as photo:
+            assert photo.size == (example.width, example.height)
+
+
+def test_the_sun_is_told_from_where_the_camera_points() -> None:
+    row = {"sun_azimuth": "170.0", "sun_elevation": "30.0", "direct": "1"}
+    assert truth(EXAMPLES[2], row)[:4] == (EXAMPLES[2].file, "venetian_crossroads", -50.0, "30.0")
+    assert truth(EXAMPLES[2], {**row, "sun_azimuth": ""})[2] == ""
+
+
+def test_development_keeps_the_order_of_brightness() -> None:
+    ramp = develop(np.linspace(0.0, 5.0, 200, dtype=np.float32))
+    assert np.all(np.diff(ramp) >= 0)
+    assert ramp[0] == pytest.approx(0.0, abs=1e-3)
+    assert ramp[-1] == pytest.approx(255.0, abs=1.0)
+
+
+def test_enlarging_wraps_at_the_seam() -> None:
+    image = np.zeros((8, 32, 3), dtype=np.float32)
+    image[:, 0] = image[:, -1] = 1.0
+    large = enlarge(image)
+    assert large.shape == (32, 128, 3)
+    assert large[:, 0].min() > 0.9
+    assert large[:, -1].min() > 0.9
+
+
+def test_grain_is_faint_and_repeatable() -> None:
+    grey = Image.new("RGB", (64, 64), (128, 128, 128))
+    one, same = (np.asarray(add_grain(grey, 3), dtype=int) for _ in range(2))
+    assert np.array_equal(one, same)
+    assert 0.8 < (one - 128).std() < 1.6

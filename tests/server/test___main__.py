@@ -1,0 +1,251 @@
+"""The service as a process of its own: real sockets, signals, slow and huge uploads."""
+
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO
+
+import pytest
+
+from lighting import read_exr
+from server.settings import PREFIX, Settings
+from tests.conftest import encode, scene
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+QUERY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
+
+
+class Server:
+    """A started service."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]", port: int, log: IO[bytes]) -> None:
+        self.process = process
+        self.port = port
+        self._log = log
+
+    @property
+    def log(self) -> str:
+        self._log.seek(0)
+        return self._log.read().decode()
+
+    def request(self, method: str, path: str, body: bytes | None = None, kind: str = "image/jpeg") -> tuple[int, bytes]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        try:
+            connection.request(method, path, body, {"Content-Type": kind} if body is not None else {})
+            answer = connection.getresponse()
+            return answer.status, answer.read()
+        finally:
+            connection.close()
+
+    def begin(self, length: int, path: str = "/v1/lighting") -> socket.socket:
+        """A connection on which a photo of so many bytes is announced and the first ten have come."""
+        connection = socket.create_connection(("127.0.0.1", self.port), timeout=60)
+        head = f"POST {path} HTTP/1.1\r\nHost: x\r\nContent-Type: image/jpeg\r\nContent-Length: {length}\r\n\r\n"
+        connection.sendall(head.encode() + b"\xff\xd8" + bytes(8))
+        return connection
+
+    def metric(self, name: str) -> float:
+        text = self.request("GET", "/metrics")[1].decode()
+        return float(next(line.split()[-1] for line in text.splitlines() if line.startswith(f"{name} ")))
+
+    def until(self, name: str, value: float) -> None:
+        """Wait for a metric to have a value."""
+        deadline = time.monotonic() + 30
+        while self.metric(name) != value:
+            assert time.monotonic() < deadline, f"{name} is {self.metric(name)}, not {value}"
+            time.sleep(0.02)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def environment(**settings: object) -> dict[str, str]:
+    outside = {name: value for name, value in os.environ.items() if not name.startswith(PREFIX)}
+    return outside | {f"{PREFIX}{name.upper()}": str(value) for name, value in settings.items()}
+
+
+@contextmanager
+def started(network: Path, **settings: object) -> Iterator[Server]:
+    port = free_port()
+    given = environment(port=port, model=network, **settings)
+    command = [sys.executable, "-m", "server"]
+    with TemporaryFile() as log, subprocess.Popen(command, cwd=ROOT, env=given, stderr=log) as process:
+        server = Server(process, port, log)
+        try:
+            wait_until_ready(server)
+            yield server
+        finally:
+            process.kill()
+
+
+def wait_until_ready(server: Server) -> None:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        assert server.process.poll() is None, server.log
+        try:
+            if server.request("GET", "/readyz")[0] == 200:
+                return
+        except ConnectionError:
+            time.sleep(0.05)
+    raise AssertionError("not ready in time")
+
+
+@pytest.fixture(scope="module")
+def server(network: Path) -> Iterator[Server]:
+    with started(network, concurrency=1, queue=2, upload_seconds=20) as server:
+        yield server
+
+
+PHOTO = encode(scene(320, 240))
+
+
+def test_it_answers(server: Server) -> None:
+    status, body = server.request("POST", "/v1/lighting", PHOTO)
+    assert (status, json.loads(body)["model"]) == (200, {"name": "tiny", "version": "0.0.1"})
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="needs curl")
+def test_the_commands_of_readme_work(server: Server, tmp_path: Path) -> None:
+    commands = [line for line in README.splitlines() if line.startswith("curl ") and ":8000/" in line]
+    assert len(commands) == 10
+    (tmp_path / "lighting.json").write_bytes(server.request("POST", "/v1/lighting", PHOTO)[1])
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    for line in commands:
+        here = line.replace("curl ", "curl --fail -sS ").replace(":8000/", f":{server.port}/")
+        done = subprocess.run(here, shell=True, cwd=tmp_path, capture_output=True, timeout=120)
+        assert done.returncode == 0, (line, done.stderr)
+        assert done.stdout.startswith((b'{"model":', b'{"lightings":')) or "-o" in line
+    assert read_exr(tmp_path / "sky.exr")[1] is not None
+    assert all(zipfile.is_zipfile(tmp_path / name) for name in ("scene.zip", "sky.zip"))
+    assert (tmp_path / "preview.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_100_megabytes_are_413_and_the_connection_survives(server: Server) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    for _ in range(2):
+        connection.request("POST", "/v1/lighting", bytes(100_000_000), {"Content-Type": "image/jpeg"})
+        answer = connection.getresponse()
+        assert (answer.status, json.loads(answer.read())["title"]) == (413, "The body or the photo is too large")
+    connection.request("POST", "/v1/lighting", PHOTO, {"Content-Type": "image/jpeg"})
+    assert connection.getresponse().status == 200
+    connection.close()
+
+
+def test_clients_that_go_away_in_their_upload_free_their_places(server: Server) -> None:
+    connections = [server.begin(1_000_000) for _ in range(3)]
+    server.until("lighting_queue_depth", 3)
+    assert server.request("POST", "/v1/lighting", PHOTO)[0] == 503
+    for connection in connections:
+        connection.close()
+    server.until("lighting_queue_depth", 0)
+    assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
+
+
+def test_clients_that_go_away_while_they_wait_free_their_places(server: Server) -> None:
+    request = f"GET /v1/envmap?{QUERY}&height=2048 HTTP/1.1\r\nHost: x\r\n\r\n".encode()
+    connections = [socket.create_connection(("127.0.0.1", server.port), timeout=60) for _ in range(3)]
+    for connection in connections:
+        connection.sendall(request)
+    server.until("lighting_queue_depth", 2)
+    for connection in connections:
+        connection.close()
+    server.until("lighting_queue_depth", 0)
+    server.until("lighting_running", 0)
+    assert server.request("GET", f"/v1/envmap?{QUERY}&height=16")[0] == 200
+
+
+def test_a_slow_upload_is_408_and_harms_nobody(network: Path) -> None:
+    with started(network, upload_seconds=1) as server:
+        slow = server.begin(1_000_000)
+        assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
+        assert slow.recv(100).startswith(b"HTTP/1.1 408 ")
+        slow.close()
+        assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
+
+
+def test_after_sigterm_running_requests_end_well_and_new_ones_are_refused(network: Path) -> None:
+    with started(network, concurrency=1, queue=8) as server:
+        connections = [socket.create_connection(("127.0.0.1", server.port), timeout=60) for _ in range(3)]
+        for connection in connections:
+            connection.sendall(f"GET /v1/envmap?{QUERY}&height=1024&format=hdr HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+        server.until("lighting_queue_depth", 2)
+        server.process.send_signal(signal.SIGTERM)
+        answers = [whole_answer(connection) for connection in connections]
+        assert server.process.wait(60) == -signal.SIGTERM
+        assert {answer for answer in answers if answer.startswith(b"#?RADIANCE")} == {answers[0]}
+        with pytest.raises(ConnectionError):
+            server.request("GET", "/livez")
+        assert "Traceback" not in server.log
+        assert "sun_azimuth" not in server.log
+
+
+def whole_answer(connection: socket.socket) -> bytes:
+    answer = http.client.HTTPResponse(connection)
+    answer.begin()
+    body = answer.read()
+    assert (answer.status, len(body)) == (200, int(answer.headers["content-length"]))
+    connection.close()
+    return body
+
+
+def test_without_the_extra_it_says_what_to_install() -> None:
+    code = "import sys; sys.modules['uvicorn'] = None; from server.__main__ import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "The service needs uvicorn: pip install 'outdoor-lighting[server]'.\n"
+
+
+@pytest.mark.parametrize("argument", ["--port=8193", "photo.jpg"])
+def test_arguments_are_refused_not_ignored(argument: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "server", argument], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines()[-1] == f"lighting-server: error: unrecognized arguments: {argument}"
+
+
+def test_help_lists_every_setting() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "server", "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    for name, field in Settings.model_fields.items():
+        assert re.search(
+            rf"^  {PREFIX}{name.upper()} +{re.escape(field.description or '?')}$", done.stdout, re.MULTILINE
+        )
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"model": "/nowhere/none.onnx"}, "There is no network at /nowhere/none.onnx."),
+        ({"port": "http", "queue": "-1"}, "LIGHTING_QUEUE: Input should be greater than or equal to 0"),
+        ({"rate_limit": "often"}, "LIGHTING_RATE_LIMIT: "),
+        ({"api_keys_file": "/nowhere/keys"}, "LIGHTING_API_KEYS_FILE: /nowhere/keys cannot be read: No such file"),
+    ],
+)
+def test_a_start_that_fails_says_why_in_a_sentence(settings: dict[str, str], words: str) -> None:
+    command = [sys.executable, "-m", "server"]
+    done = subprocess.run(command, cwd=ROOT, env=environment(**settings), capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
