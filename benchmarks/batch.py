@@ -1,4 +1,4 @@
-"""Many photos: the pool by workers beside its floors, its memory, and the pool beside Ray.
+"""Batches: the pool's rate by number of workers compared with its floors, its memory, and Ray's rate.
 
     python benchmarks/batch.py [--photos 200] [--memory-photos 10000] [--no-ray]
 
@@ -45,14 +45,14 @@ print(count / (time.perf_counter() - started))
 
 
 def floor_rate(photo: Path, workers: int, count: int) -> float:
-    """Photos per second of the bare libraries in so many processes at once."""
+    """Photos per second of the bare libraries in `workers` processes."""
     command = [sys.executable, "-c", _FLOOR, str(photo), str(count)]
     running = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(workers)]
     return sum(float(process.communicate()[0]) for process in running)
 
 
 def pool_rates(few: Path, many: Path, workers: int) -> tuple[float, float]:
-    """Photos per second of the larger folder, start included; and of what it holds more, by the difference."""
+    """Photos per second of the larger folder with the start, and without it, by the difference to the smaller."""
     counts = [sum(1 for _ in photos.iterdir()) for photos in (few, many)]
     took = [pool_seconds(photos, workers) for photos in (few, many)]
     return counts[1] / took[1], (counts[1] - counts[0]) / (took[1] - took[0])
@@ -65,7 +65,7 @@ def pool_seconds(photos: Path, workers: int) -> float:
 
 
 def memory_by_photo(photos: Path, count: int) -> Iterator[tuple[int, float]]:
-    """Finished photos and resident memory [MB] of the whole run, all its processes together, at every tenth of it."""
+    """Finished photos and resident memory [MB] of all processes together, at every tenth of a run."""
     with tempfile.TemporaryDirectory() as out:
         running = subprocess.Popen([sys.executable, "-m", "lighting", "batch", str(photos), out])
         journal, due = Path(out) / "lighting.jsonl", count // 10
@@ -87,7 +87,7 @@ def _resident(pid: int) -> float:
 
 
 def ray_rate(photos: Path, count: int) -> dict[str, Any]:
-    """Photos per second of Ray, its start included and not: the cluster is up and an actor warm before the second."""
+    """Photos per second of Ray including its start, and on a running cluster with a warm actor."""
     with tempfile.TemporaryDirectory() as out:
         whole = count / run_lighting("batch", photos, out, "--engine", "ray", "-q")
     with tempfile.TemporaryDirectory() as out:

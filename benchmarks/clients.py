@@ -12,7 +12,7 @@ _BOUNDARY = "5f1c6a0e9d"
 
 @dataclass(frozen=True)
 class Job:
-    """What every client asks for, again and again."""
+    """The request that every client repeats."""
 
     port: int
     path: str
@@ -29,7 +29,7 @@ class Job:
 
 @dataclass
 class Outcome:
-    """What the clients of one run saw."""
+    """The replies to the clients of one run."""
 
     seconds: float = 0.0  # from the first request to the last whole reply
     latencies: list[float] = field(default_factory=list)  # seconds from the first try to the right answer
@@ -94,7 +94,7 @@ def _headers(head: bytes) -> dict[str, str]:
 
 
 async def ask_for(job: Job, clients: int, seconds: float) -> Outcome:
-    """Let so many clients ask for so long; what is under way then is waited for and counts.
+    """Let this many clients ask for this many seconds; requests still running then are waited for and count.
 
     A client that is told to come back later does, after the time it is told, and that time counts.
     """

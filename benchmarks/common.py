@@ -1,4 +1,4 @@
-"""What the benchmarks share: photos made on the spot, fair timing, and the words for the machine."""
+"""Shared by the benchmarks: generated photos, fair timing, and a description of the machine."""
 
 import json
 import os
@@ -43,7 +43,7 @@ def many_photos(count: int, size: tuple[int, int] = (1024, 768)) -> Iterator[Pat
 def milliseconds(
     parts: Mapping[str, Callable[[], Any]], runs: int, clock: Callable[[], float] = time.perf_counter
 ) -> dict[str, float]:
-    """Least time of each part, which other work on the machine disturbs least; the parts take turns."""
+    """The least time of each part, which is disturbed least by other work on the machine; the parts take turns."""
     took: dict[str, list[float]] = {name: [] for name in parts}
     for run in range(runs + 1):
         for name, work in parts.items():
@@ -55,7 +55,7 @@ def milliseconds(
 
 
 def run_lighting(*arguments: object) -> float:
-    """Seconds of a `lighting` command as a process of its own, whose photos may fail."""
+    """Seconds that a `lighting` command takes in a process of its own; photos may fail."""
     command = [sys.executable, "-m", "lighting", *map(str, arguments)]
     started = time.perf_counter()
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
@@ -74,14 +74,14 @@ main()
 
 
 def peak_memory(*arguments: object) -> float:
-    """Peak memory [MB] of a `lighting` command, told by its own process, since a child inherits its parent's peak."""
+    """Peak memory [MB] of a `lighting` command, read inside its process, since a child inherits its parent's peak."""
     command = [sys.executable, "-c", _TELL_PEAK, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     return int(done.stderr.split()[-1]) / 1024
 
 
 def machine() -> str:
-    """One line about where the figures come from."""
+    """One line that describes machine and versions."""
     from lighting.model import available_cpus
 
     return (
@@ -97,6 +97,6 @@ def _processor() -> str:
 
 
 def remember(path: Path, key: str, figures: Any) -> None:
-    """Put figures under a key of a JSON file, whatever else it holds."""
+    """Store figures under a key of a JSON file and keep the other keys."""
     known = json.loads(path.read_text()) if path.exists() else {}
     path.write_text(json.dumps({**known, key: figures}, indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""One 12-megapixel JPEG to a 1024 x 512 EXR: each part beside its floor, measured in the same run.
+"""From a 12-megapixel JPEG to a 1024 x 512 EXR: each part compared with its floor, measured in the same run.
 
     python benchmarks/latency.py [--runs 15] [--cpu]
 
@@ -78,7 +78,7 @@ def mitsuba_sky(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callabl
 
 
 def _mitsuba_variant() -> str | None:
-    """LLVM's, where Mitsuba is there with an LLVM that it can use; without one, it takes one direction a call."""
+    """Mitsuba's LLVM variant if it finds a usable LLVM, else the scalar one, which takes one direction per call."""
     try:
         find_llvm()
     except DataError:
@@ -95,7 +95,7 @@ def _z_up(vector: Any) -> NDArray[Any]:
 
 
 def import_profile(command: list[str]) -> Counter[str]:
-    """Milliseconds of importing by package, each without what it imports in turn."""
+    """Milliseconds to import each package, without the packages that it imports."""
     profiled = [sys.executable, "-X", "importtime", "-m", "lighting", *command]
     lines = subprocess.run(profiled, capture_output=True, text=True, check=True).stderr.splitlines()
     spent: Counter[str] = Counter()
@@ -174,7 +174,7 @@ def main() -> None:
 
 
 def print_process(command: list[str], runs: int) -> None:
-    """The command as a process of its own, and where its imports go."""
+    """Print the time of the command in a process of its own, and of its imports."""
     seconds = min(run_lighting(*command) for _ in range(runs))
     print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, peak memory {peak_memory(*command):.0f} MB")
     profile = import_profile(command)

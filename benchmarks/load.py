@@ -1,4 +1,4 @@
-"""The service under load, and LitServe doing the same job beside it.
+"""The service under load, compared with LitServe doing the same job.
 
     python benchmarks/load.py [--seconds 60] [--beside PYTHON]
 
@@ -78,7 +78,7 @@ def _photo() -> Iterator[bytes]:
 
 @contextmanager
 def started(command: list[str], ready: str, queue: int = 64) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
-    """A service in a process group of its own, from when it says that it is ready; its port and process."""
+    """Run a service in a process group of its own; yields its port and process once it is ready."""
     port = _free_port()
     settings = {"LIGHTING_PORT": str(port), "LIGHTING_QUEUE": str(queue), "LIGHTING_LOG_LEVEL": "warning"}
     quiet = {"PYTHONPATH": str(ROOT), "ORT_DISABLE_TELEMETRY": "1"}

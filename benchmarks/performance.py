@@ -1,4 +1,4 @@
-"""How cost grows with photos, map height and clients: measures, and writes docs/performance.md with its plot.
+"""Measure how cost grows with photos, map height and clients; writes docs/performance.md and its plot.
 
     python benchmarks/performance.py [--photos 100 1000 10000] [--seconds 4] [--only photos|heights|clients]
 
@@ -47,7 +47,7 @@ def measure_photos(counts: list[int]) -> dict[str, Any]:
 
 
 def measure_heights(runs: int) -> dict[str, Any]:
-    """Milliseconds to render and to write a map by its height, the system's share of the former, bytes of the file."""
+    """Milliseconds to render and to write a map by its height, the system's share of rendering, and the file's size."""
     rendered, written, system, size = {}, {}, {}, {}
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "sky.exr"
@@ -72,7 +72,7 @@ def system_share(work: Callable[[], Any], runs: int) -> float:
 
 
 def measure_clients(seconds: float) -> dict[str, Any]:
-    """What the service answers by the number of clients: answers a second, latency [ms], share told to come back."""
+    """Answers per second, latency [ms] and share of 503 answers of the service, by number of clients."""
     with tempfile.TemporaryDirectory() as folder, started([sys.executable, "-m", "server"], "/readyz") as (port, _):
         photo = make_photo(Path(folder) / "photo.jpg", SIZE).read_bytes()
         job = Job(port, "/v1/lighting", photo, RECORD)

@@ -1,15 +1,12 @@
 """Where the shadow points, where the ball is brightest and how dark the shade is, measured in a picture."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.geometry import camera_directions, camera_pixel, direction, wrap_azimuth
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats, camera_directions, camera_pixel, direction, wrap_azimuth
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +59,7 @@ def shadow_azimuth(picture: Picture, expected: float, around: float = 25.0) -> f
 
 
 def brightest_normal(normals: Floats, values: Floats) -> Floats:
-    """Of unit normals (N, 3) with luminance (N,) the one (3,) where a quadratic through the brighter is highest."""
+    """The unit normal (3,) at which a quadratic fitted to the brighter of (N, 3) normals with luminance (N,) peaks."""
     bright = values > 0.7 * np.percentile(values, 99)
     x, y, z = normals[bright].T
     terms = np.stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1], axis=1)

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scene_measures import (
-    Floats,
     Picture,
     ball,
     brightest_normal,
@@ -40,6 +39,7 @@ from scene_renders import (
 from lighting.colour import luminance, srgb_decode, tone_map
 from lighting.envmap import render
 from lighting.geometry import (
+    Floats,
     angle_between,
     angles,
     camera_directions,

@@ -10,17 +10,13 @@ import argparse
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenEXR
-from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
 from lighting.colour import luminance, srgb_encode
-from lighting.geometry import camera_directions, sample_latlong, wrap_azimuth
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats, camera_directions, sample_latlong, wrap_azimuth
 
 HERE = Path(__file__).parent
 LICENCE = "Poly Haven CC0"  # the only one whose crops may be published here
@@ -43,7 +39,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Example:
-    """One photo: where it stands in which panorama; angles in deg, `stops` on top of the metered exposure."""
+    """One photo: its panorama and its camera; angles in deg, `stops` is added to the metered exposure."""
 
     file: str
     panorama: str
@@ -67,7 +63,7 @@ EXAMPLES = (
 
 
 def main() -> None:
-    """Write every example and the table of its truth."""
+    """Write every example photo and the table of true values."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="the folder that holds panoramas.csv")
     parser.add_argument("--output", type=Path, default=HERE)
@@ -128,7 +124,7 @@ def enlarge(image: Floats) -> Floats:
 
 
 def add_grain(picture: Image.Image, seed: int) -> Image.Image:
-    """Faint luminance noise, as every small sensor has."""
+    """Add faint luminance noise, as small sensors have."""
     pixels = np.asarray(picture, dtype=np.float32)
     noise = np.random.default_rng(seed).normal(0.0, GRAIN, pixels.shape[:2])[..., None]
     return Image.fromarray(np.round(np.clip(pixels + noise, 0, 255)).astype(np.uint8))

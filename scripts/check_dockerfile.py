@@ -40,7 +40,7 @@ WHERE_PRESENT = {"libnss_systemd", "libcap", "libfribidi"}  # for this machine's
 
 
 class BrokenPromiseError(Exception):
-    """The image does not do what it should."""
+    """The image lacks a property that it promises."""
 
 
 def main() -> None:
@@ -65,7 +65,7 @@ def expect(kept: bool, promise: str) -> None:
 
 
 def check_layer(layer: Path) -> None:
-    """What the last stage adds to its base: its size and what is not in it."""
+    """Check what the last stage adds to its base image: its size, no build tools, nothing outside /opt/venv."""
     files = [path for path in layer.rglob("*") if path.is_file() and not path.is_symlink()]
     size = sum(path.stat().st_size for path in files) / 1e6
     parts = sorted(_sizes(layer / "opt/venv/lib/python3.11/site-packages").items(), key=lambda item: -item[1])
@@ -80,7 +80,7 @@ def _sizes(folder: Path) -> dict[str, float]:
 
 
 def check_service(tree: Tree, stage: Stage) -> None:
-    """The stage's own entrypoint, health check and user, as an engine would use them with --read-only."""
+    """Run the stage's entrypoint and health check as its user, as an engine would with --read-only."""
     entrypoint, command, health = (_step(stage, word) for word in ("ENTRYPOINT", "CMD", "HEALTHCHECK"))
     uid = int(tree.user.split(":")[0])
     expect(uid >= 1000, f"a user of its own, {tree.user}")
@@ -131,7 +131,7 @@ def wait_healthy(probe: list[str], service: subprocess.Popen[bytes]) -> float:
 
 @contextmanager
 def started(tree: Tree, argv: list[str]) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
-    """The program as process 1 of a namespace, and its number outside."""
+    """Run the program as process 1 of a new namespace; yields it and its process id outside."""
     alone = ["unshare", "--pid", "--fork", f"--mount-proc={tree.root / 'proc'}"]
     with subprocess.Popen([*alone, *tree.command(argv)]) as outer:
         try:
@@ -158,7 +158,7 @@ def _children(pid: int) -> list[int]:
 
 
 def check_process(pid: int, uid: int, tree: Tree) -> None:
-    """The running process: who it is, what it may, and which libraries of the base it uses."""
+    """Check the running process: its user, its capabilities, and which libraries of the base image it uses."""
     status = dict(
         line.split(":\t", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines() if ":\t" in line
     )
@@ -178,7 +178,7 @@ def _of_python(path: str) -> bool:
 
 
 def check_requests(port: int) -> object:
-    """One request of each kind; the lighting of the example photo."""
+    """Send one request of each kind; returns the sun of the example photo."""
     answer = _post(port, "/v1/lighting")
     record = json.loads(answer)
     image = _post(port, "/v1/envmap")
@@ -196,7 +196,7 @@ def _post(port: int, path: str) -> bytes:
 
 
 def check_command_line(tree: Tree, entrypoint: list[str], sun: object) -> None:
-    """`docker run -i IMAGE lighting estimate --json -` says the same as the service."""
+    """Check that `docker run -i IMAGE lighting estimate --json -` gives the same sun as the service."""
     command = tree.command([*entrypoint, "lighting", "estimate", "--json", "-"])
     with PHOTO.open("rb") as photo:
         done = subprocess.run(command, stdin=photo, capture_output=True, timeout=START, check=True)

@@ -14,7 +14,7 @@ WORDS = ("FROM", "ARG", "ENV", "LABEL", "WORKDIR", "COPY", "RUN", "USER", "EXPOS
 
 
 class UnsupportedError(Exception):
-    """The Dockerfile holds something that this module does not read."""
+    """The Dockerfile uses a feature that this module does not support."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Stage:
     steps: list[Step] = field(default_factory=list)
 
     def last(self, word: str) -> Step | None:
-        """The step that counts where only the last of its kind does."""
+        """The last step with this word, or None."""
         return next((step for step in reversed(self.steps) if step.word == word), None)
 
 

@@ -76,7 +76,7 @@ def build(stages: list[Stage], context: Path, space: Path) -> Tree:
 
 
 def _base(place: Path, image: str) -> Tree:
-    """This machine in the place of the image that a FROM names."""
+    """A tree in which this machine stands in for the image that a FROM names."""
     tree = Tree(place / "root", place / "layer")
     for folder in (tree.root, tree.layer, place / "work"):
         folder.mkdir(parents=True)
@@ -131,7 +131,7 @@ def _run(step: Step, tree: Tree) -> None:
 
 
 def _copy(value: str, source: Path | None, tree: Tree, context: Path) -> None:
-    """COPY's rule: a folder's contents go into the target, files into it under their names if it ends in a slash."""
+    """Carry out COPY: a folder's contents go into the target; so do files, under their names, if it ends in a slash."""
     *names, target = value.split()
     goal = _inside(tree, str(PurePosixPath(tree.folder) / target))
     for name in names:

@@ -1,6 +1,7 @@
-"""An environment map prepared for the spheres: what they hide from the ground, send to it and get from all around.
+"""The light exchanged between spheres and ground under an environment map.
 
-These are integrals over rays, kept in small tables by direction.
+What a sphere hides from the ground and reflects to it, and what the diffuse sphere receives, are integrals over rays,
+kept in small tables by direction.
 """
 
 from dataclasses import replace
@@ -50,7 +51,7 @@ def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stag
 
 
 def _exchange(kind: int, stage: Stage) -> Floats:
-    """Mean radiance that the ground gets from a sphere less that of the sky behind it, (H, 2H, 3) by direction.
+    """Mean radiance (H, 2H, 3) that the ground receives from a sphere minus that of the sky behind it, by direction.
 
     A ground point sees the centre in that direction. The sphere then fills a cone that touches the horizon; the mean
     over it is weighted with the ground's cosine. Where another sphere stands before this one, it is left out.

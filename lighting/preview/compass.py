@@ -15,7 +15,7 @@ _HEAT_SIZE = 112  # pixels of the density before enlargement
 
 
 def compass_panel(estimate: Estimate, aspect: float, size: int) -> Image.Image:
-    """The dome from above: zenith at the centre, the camera's heading up, its right on the right."""
+    """The sky seen from above: zenith at the centre, the camera's heading at the top, its right on the right."""
     lighting = estimate.lighting
     panel = Image.new("RGB", (size, size), PANEL)
     radius = size / 2 - 44
@@ -54,7 +54,7 @@ def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats
 
 
 def _rings(panel: Image.Image, radius: float) -> None:
-    """Elevation rings with their degrees, the cross of front, right, back and left, and those words."""
+    """Draw elevation rings with their degrees, and a cross labelled front, right, behind and left."""
     centre = panel.width / 2
     spokes = [np.array([[centre - radius, centre], [centre + radius, centre]])]
     spokes.append(spokes[0][:, ::-1])
@@ -76,7 +76,7 @@ def _circle(centre: float, radius: float) -> Floats:
 
 
 def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
-    """Pixels (N, 2) on a compass of that size; what is below the horizon goes to the rim."""
+    """Pixels (N, 2) on a compass of that size; directions below the horizon are drawn on the rim."""
     azimuth, elevation = angles(directions)
     reach = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0
     turn = np.radians(azimuth)

@@ -1,4 +1,4 @@
-"""Lines, marks and text on a picture, antialiased: Pillow draws them larger, a mask brings them down."""
+"""Antialiased lines, marks and text: Pillow draws them as an enlarged mask, which is then reduced."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from lighting.preview.palette import BLACK, Colour
 Point = tuple[float, float]
 
 _FINE = 3  # supersampling
-_SHADE = 0.45  # opacity of the dark ground under marks and outlined text
+_SHADE = 0.45  # opacity of the dark background of marks and outlined text
 
 
 def ink(
     picture: Image.Image, colour: Colour, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]
 ) -> None:
-    """Colour `picture` through a mask, which `paint` draws with 255 at the scale it is told."""
+    """Colour `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
     mask = Image.new("L", (picture.width * _FINE, picture.height * _FINE))
     paint(ImageDraw.Draw(mask), _FINE)
     small = mask.reduce(_FINE)
@@ -28,7 +28,7 @@ def ink(
 
 
 def stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float, opacity: float = 1.0) -> None:
-    """Open lines, each (N, 2) pixels."""
+    """Draw open lines, each (N, 2) pixels."""
 
     def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
         for line in lines:
@@ -38,18 +38,18 @@ def stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width:
 
 
 def shaded_stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float) -> None:
-    """Lines that stay visible on any ground, by a soft dark rim."""
+    """Draw lines with a soft dark rim, visible on any background."""
     stroke(picture, lines, BLACK, width + 2.5, _SHADE)
     stroke(picture, lines, colour, width)
 
 
 def polygon(picture: Image.Image, corners: ArrayLike, colour: Colour, opacity: float = 1.0) -> None:
-    """A filled polygon of corners (N, 2)."""
+    """Fill the polygon with these corners (N, 2)."""
     ink(picture, colour, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
 
 
 def sun_marks(picture: Image.Image, spots: ArrayLike, colour: Colour, size: float) -> None:
-    """A small sun at each spot (N, 2): a disc of radius `size` with eight rays, on a soft dark ground."""
+    """Draw a small sun at each spot (N, 2): a disc of radius `size` with eight rays, on a soft dark background."""
     turn = np.arange(8) * np.pi / 4
     rays = np.stack([np.cos(turn), np.sin(turn)], axis=-1)[:, None] * np.array([[1.6], [2.3]]) * size
 
@@ -67,7 +67,7 @@ def sun_marks(picture: Image.Image, spots: ArrayLike, colour: Colour, size: floa
 
 
 def arrow_head(picture: Image.Image, tip: Floats, towards: Floats, colour: Colour) -> None:
-    """An arrow head 22 pixels long with its tip at `tip` (2,), pointing along the unit vector `towards` (2,)."""
+    """Draw an arrow head 22 pixels long with its tip at `tip` (2,), pointing along the unit vector `towards` (2,)."""
     side = np.array([-towards[1], towards[0]])
     for grow, ground, opacity in ((3.0, BLACK, _SHADE), (0.0, colour, 1.0)):
         back, wing = (22 + grow) * towards, (12 + 1.5 * grow) * side
@@ -91,11 +91,11 @@ class Style:
     size: int  # pixels
     colour: Colour
     anchor: str = "la"  # of Pillow: which point of the text lies on its spot
-    shaded: bool = False  # with a soft dark rim, to be read on any ground
+    shaded: bool = False  # with a soft dark rim, readable on any background
 
 
 def write(picture: Image.Image, spot: Point, text: str, style: Style) -> None:
-    """Text at `spot`."""
+    """Write text at `spot`."""
     font, anchor = _font(style.size), style.anchor
     if style.shaded:
         rim = Image.new("L", picture.size)
@@ -105,7 +105,7 @@ def write(picture: Image.Image, spot: Point, text: str, style: Style) -> None:
 
 
 def write_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, colour: Colour) -> None:
-    """Shaded text centred at `spot` (2,), moved as far as needed to lie inside the picture."""
+    """Write shaded text centred at `spot` (2,), moved as far as needed to lie inside the picture."""
     left, top, right, bottom = _font(size).getbbox(text, anchor="mm")
     x, y = np.asarray(spot, dtype=np.float64)
     inside = (min(max(x, 8 - left), picture.width - 8 - right), min(max(y, 8 - top), picture.height - 8 - bottom))

@@ -24,7 +24,7 @@ def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box) -> Image
 
 
 def _horizon(picture: Image.Image, lighting: Lighting) -> None:
-    """The horizon as a thin line with a soft shadow; nothing where it is out of view."""
+    """Draw the horizon as a thin line with a soft shadow, if it is in view."""
     azimuth = np.linspace(-80.0, 80.0, 65)
     line = _camera_pixels(picture, direction(azimuth, 0.0), lighting)
     shaded_stroke(picture, [line], WHITE, 2)
@@ -46,7 +46,7 @@ def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting)
 
 
 def _sun_in_photo(picture: Image.Image, lighting: Lighting) -> None:
-    """The sun where it is in the picture, else an arrow at the edge that one would follow to find it."""
+    """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
     colour = sun_colour(lighting)
     seen = _camera_pixels(picture, lighting.sun_direction[None], lighting)
     if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:

@@ -16,8 +16,8 @@ from lighting.preview.spheres import render_spheres
 from lighting.preview.words import draw_headline, numbers_of
 from lighting.records import Estimate, Lighting
 
-MAP_HEIGHT = 512  # rows of the map that the picture is drawn with
-PHOTO_SIDE = 1000  # pixels that the photo's longer side keeps at least, if it has them
+MAP_HEIGHT = 512  # rows of the environment map
+PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
 
 def preview_png(photo: NDArray[np.uint8], estimate: Estimate) -> bytes:

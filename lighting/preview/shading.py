@@ -1,4 +1,4 @@
-"""What three spheres, mirror, glossy and diffuse, and the ground under them look like along rays.
+"""Radiance along rays in a scene of three spheres, mirror, glossy and diffuse, on the ground.
 
 Distances are in sphere radii. The sun's disc is not in the map; it lights everything analytically.
 """
@@ -17,12 +17,12 @@ MIRROR_REFLECTANCE = 0.92
 GLOSSY_REFLECTANCE = 0.85
 DIFFUSE_REFLECTANCE = 0.6
 GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(GLOSSINESS (cos - 1))
-_SECOND_HAND = 25.0  # the same where a sphere lights something else, wide enough for few rays to find the sun
+_SECOND_HAND = 25.0  # the same for light that a sphere sends elsewhere; wide enough to be sampled with few rays
 
 
 @dataclass(frozen=True)
 class Stage:
-    """The spheres, an environment map taken apart, and what becomes of its light between spheres and ground."""
+    """The spheres, the environment map with its sun apart, and the light exchanged between spheres and ground."""
 
     centres: Floats  # (3, 3) of the spheres, which stand on level ground
     sky: NDArray[np.float32]  # the map (H, 2H, 3) without the sun's disc

@@ -12,7 +12,7 @@ from lighting.records import Lighting
 
 
 def regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
-    """The circles around the sun that hold 50 % and 90 % of the probability, labelled."""
+    """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
     colour = sun_colour(lighting)
     for radius, share, width in ((lighting.radius_90, "90 %", 1.5), (lighting.radius_50, "50 %", 2.5)):
         rim = _rim(lighting, radius)

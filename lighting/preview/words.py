@@ -25,7 +25,7 @@ def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
 
 
 def _sources(lighting: Lighting) -> str:
-    """What the answer rests on if not on the pixels alone, and the heading that follows."""
+    """The evidence if it is more than the pixels, and the camera's heading if it is known."""
     sources = [f"from {', '.join(lighting.evidence)}"] if len(lighting.evidence) > 1 else []
     heading = [] if lighting.camera_heading is None else [f"camera heading {lighting.camera_heading:.0f}°"]
     return "; ".join(sources + heading)

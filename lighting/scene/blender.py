@@ -1,4 +1,4 @@
-"""A scene for Blender: a script that builds it and, where the module bpy is installed, the .blend that it builds.
+"""A scene for Blender: a script that builds it and, if the module bpy is installed, the .blend file.
 
 Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky
 Texture is the same Hosek-Wilkie model on the same scale; by way of other colour tables it differs by a few percent.
@@ -27,11 +27,11 @@ from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 
 SAMPLES = 128  # of Cycles, per pixel
-YAW = -90.0  # deg about +Z, takes the direction looked along to the axis at the map's centre
+YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
 def write(scene: Scene, folder: Folder) -> None:
-    """Write SCRIPT, the NUMBERS it reads, plate and map; FILE too in a folder on disk where bpy can be imported."""
+    """Write SCRIPT, the NUMBERS that it reads, plate and map; in a folder on disk also FILE, if bpy is installed."""
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
     (folder / SCRIPT).write_text(data_text("blender.py"), encoding="utf-8")
@@ -40,7 +40,7 @@ def write(scene: Scene, folder: Folder) -> None:
 
 
 def _save(folder: Path) -> None:
-    """Run the script in a process of its own, since bpy holds one file for the whole process."""
+    """Run the script in a process of its own, since bpy has one open file per process."""
     command = [sys.executable, SCRIPT, "--save"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode or not (folder / FILE).is_file():
@@ -49,7 +49,7 @@ def _save(folder: Path) -> None:
 
 
 def _description(scene: Scene) -> dict[str, Any]:
-    """What data/blender.py reads: metres, degrees, millimetres; +Z is up and the camera looks along +Y."""
+    """The values that data/blender.py reads, in metres, degrees and millimetres; +Z up, the camera looks along +Y."""
     matrix = scene.camera_matrix
     matrix[:3] = to_z_up(matrix[:3].T).T
     colour, strength = colour_and_strength(scene.sun_irradiance)

@@ -1,4 +1,4 @@
-"""What a scene is made of, computed once and in one frame for every tool.
+"""The parts of a scene, computed once and in one frame for every tool.
 
 The frame is that of geometry.py in metres: +Y up, the camera looks along -Z at azimuth 0, the ground is y = 0 and the
 camera stands over its origin at EYE_HEIGHT. Light is in the map's units, `exposure` x the sky model's radiance, which
@@ -21,16 +21,16 @@ from lighting.photo import Photo
 from lighting.records import Lighting
 
 SUN_ANGLE = 2 * SUN_RADIUS  # deg
-EYE_HEIGHT = 1.6  # m, where photos are commonly taken from; it sets the scene's scale
-SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it says the field of view
+EYE_HEIGHT = 1.6  # m, the usual height of a camera; it sets the scene's scale
+SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
 GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
 NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
 
 MAP_HEIGHT = 512  # rows of the environment map
-PLATE_SIDE = 3840  # pixels that the plate's longer side keeps at least, if the photo has them
+PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
 _SPOT_IN_PICTURE = 0.6  # how far below the picture's centre the spot lies, 0 = centre, 1 = lower edge
-_LEAST_DESCENT = 0.05  # the slope of the steepest sight line to a spot that a level or rising camera cannot see
+_LEAST_DESCENT = 0.05  # least slope of the line from camera to spot, for cameras that are level or look up
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +47,12 @@ class Scene:
 
     @property
     def width(self) -> int:
-        """Of the plate, pixels."""
+        """Width of the plate, pixels."""
         return int(self.plate.shape[1])
 
     @property
     def height(self) -> int:
-        """Of the plate, pixels."""
+        """Height of the plate, pixels."""
         return int(self.plate.shape[0])
 
     @property
@@ -104,7 +104,7 @@ class Scene:
 
     @property
     def shadow(self) -> Floats:
-        """(3,) what remains of open ground's light where the sun is hidden, 0 to 1."""
+        """(3,) the share of open ground's light that remains in the sun's shadow, 0 to 1."""
         direct = self.sun_irradiance * max(float(self.sun_direction[1]), 0.0)
         return np.asarray(self.sky_irradiance / (self.sky_irradiance + direct))
 

@@ -42,7 +42,7 @@ def write_scene(
 
 
 def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
-    """The same files as a ZIP archive, made in memory; without Blender's own file, which needs a disk.
+    """The same files as a ZIP archive, made in memory; without the .blend file, which needs a disk.
 
     The same scene makes the same bytes. Raises SceneError for a tool that is not one of TOOLS.
     """
@@ -79,7 +79,7 @@ class _Member:
 
 
 def check_target(target: Path, *, overwrite: bool) -> None:
-    """Raise a one-sentence SceneError where a scene's folder cannot or must not be written."""
+    """Raise SceneError if the folder of a scene cannot be written, or is not empty and `overwrite` is false."""
     if target.exists() and not target.is_dir():
         raise SceneError(f"{target} is a file; a scene is a folder.")
     if not overwrite and target.is_dir() and any(target.iterdir()):
@@ -100,7 +100,7 @@ def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> 
 
 @contextmanager
 def _beside(target: Path) -> Iterator[Path]:
-    """A temporary folder in the same place, gone at the end unless it was renamed."""
+    """A temporary folder next to the target, removed at the end unless it was renamed."""
     name = tempfile.mkdtemp(prefix=".", dir=target.parent)
     built = Path(name)
     built.chmod(0o755)

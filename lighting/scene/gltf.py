@@ -32,7 +32,7 @@ _PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
 
 
 def write(scene: Scene, folder: Folder) -> None:
-    """Write FILE."""
+    """Write FILE, which holds everything but the map."""
     binary = _Binary()
     document = {
         "asset": {"version": "2.0", "generator": SOFTWARE, "extras": {"lighting": full_record(scene.lighting)}},
@@ -52,7 +52,7 @@ def write(scene: Scene, folder: Folder) -> None:
 
 
 def _nodes(scene: Scene) -> list[dict[str, Any]]:
-    """Camera, plate, sun, ground, and the object's place with what stands there."""
+    """Camera, plate, sun, ground, and the spot for the user's object with the placeholder."""
     placeholder, plate = placeholder_of(scene), scene.camera_matrix
     plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
     return [

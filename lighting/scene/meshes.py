@@ -1,4 +1,4 @@
-"""Triangles for tools that take no spheres and cylinders."""
+"""Triangle meshes for formats without spheres and cylinders."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from lighting.geometry import Floats
 
 _SEGMENTS = 64  # around the axis
 _RINGS = 32  # of the ball, from pole to pole
-_SMALLEST = 1e-4  # area / the largest; what is smaller has shrunk to a line at a pole
+_SMALLEST = 1e-4  # area relative to the largest; smaller triangles are degenerate ones at a pole
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Mesh:
 
 
 def ball(radius: float) -> Mesh:
-    """Around the origin."""
+    """A sphere around the origin."""
     slope = np.linspace(-np.pi / 2, np.pi / 2, _RINGS + 1)
     normals = np.stack([np.cos(slope), np.sin(slope)], axis=-1)
     return _turned(radius * normals, normals)
@@ -37,12 +37,12 @@ def stick(radius: float, height: float) -> Mesh:
 
 
 def disc(radius: float) -> Mesh:
-    """Level, around the origin, facing up."""
+    """A level disc around the origin, facing up."""
     return _turned(np.array([[radius, 0.0], [0.0, 0.0]]), np.array([[0.0, 1.0], [0.0, 1.0]]))
 
 
 def picture(width: float, height: float) -> Mesh:
-    """Upright, around the origin, facing +Z."""
+    """An upright rectangle around the origin, facing +Z, with texture coordinates."""
     corners = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=np.float32)
     across, down = (corners - 0.5).T
     positions = np.stack([across * width, -down * height, np.zeros(4)], axis=-1).astype(np.float32)
@@ -52,7 +52,7 @@ def picture(width: float, height: float) -> Mesh:
 
 
 def _turned(profile: Floats, normals: Floats) -> Mesh:
-    """The surface that a profile (P, 2) of (radius, height) makes around the Y axis; outside is right of its way."""
+    """The surface of revolution of a profile (P, 2) of (radius, height) around the Y axis; outside is on its right."""
     angle = np.linspace(0.0, 2 * np.pi, _SEGMENTS + 1)
     around = np.stack([np.cos(angle), np.ones_like(angle), -np.sin(angle)], axis=-1)
     points, outward = (around * values[:, None, [0, 1, 0]] for values in (profile, normals))

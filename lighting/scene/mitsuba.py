@@ -1,4 +1,4 @@
-"""A scene for Mitsuba 3, in parts, and a script that puts the object over the plate.
+"""A scene for Mitsuba 3 in several files, and a script that composites the object over the plate.
 
 Mitsuba's frame is ours, its maps have +Z at the centre and its cameras look along their own +Z with +X to the left. The
 sun is a disc of the right angle far away, since a `directional` emitter casts shadows without penumbra.

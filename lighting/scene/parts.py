@@ -1,4 +1,4 @@
-"""What the folders of several tools hold, and how it is written."""
+"""Files and conversions that several writers share."""
 
 import json
 from importlib.resources import files
@@ -57,6 +57,6 @@ def to_z_up(vector: Floats) -> Floats:
 
 
 def colour_and_strength(irradiance: Floats) -> tuple[Floats, float]:
-    """A colour (3,) in [0, 1] whose brightest channel is 1, and what it is multiplied by; white for no light."""
+    """An irradiance (3,) as a colour (3,) whose largest channel is 1, and its strength; white and 0 for no light."""
     strength = float(irradiance.max())
     return (irradiance / strength if strength > 0 else np.ones(3)), strength

@@ -1,4 +1,4 @@
-"""A scene as one HTML page that needs neither server nor network: three.js, the plate and the map are inside.
+"""A scene as one HTML page that needs neither server nor network: it contains three.js, the plate and the map.
 
 three.js knows no size of a directional light: the sun's colour and irradiance are right, its shadow's edge is as sharp
 as the shadow map. Its lat-long maps have +X at the centre, so the map is turned by a quarter.
@@ -16,7 +16,7 @@ from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 PAGE = "scene.html"
 
-_YAW = -90.0  # deg, takes our centre, -Z, to where three.js looks for it
+_YAW = -90.0  # deg, turns the map so that three.js finds -Z where our maps have it
 
 
 def write(scene: Scene, folder: Folder) -> None:
@@ -30,7 +30,7 @@ def write(scene: Scene, folder: Folder) -> None:
 
 
 def _description(scene: Scene) -> dict[str, Any]:
-    """What viewer.js reads; metres and degrees, the frame of geometry.py, which is also three.js's."""
+    """The values that viewer.js reads, in metres and degrees; three.js has the frame of geometry.py."""
     placeholder = placeholder_of(scene)
     colour, intensity = colour_and_strength(scene.sun_irradiance)
     return {

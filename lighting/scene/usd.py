@@ -36,7 +36,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 
 
 def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
-    """Write STAGE and what it refers to; `up_axis` is Y or Z, SceneError for another.
+    """Write STAGE and the files it refers to. Raises SceneError if `up_axis` is neither Y nor Z.
 
     Where Z is up the camera looks along +Y at azimuth 0.
     """
@@ -47,7 +47,7 @@ def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
 
 
 def _values(scene: Scene, up_axis: str) -> dict[str, Any]:
-    """What the placeholders of data/scene.usda stand for; lengths in metres."""
+    """The values of the placeholders in data/scene.usda; lengths in metres."""
     placed = partial(_placed, up_axis)
     return {
         "up_axis": up_axis,

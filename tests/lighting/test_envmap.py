@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lighting.envmap import render, rotate, turn
 from lighting.errors import ParameterError
 from lighting.geometry import (
     SUN_RADIUS,
+    Floats,
     angle_between,
     direction,
     latlong_angles,
@@ -29,8 +29,6 @@ from lighting.sky import (
     sun_disc_radiance,
     sun_radiance,
 )
-
-Floats = NDArray[np.floating[Any]]
 
 HEIGHTS = (16, 18, 50, 128, 1024)
 SUNS = {  # azimuth and elevation, deg
