@@ -48,9 +48,10 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-from lighting.photo.read import Photo
+from lighting.photo import Photo
 from lighting.preview.ink import Style, write
-from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
+from lighting.preview.shading import DIFFUSE
+from lighting.preview.spheres import PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 from lighting.records import Lighting
 from lighting.scene import TOOLS, TOOLS_WITHOUT_MAP, Scene, make_scene, write_scene
 from lighting.scene.placeholder import placeholder_of

@@ -80,7 +80,7 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, u
     assert sun.GetNormalizeAttr().Get() is True  # so that intensity is irradiance, whatever the angle
     irradiance = sun.GetIntensityAttr().Get() * 2 ** sun.GetExposureAttr().Get() * np.array(sun.GetColorAttr().Get())
     assert irradiance == pytest.approx(scene.sun_irradiance, rel=1e-5)
-    assert sun.GetAngleAttr().Get() == pytest.approx(0.533)
+    assert sun.GetAngleAttr().Get() == pytest.approx(0.5358)
 
 
 @BOTH_AXES
