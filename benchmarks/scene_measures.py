@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from lighting.colour import luminance
 from lighting.geometry import Floats, camera_directions, camera_pixel, direction, wrap_azimuth
 
+AROUND = 25.0  # deg, to both sides of the direction in which a shadow is looked for
+
 
 @dataclass(frozen=True, eq=False)
 class Picture:
@@ -42,12 +44,12 @@ class Picture:
         return np.asarray(top * (1 - v) + (shown[row + 1, column] * (1 - u) + shown[row + 1, column + 1] * u) * v)
 
 
-def shadow_azimuth(picture: Picture, expected: float, around: float = 25.0) -> float:
+def shadow_azimuth(picture: Picture, expected: float) -> float:
     """Azimuth [deg] in which the caster's shadow points: the darkness' centroid on arcs around its foot.
 
-    The arcs reach `around` deg to both sides of the `expected` azimuth; NaN where nothing on them is dark.
+    The arcs reach AROUND to both sides of the `expected` azimuth; NaN where nothing on them is dark.
     """
-    turn = np.linspace(-around, around, 1001)
+    turn = np.linspace(-AROUND, AROUND, 1001)
     reach = np.linspace(*picture.reach, 60)[:, None]
     ring = picture.caster + reach[..., None] * direction(expected + turn, 0.0)
     light = picture.light(ring)

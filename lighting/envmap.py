@@ -1,4 +1,4 @@
-"""Lighting to a picture: sky, a sun of the right power, and the ground they light.
+"""Environment maps of a Lighting: the sky, a sun of the right power, and the ground that they light.
 
 An environment map is a lat-long image (H, 2H, 3), float32, linear Rec.709, in the pixel layout of geometry.py. Its
 values are `exposure` x the sky model's radiance, which are the photo's own linear values.
@@ -25,12 +25,12 @@ Image = NDArray[np.float32]
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096
 
-_LOBE_STEPS = 1 << 16  # of the table over the angle to the sun; its nearest entry costs less than 3e-4
-_CHUNK = 1 << 17  # pixels painted at once, so that what is in work stays in the processor's cache
-_IRRADIANCE_HEIGHT = 128  # of the sky that is integrated for the ground, at every height of the map; good to 2e-4
+_LOBE_STEPS = 1 << 16  # of the table over the angle to the sun; taking the nearest entry errs by less than 3e-4
+_CHUNK = 1 << 17  # pixels painted at once, few enough for the processor's cache
+_IRRADIANCE_HEIGHT = 128  # rows of the sky that is integrated to light the ground; accurate to 2e-4
 _FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
-_FINE_PER_PIXEL = 4  # the least number of grid rows in a row of pixels
-_WHOLE_PIXEL = 1e-6  # pixels, the rounding allowed for when a yaw counts as a whole number of them
+_FINE_PER_PIXEL = 4  # least number of grid rows per row of pixels
+_WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 
 
 def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
@@ -54,9 +54,9 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
 
 
 def rotate(image: Image, yaw: float) -> Image:
-    """The map turned by `yaw` [deg]: what was at azimuth a is at a + yaw. Exact where that is a whole number of pixels.
+    """The map turned by `yaw` [deg]: what was at azimuth a is at a + yaw. Exact for a whole number of pixels.
 
-    Between whole pixels neighbours are interpolated linearly, across the seam too.
+    Otherwise neighbouring pixels are interpolated linearly, also across the seam. Raises ParameterError unless finite.
     """
     if not math.isfinite(yaw):
         raise ParameterError(f"yaw must be a finite number, not {yaw!r}.")
@@ -70,7 +70,7 @@ def rotate(image: Image, yaw: float) -> Image:
 
 
 def turn(lighting: Lighting, yaw: float) -> Lighting:
-    """The record of a map turned by `yaw` [deg]: azimuth 0 is no longer where the camera points but that much left."""
+    """The record of a map turned by `yaw` [deg]; its azimuth 0 lies `yaw` to the left of where the camera points."""
     azimuth = float(wrap_azimuth(lighting.sun_azimuth + yaw))
     if lighting.camera_heading is None:
         return replace(lighting, sun_azimuth=azimuth)
@@ -90,12 +90,12 @@ def sun_irradiance(lighting: Lighting) -> Floats:
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) of open level ground by the sky without the disc."""
+    """Irradiance (3,) of open level ground by the sky, without the sun's disc."""
     return _sky_irradiance(lighting, _lobe_table(lighting))
 
 
 def view(lighting: Lighting, height: int = 512, *, sun: bool | None = None, yaw: float = 0.0) -> tuple[Image, Lighting]:
-    """The rendered map turned by `yaw` [deg], and the record that describes it: the lighting turned with it."""
+    """The rendered map turned by `yaw` [deg], and the lighting turned with it; parameters as in `render`."""
     image = render(lighting, height, sun=sun)
     return (rotate(image, yaw), turn(lighting, yaw)) if yaw else (image, lighting)
 
@@ -147,7 +147,7 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
 
 
 def _paint_ground(image: Image, radiance: Floats) -> None:
-    """Fill the lower half (H / 2, 2H, 3) with one colour (3,); row by row, since whole rows are copied fastest."""
+    """Fill the lower half (H / 2, 2H, 3) with one colour (3,); copying whole rows is fastest."""
     image[0] = radiance
     image[1:] = image[0]
 

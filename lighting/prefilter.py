@@ -1,4 +1,4 @@
-"""Environment maps for shading: the sun's disc apart, fewer pixels, blurred copies, irradiance."""
+"""Environment maps prepared for shading: without the sun's disc, reduced, blurred, integrated to irradiance."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,10 @@ from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directi
 
 
 def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:
-    """The map with its disc replaced by the sky around it, and the irradiance (3,) that the disc gave."""
+    """The map (H, 2H, 3) with the sky around the sun painted over its disc, and the disc's irradiance (3,).
+
+    `sun` (3,) is the unit vector towards the sun. A map without a disc is returned as it is, with an irradiance of 0.
+    """
     height = len(envmap)
     row = int((0.5 - np.degrees(np.arcsin(sun[1])) / 180.0) * height)
     reach = SUN_RADIUS + 3 * 180.0 / height
@@ -26,7 +29,7 @@ def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.fl
 
 
 def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """Box average to at most `rows` rows."""
+    """The map averaged over boxes of pixels, to about `rows` rows."""
     factor = max(1, len(image) // rows)
     rows = len(image) // factor
     trimmed = image[: rows * factor, : 2 * rows * factor]

@@ -193,10 +193,9 @@ def add_placeholder(scene: Any, numbers: dict[str, Any]) -> None:
         add_object(scene, name, mesh, spot).location = place
 
 
-def ball_mesh(radius: float, rings: int = 48, spokes: int = 96) -> Any:
-    return turned_mesh(
-        "Ball", [(radius * math.sin(t), -radius * math.cos(t)) for t in steps(math.pi, rings)], spokes, smooth=True
-    )
+def ball_mesh(radius: float) -> Any:
+    profile = [(radius * math.sin(t), -radius * math.cos(t)) for t in steps(math.pi, 48)]
+    return turned_mesh("Ball", profile, 96, smooth=True)
 
 
 def stick_mesh(radius: float, height: float) -> Any:
