@@ -9,7 +9,8 @@ from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directi
 def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:
     """The map (H, 2H, 3) with the sky around the sun painted over its disc, and the disc's irradiance (3,).
 
-    `sun` (3,) is the unit vector towards the sun. A map without a disc is returned as it is, with an irradiance of 0.
+    `sun` (3,) is the unit vector towards the sun. With no pixel near it above the horizon, the map is returned as it is
+    and the irradiance is 0.
     """
     height = len(envmap)
     row = int((0.5 - np.degrees(np.arcsin(sun[1])) / 180.0) * height)
