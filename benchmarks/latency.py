@@ -26,8 +26,8 @@ from common import TWELVE_MEGAPIXELS, machine, make_photo, milliseconds, peak_me
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.panoramas import DataError
-from export.towns.llvm import find_llvm
+from export.data import DataError
+from export.towns import find_llvm
 from lighting.decoding import lighting_from
 from lighting.envmap import render
 from lighting.files import write_exr

@@ -33,7 +33,6 @@ LEVELS = {
     "all": onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL,
 }
 CPU, OPENVINO = "CPUExecutionProvider", "OpenVINOExecutionProvider"
-ALLOWED = 0.3  # deg, how far the median on `val` may move
 BATCHES = (1, 8, 32)
 CALIBRATION = 16  # training panoramas, of 8 crops each
 
@@ -102,13 +101,13 @@ def to_int8(target: Path, calibration: Batch) -> Path:
 
 def training_crops(data: Data) -> Batch:
     """Crops of a few training panoramas, as training takes them."""
-    from export.data.panoramas import read_index
-    from export.evaluation.evaluate import cameras
-    from export.training.train import load_sources
+    from export.crops import load_sources
+    from export.data import read_index
+    from export.evaluation import cameras
 
     panoramas = read_index(data.folder, "train")
     sources = load_sources(panoramas[:: len(panoramas) // CALIBRATION][:CALIBRATION], data.labels)
-    return np.concatenate([batch for batch, _ in _batches(cameras(sources, "phone").crops)])
+    return np.concatenate([batch for batch, _ in _batches(cameras(sources, "phone"))])
 
 
 def example_photos() -> Batch:
@@ -120,27 +119,26 @@ def example_photos() -> Batch:
 
 def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
     """Median sun error [deg] on the scored crops of `val`, taken as in CVPR 2017, of each network."""
-    from export.data.panoramas import read_index
-    from export.evaluation.evaluate import cameras, collect, interpret
-    from export.evaluation.metrics import median, sun_error
-    from export.training.train import load_sources
+    from export.crops import load_sources
+    from export.data import read_index
+    from export.evaluation import cameras, collect, interpret, median, sun_error
 
     models = {name: Model.load(file) for name, file in files.items()}
     said: dict[str, list[Any]] = {name: [] for name in files}
-    scene = cameras(load_sources(read_index(data.folder, "val")[: data.panoramas], data.labels), "paper")
+    views = cameras(load_sources(read_index(data.folder, "val")[: data.panoramas], data.labels), "paper")
     crops = []
-    for batch, part in _batches(scene.crops):
+    for batch, part in _batches(views):
         crops += part
         for name, model in models.items():
             said[name] += model.predict(batch)
-    truth = collect([source.panorama for source, _ in scene.crops], crops)
+    truth = collect([source.panorama for source, _ in views], crops)
     errors = {name: sun_error(truth, interpret(predictions, truth.sun)) for name, predictions in said.items()}
     return {name: median(error[truth.scored]) for name, error in errors.items()}
 
 
 def _batches(crops: Any, size: int = 16) -> Iterator[tuple[Batch, list[Any]]]:
     """The network's inputs and the crops that they show."""
-    from export.crops.crops import take
+    from export.crops import take
     from lighting.colour import tone_map
     from lighting.photo import place
 

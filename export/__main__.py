@@ -11,170 +11,149 @@ from lighting.errors import LightingError
 
 FOLDER = click.Path(path_type=Path)
 Command = Callable[..., Any]
-data_option = click.option("--data", type=FOLDER, required=True, help="Folder with panoramas.csv and the pictures.")
-labels_option = click.option("--labels", type=FOLDER, default="runs/labels.csv", show_default=True)
 
 
-def share_option(name: str, default: float, meaning: str) -> Callable[[Command], Command]:
-    """An option that says which share of something, 0 to 1."""
-    return click.option(name, type=click.FloatRange(0, 1), default=default, show_default=True, help=meaning)
+def option(
+    name: str, meaning: str, kind: Any = FOLDER, default: Any = None, **more: Any
+) -> Callable[[Command], Command]:
+    """An option with its meaning; the default is shown if there is one."""
+    shown = default is not None
+    return click.option(name, type=kind, default=default, show_default=shown, help=meaning, **more)
+
+
+def share(name: str, default: float, meaning: str) -> Callable[[Command], Command]:
+    """An option that is a share, 0 to 1."""
+    return option(name, meaning, click.FloatRange(0, 1), default)
+
+
+def flag(name: str, meaning: str) -> Callable[[Command], Command]:
+    """An option that is off unless given."""
+    return click.option(name, is_flag=True, help=meaning)
+
+
+data = option("--data", "Folder with panoramas.csv and the pictures.", required=True)
+labels = option("--labels", "CSV file of `label`.", default="runs/labels.csv")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def cli() -> None:
-    """From a folder of panoramas to the network that ships; see export/README.md for the folder's format."""
+    """From a folder of panoramas to the network that ships. export/README.md describes the folder's format."""
 
 
 @cli.command()
-@data_option
-@click.option("--out", type=FOLDER, default="runs/labels.csv", show_default=True, help="CSV to write.")
-@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+@data
+@option("--out", "CSV file to write.", default="runs/labels.csv")
+@option("--workers", "Processes.", click.IntRange(1), 2)
 def label(data: Path, out: Path, workers: int) -> None:
-    """Find suns, fit skies, and print how well both agree with what is known."""
-    from export.data.label_report import run
+    """Find suns and fit skies; print how well both agree with what is known."""
+    from export.data.reports import run
 
-    out.parent.mkdir(parents=True, exist_ok=True)
     run(data, out, workers)
 
 
 @cli.command()
-@click.option("--out", type=FOLDER, default="runs/towns", show_default=True, help="Folder to fill or to go on with.")
-@click.option("--count", type=click.IntRange(1), default=1000, show_default=True, help="Places in all.")
-@click.option("--height", type=click.IntRange(32), default=256, show_default=True, help="Rows of each panorama.")
-@click.option("--samples", type=FOLDER, default=None, help="JPEG to write: a crop each of the first 48 places.")
+@option("--out", "Folder to fill; places that it holds are kept.", default="runs/towns")
+@option("--count", "Places in all.", click.IntRange(1), 1000)
+@option("--height", "Rows of each panorama.", click.IntRange(32), 256)
+@option("--samples", "JPEG file to write: one crop of each of the first 48 places.")
 def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None:
-    """Render places with exact truth to train on; two to three seconds each on two cores."""
-    from export.towns.dataset import synthesize as run
-    from export.towns.samples import write_samples
+    """Render places with exact labels to train on; each takes two to three seconds on two cores."""
+    from export.towns import synthesize as run
 
     run(out, count, height)
     if samples:
+        from export.training import write_samples
+
         write_samples(out, samples)
 
 
 @cli.command()
-@data_option
-@labels_option
-@click.option(
-    "--out", type=FOLDER, default=None, help="Folder of the run; resumed if it has a checkpoint. [runs/NETWORK]"
-)
-@click.option("--network", type=click.Choice(["outdoor", "cvpr2017"]), default="outdoor", show_default=True)
-@click.option("--crops", type=click.IntRange(1), default=100_000, show_default=True, help="Drawn in all.")
-@click.option("--batch", type=click.IntRange(2), default=32, show_default=True)
-@click.option("--learning-rate", type=click.FloatRange(0, 1), default=8e-4, show_default=True)
-@click.option("--version", default="1.0.0", show_default=True, help="Of the network, for its metadata.")
-@click.option("--licensed-only", is_flag=True, help="Train on permissively licensed panoramas alone.")
-@click.option("--scratch", is_flag=True, help="Start from random weights instead of ImageNet's.")
-@click.option("--start", type=FOLDER, default=None, help="Earlier run to start from. [ImageNet's weights]")
-@click.option("--synthetic", type=FOLDER, default=None, help="Folder of `synthesize`, mixed in.")
-@share_option("--synthetic-share", 0.3, "Of the crops.")
-@share_option("--aimed", 0.2, "Of the crops of panoramas that show the sun, turned until they hold it.")
-@share_option("--joined", 0.0, "Of the crops, with a second place under the same sun beyond a line.")
-@click.option("--surroundings", is_flag=True, help="Learn also to say the light all around the camera.")
-@click.option("--only-seen", is_flag=True, help="Train alone what says where in the picture the sun is seen.")
-@share_option("--tune-share", 0.08, "Of the places, held out for the log.")
-@click.option("--workers", type=click.IntRange(0), default=2, show_default=True, help="Processes that cut crops.")
-def train(
-    out: Path | None,
-    network: str,
-    scratch: bool,
-    start: Path | None,
-    synthetic: Path | None,
-    data: Path,
-    labels: Path,
-    **given: Any,
-) -> None:
-    """Train a network, or go on where a killed run stopped; takes a GPU where there is one."""
-    from export.networks.network import TARGET_WIDTH
-    from export.training.train import TrainConfig
-    from export.training.train import train as run
+@data
+@labels
+@option("--out", "Folder of the run; a run with a checkpoint is resumed. [default: runs/NETWORK]")
+@option("--network", "Network to train.", click.Choice(["outdoor", "cvpr2017"]), "outdoor")
+@option("--crops", "Crops drawn in all.", click.IntRange(1), 100_000)
+@option("--batch", "Crops per step.", click.IntRange(2), 32)
+@option("--learning-rate", "Highest learning rate.", click.FloatRange(0, 1), 8e-4)
+@option("--version", "Version of the network, for its metadata.", str, "1.0.0")
+@flag("--licensed-only", "Train on permissively licensed panoramas only.")
+@flag("--scratch", "Start from random weights instead of ImageNet's.")
+@option("--start", "Folder of an earlier run to start from. [default: ImageNet's weights]")
+@option("--synthetic", "Folder of `synthesize`, whose places are mixed in.")
+@share("--synthetic-share", 0.3, "Share of the crops that show synthetic places.")
+@share("--aimed", 0.2, "Share of the crops of panoramas with a visible sun whose camera is turned towards it.")
+@share("--joined", 0.0, "Share of the crops divided by a line between two places under the same sun.")
+@flag("--surroundings", "Also learn the light all around the camera.")
+@flag("--only-seen", "Train only the head that says where in the picture the sun is seen.")
+@share("--tune-share", 0.08, "Share of the places that are held out for the log.")
+@option("--workers", "Processes that cut crops.", click.IntRange(0), 2)
+def train(out: Path | None, network: str, scratch: bool, **given: Any) -> None:
+    """Train a network, or resume a run that was stopped. Uses a GPU if there is one."""
+    from export.networks import TARGET_WIDTH
+    from export.training import TrainConfig
+    from export.training import train as run
 
     if network != "outdoor" and (given["only_seen"] or given["surroundings"]):
-        raise click.UsageError(f"--only-seen and --surroundings are of the network outdoor, not of {network}.")
-    given |= {"data": str(data), "labels": str(labels), "out": str(out or Path("runs") / network), "network": network}
-    given |= {"start": str(start or ""), "synthetic": str(synthetic or "")}
-    run(TrainConfig(**given, target_width=TARGET_WIDTH[network], pretrained=not scratch))
+        raise click.UsageError(f"--only-seen and --surroundings are for the network outdoor, not for {network}.")
+    given |= {"out": out or Path("runs") / network}
+    given |= {name: str(given[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}
+    run(TrainConfig(**given, network=network, target_width=TARGET_WIDTH[network], pretrained=not scratch))
 
 
 @cli.command()
 @click.argument("runs", type=FOLDER, nargs=-1, required=True)
-@click.option("--out", type=FOLDER, required=True, help="Folder to write, of a run like any other.")
+@option("--out", "Folder to write; it then holds a run like any other.", required=True)
 def merge(runs: tuple[Path, ...], out: Path) -> None:
-    """Average the weights of runs that continue one another."""
-    from export.networks.averaging import merge as run
+    """Average the weights of runs with a common beginning."""
+    from export.networks import merge as run
 
     run(runs, out)
 
 
 @cli.command()
 @click.argument("runs", type=FOLDER, nargs=-1, required=True)
-@click.option("--out", type=FOLDER, default=None, help="File to write. [RUN/NAME-VERSION.onnx]")
-@click.option(
-    "--temperature", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="Of the sun's softmax."
-)
-@click.option("--version", help="Of the network, where it is not the run's: another temperature makes another one.")
+@option("--out", "File to write. [default: RUN/NAME-VERSION.onnx]")
+@option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
+@option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
 def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float, version: str | None) -> None:
-    """Write the averaged network of a run, or of several that answer together, as ONNX; compare it with torch."""
-    from export.networks.onnx import export
-    from export.networks.runs import read_spec
+    """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
+    from export.networks import read_spec, write_onnx
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    difference = export(runs, target, temperature=temperature, version=version)
+    difference = write_onnx(runs, target, temperature=temperature, version=version)
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 
 @cli.command()
-@data_option
-@labels_option
-@click.option("--model", type=FOLDER, default=None, help="Network to score. [the one in the package]")
-@click.option("--compare", type=FOLDER, multiple=True, help="Further networks, such as the CVPR 2017 one.")
-@click.option("--out", type=FOLDER, default="runs/evaluation", show_default=True, help="Folder for report and crops.")
-@click.option(
-    "--with-metadata", is_flag=True, help="Also with simulated time, place, compass, lens, and several views."
-)
-@click.option("--mirror", is_flag=True, help="Also average with the answers about mirrored crops.")
-@click.option(
-    "--suncompass", is_flag=True, help="Also score that outside peer; pip install --no-deps suncompass==0.0.1."
-)
-@click.option("--relight", is_flag=True, help="Also relight a sphere with the estimated maps.")
-@click.option(
-    "--failures", is_flag=True, help="Also write the worst crops; not for publishing, the pictures are the data's."
-)
-@click.option("--card", is_flag=True, help="Also write lighting/data/MODEL_CARD.md and docs/reliability.png.")
-def evaluate(
-    data: Path,
-    labels: Path,
-    model: Path | None,
-    compare: tuple[Path, ...],
-    out: Path,
-    with_metadata: bool,
-    mirror: bool,
-    suncompass: bool,
-    relight: bool,
-    failures: bool,
-    card: bool,
-) -> None:
+@data
+@labels
+@option("--model", "Network to score. [default: the one in the package]")
+@option("--compare", "Further networks, such as the CVPR 2017 one.", multiple=True)
+@option("--out", "Folder for the report and the crops' errors.", default="runs/evaluation")
+@flag("--with-metadata", "Also score answers with simulated time, place, compass and lens, and with several views.")
+@flag("--suncompass", "Also score that peer: pip install --no-deps suncompass==0.0.1.")
+@flag("--relight", "Also relight a sphere with the estimated environment maps.")
+@flag("--failures", "Also write the worst crops; they show pictures of the data, so do not publish them.")
+@flag("--card", "Also write the model card and figures into lighting/data, the reliability diagram into docs.")
+def evaluate(model: Path | None, compare: tuple[Path, ...], relight: bool, card: bool, **given: Any) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
-    from export.evaluation.card import write_card
-    from export.evaluation.diagnostics import PICTURE
-    from export.evaluation.evaluate import evaluate as run
+    from export.evaluation import Options, write_card
+    from export.evaluation import evaluate as run
     from export.evaluation.relight import relight as run_relight
     from lighting.model import packaged_model
 
-    ours = model or packaged_model()
-    models = [ours, *compare]
-    parts = {"with_metadata": with_metadata, "with_mirror": mirror, "with_suncompass": suncompass, "failures": failures}
-    report = run(data, labels, models, out, **parts)
+    options = Options(**given, models=(model or packaged_model(), *compare))
+    evaluation = run(options)
     if relight:
-        report += "\n" + run_relight(data, labels, models, out) + "\n"
-    click.echo(report)
+        evaluation = evaluation.with_section(run_relight(options.data, options.labels, options.models, options.out))
+    click.echo(evaluation.report)
     if card:
-        write_card(ours, report, data, labels, out / PICTURE)
+        write_card(evaluation, options)
 
 
 def main() -> None:
-    """Run the command line; expected errors end as one sentence."""
+    """Run the command line; expected errors end it with one sentence."""
     try:
         cli(prog_name="python -m export")
     except (LightingError, OSError) as error:

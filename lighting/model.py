@@ -69,6 +69,11 @@ class Model:
         return outputs
 
 
+def figures_path(spec: ModelSpec, folder: Path) -> Path:
+    """Where the measured accuracy of a network lies in its folder, as JSON; a network of one's own may have none."""
+    return folder / f"{spec.name}-{spec.version}.json"
+
+
 def packaged_model() -> Path:
     """The network in this package; raises ModelError unless there is exactly one."""
     folder = Path(__file__).parent / "data"

@@ -7,8 +7,8 @@ from fastapi.responses import JSONResponse
 
 from server import tasks
 from server.answers import caching, estimates, map_response
-from server.card import accuracy
 from server.checks import check_photos, refuse_given
+from server.model_figures import accuracy
 from server.problems import documented
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkyQuery, SkySceneQuery
 from server.records import parse_record

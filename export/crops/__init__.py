@@ -1,0 +1,35 @@
+"""Pictures for training and evaluation, taken from panoramas with their targets. Needs no torch."""
+
+from export.crops.augment import augment
+from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, training_camera
+from export.crops.crops import Crop, is_resolved, take
+from export.crops.mosaic import companions, joined, same_view
+from export.crops.seeds import generator
+from export.crops.seen_sun import CELL, where_seen
+from export.crops.sources import Source, load_source, load_sources, sampling_weights
+from export.crops.surroundings import CELLS, light_around, seen_from
+
+__all__ = [
+    "CELL",
+    "CELLS",
+    "PROTOCOLS",
+    "Camera",
+    "Crop",
+    "Source",
+    "aimed_camera",
+    "augment",
+    "companions",
+    "generator",
+    "is_resolved",
+    "joined",
+    "light_around",
+    "load_source",
+    "load_sources",
+    "paper_camera",
+    "same_view",
+    "sampling_weights",
+    "seen_from",
+    "take",
+    "training_camera",
+    "where_seen",
+]

@@ -1,7 +1,6 @@
-"""What cameras and their software do to a picture, drawn at random for training crops."""
+"""Random versions of what cameras and their software do to a picture, applied to training crops."""
 
 from io import BytesIO
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +8,13 @@ from PIL import Image, ImageFilter
 
 from export.crops.crops import Crop
 from lighting.colour import luminance, tone_map
-from lighting.geometry import camera_directions
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats, camera_directions
 
 _BOX, _BICUBIC = Image.Resampling.BOX, Image.Resampling.BICUBIC
 
 
 def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], float, bool]:
-    """A processed picture (h, w, 3) of the crop, the gain its exposure was multiplied with, and whether a sun that it
-    showed is hidden."""
+    """The processed picture (h, w, 3), the factor on its exposure, and whether the sun that it showed is hidden."""
     gain = float(2.0 ** rng.uniform(-1.2, 1.0))
     recovered = _recover(crop.linear) if gain < 1 else crop.linear
     shown = _hide_sky(_occlude(recovered, crop, rng), crop, rng)
@@ -44,7 +40,7 @@ def _recover(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) -> NDArray[np.float32]:
-    """At times hide the sun, or any other part, behind a plain patch: shading and shadows have to do then."""
+    """At times cover the sun, or any other part, with a plain patch: shading and shadows then have to suffice."""
     draw = rng.random()
     if draw > 0.3:
         return linear
@@ -63,7 +59,7 @@ def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) 
 
 
 def _hide_sky(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) -> NDArray[np.float32]:
-    """At times paint all that looks up in one colour, blown out or dark: what lies on the ground has to do then."""
+    """At times paint everything above the horizon in one colour: what lies on the ground then has to suffice."""
     if rng.random() > 0.12:
         return linear
     height, width = linear.shape[:2]
@@ -74,7 +70,7 @@ def _hide_sky(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator)
 
 
 def _tone_locally(linear: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """At times compress what is large and lift what is small, as phones and tone-mapped panoramas do."""
+    """At times compress large contrasts and raise small ones, as phones and tone mapping do."""
     if rng.random() > 0.3:
         return linear
     light = np.log(luminance(linear) + 1e-3).astype(np.float32)

@@ -1,6 +1,6 @@
-"""Two places in one picture under the same sun: what tells the sun is then the light, and less which place it is.
+"""Crops that show two places under the same sun, so that the network learns from the light and not from the place.
 
-The second panorama is turned until its sun stands where the first one's does, seen by the same camera; beyond a
+The second panorama is turned until the same camera sees its sun where it sees the first one's. On one side of a
 straight line through the picture, the crop then shows the second place.
 """
 
@@ -11,17 +11,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.crops import Camera, Crop, Floats, Source
-from lighting.geometry import wrap_azimuth
+from export.crops.cameras import Camera
+from export.crops.crops import Crop
+from export.crops.sources import Source
+from lighting.geometry import Floats, wrap_azimuth
 
 NEAR = 5.0  # deg, how far apart in elevation the suns of two places in one picture may stand
 
 
 def companions(sources: Sequence[Source], chances: Floats) -> list[tuple[NDArray[np.intp], Floats]]:
-    """For each source, the numbers (M,) of those of other places that may share its picture, and their summed chances.
+    """For each source, the indices (M,) of sources that may share its picture, and their cumulative chances (M,).
 
-    They have about its sun's elevation and its `direct`; sources without a sun go with each other. One that nothing
-    goes with has itself. `chances` (N,) are those of drawing each source; the sums (M,) end at 1.
+    They are of other places, have about the same sun elevation and the same `direct`; sources without a sun go with
+    each other. A source without companions gets itself. `chances` (N,) are those of drawing each source.
     """
     elevation = np.array([s.label.sun_elevation for s in sources])
     direct = np.array([s.label.direct for s in sources])
@@ -38,9 +40,9 @@ def companions(sources: Sequence[Source], chances: Floats) -> list[tuple[NDArray
 
 
 def same_view(camera: Camera, source: Source, other: Source, rng: np.random.Generator) -> Camera:
-    """The camera that sees the other's sun where `camera` sees the source's, mirrored or not by chance.
+    """The camera that sees the other's sun where `camera` sees the source's, mirrored at random.
 
-    Without a sun it looks anywhere.
+    Without a sun it looks in a random direction.
     """
     mirrored = bool(rng.random() < 0.5)
     if not math.isfinite(source.label.sun_azimuth):
@@ -52,10 +54,10 @@ def same_view(camera: Camera, source: Source, other: Source, rng: np.random.Gene
 
 
 def joined(one: Crop, other: Crop, rng: np.random.Generator) -> Crop:
-    """The first crop, with the second in it beyond a straight line.
+    """The first crop with the second one on one side of a straight line.
 
-    A sun in the picture stays the first one's; where only the second has it in the frame, it is not shown. Turbidity
-    and exposure are of neither; the sun is as uncertain as both and their distance make it.
+    The side with the sun's pixel shows the first crop; a sun that only the second crop holds is not shown. Turbidity
+    and exposure are unknown. The sun's uncertainty combines those of both with the difference of their elevations.
     """
     height, width = one.linear.shape[:2]
     angle = rng.uniform(-math.pi, math.pi)

@@ -1,19 +1,22 @@
-"""The light all around a crop's camera, coarsely: a second thing to learn from each panorama, with or without a sun.
+"""A coarse map of the light around a crop's camera: a further training target, with or without a sun.
 
-Only training asks for it. It is as rich as the sun's direction is poor, so a network that can say it has learnt more
-from a panorama than which place it is.
+Only training uses it. It holds many values where the sun's direction is a single one, so a network that can predict it
+has learnt more from a panorama than which place it is.
 """
 
 import numpy as np
 from PIL import Image
 
-from export.crops.crops import Camera, Floats, Source, resize
-from export.data.panoramas import linear_of
+from export.crops.cameras import Camera
+from export.crops.crops import resize
+from export.crops.sources import Source
+from export.data import linear_of
 from lighting.colour import luminance
+from lighting.geometry import Floats
 
 ROWS, COLUMNS = 12, 24  # cells of the map
 CELLS = ROWS * COLUMNS
-_FINE = 6  # parts of a column, by which the map is turned
+_FINE = 6  # parts of a column, the steps by which the map is turned
 
 
 def light_around(source: Source) -> Floats:

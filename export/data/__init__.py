@@ -1,0 +1,28 @@
+"""Panoramas and what is known about each: the index of a folder, the pictures, the labels.
+
+This door needs neither torch nor scipy; `labelling`, `reports` and `synthetic`, which do the work of commands, are
+imported from their modules.
+"""
+
+from export.data.labels import Label, labels_of, read_labels, write_labels
+from export.data.panoramas import INDEX, Panorama, is_permissive, read_index, write_index
+from export.data.pictures import decode, linear_of, read_picture
+from export.data.tables import DataError, read_table, write_table
+
+__all__ = [
+    "INDEX",
+    "DataError",
+    "Label",
+    "Panorama",
+    "decode",
+    "is_permissive",
+    "labels_of",
+    "linear_of",
+    "read_index",
+    "read_labels",
+    "read_picture",
+    "read_table",
+    "write_index",
+    "write_labels",
+    "write_table",
+]

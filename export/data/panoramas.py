@@ -1,11 +1,10 @@
 """A folder of 360° x 180° panoramas with what is known about each: `panoramas.csv` and the pictures it names.
 
-Only the columns `name`, `file`, `kind`, `place` and `split` are required; the folder's format is documented in
-the README beside this file. Pictures of one place share sky and ground, so a place belongs to one split only.
-Given labels that turned out wrong are corrected by `labels_patch.csv`, also beside this file.
+Only the columns `name`, `file`, `kind`, `place` and `split` are required; export/README.md documents the format.
+Pictures of one place share sky and ground, so all of a place belong to one split. `labels_patch.csv`, beside this
+file, corrects given labels that turned out to be wrong.
 """
 
-import csv
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,13 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
-
-from lighting.colour import srgb_decode
-from lighting.errors import LightingError
-from lighting.files import replacing
+from export.data.tables import DataError, read_table, write_table
 
 INDEX = "panoramas.csv"
 REQUIRED = ("name", "file", "kind", "place", "split")
@@ -37,13 +30,9 @@ PATCHED = ("sun", *NUMBERS, "direct")
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
 _RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commercial|no ?derivatives|share-?alike)\b")
-_ALTERED_SKY = re.compile(
+_ALTERED_SKY = re.compile(  # drones see no zenith
     r"tone[- ]mapp|painted|\bfill|synthetic|replaced|colou?r cast|\bdrone\b"
-)  # drones see no zenith
-
-
-class DataError(LightingError):
-    """A folder of panoramas is missing, incomplete or contradicts itself."""
+)
 
 
 @dataclass(frozen=True)
@@ -88,12 +77,20 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
     return [p for p in kept if not licensed_only or is_permissive(p.licence)]
 
 
-def write_index(rows: Sequence[Mapping[str, str]], folder: Path) -> None:
-    """Write the index of a folder, from rows that all have the first one's columns; it appears whole or not at all."""
-    with replacing(folder / INDEX) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+def write_index(panoramas: Sequence[Panorama], folder: Path) -> None:
+    """Write the index of a folder that holds the panoramas' pictures; the file appears whole or not at all."""
+    columns = (*REQUIRED, *OPTIONAL[:1], *NUMBERS, *OPTIONAL[1:])
+    root = folder.resolve()
+    write_table(
+        folder / INDEX, columns, ([_text(panorama, column, root) for column in columns] for panorama in panoramas)
+    )
+
+
+def _text(panorama: Panorama, column: str, root: Path) -> str:
+    if column == "file":
+        return panorama.path.relative_to(root).as_posix()
+    value = getattr(panorama, column)
+    return f"{value:.3f}" if isinstance(value, float) else value or ""
 
 
 def is_permissive(licence: str) -> bool:
@@ -107,72 +104,18 @@ def is_permissive(licence: str) -> bool:
     return bool(_PERMISSIVE.search(text)) and not _RESTRICTED.search(text)
 
 
-def read_picture(panorama: Panorama) -> NDArray[Any]:
-    """Pixels (H, 2H, 3) as published: uint8 sRGB of an LDR picture, float32 linear Rec.709 of an HDR one."""
-    try:
-        pixels = _read_ldr(panorama.path) if panorama.kind == "ldr" else _read_hdr(panorama.path)
-    except DataError:
-        raise
-    except Exception as error:  # the EXR reader raises bare RuntimeErrors, Pillow half a dozen kinds
-        raise DataError(f"The panorama {panorama.path} cannot be read: {error}.") from error
-    height, width = pixels.shape[:2]
-    if width != 2 * height:
-        raise DataError(f"The panorama {panorama.path} is {width} x {height} pixels, not twice as wide as high.")
-    return pixels
-
-
-def read_linear(panorama: Panorama, height: int | None = None) -> NDArray[np.float32]:
-    """Linear Rec.709 float32 (H, 2H, 3), averaged over areas down to `height` rows where that is fewer."""
-    linear = linear_of(panorama, read_picture(panorama))
-    return linear if height is None else shrink(linear, height)
-
-
-def linear_of(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
-    """Linear values of a panorama's pixels, any shape, as `read_picture` has them."""
-    return decode(pixels) if panorama.kind == "ldr" else pixels
-
-
-def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Linear values in [0, 1] of an sRGB picture of 8 bits, any shape."""
-    return _DECODED[picture]
-
-
-def shrink(image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
-    """A lat-long image (H, 2H, C) averaged over areas down to `height` rows; the same image if it has no more."""
-    if height >= image.shape[0]:
-        return image
-    size = (2 * height, height)
-    planes = (np.ascontiguousarray(image[..., c], dtype=np.float32) for c in range(image.shape[2]))
-    return np.stack([np.asarray(Image.fromarray(p).resize(size, Image.Resampling.BOX)) for p in planes], axis=-1)
-
-
-_DECODED: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
-
-
-def _rows(root: Path) -> list[Mapping[str, str]]:
+def _rows(root: Path) -> list[dict[str, str]]:
     if not root.is_dir():
         raise DataError(f"There is no folder {root}.")
     if not (root / INDEX).exists():
         raise DataError(f"The folder {root} has no {INDEX}.")
-    return _table(root / INDEX, REQUIRED)
-
-
-def _table(path: Path, required: Iterable[str]) -> list[Mapping[str, str]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, restval="")
-            missing = [name for name in required if name not in (reader.fieldnames or ())]
-            if missing:
-                raise DataError(f"{path} has no column {', '.join(missing)}.")
-            return list(reader)
-    except (OSError, ValueError, csv.Error) as error:
-        raise DataError(f"{path} cannot be read: {error}.") from error
+    return read_table(root / INDEX, REQUIRED)
 
 
 def read_patch(path: Path) -> dict[str, dict[str, str]]:
     """Corrected fields by the panorama's name; a sun of which nothing is known any more loses its direction."""
     patch: dict[str, dict[str, str]] = {}
-    for line, row in enumerate(_table(path, ("name", *PATCHED, "reason")), start=2):
+    for line, row in enumerate(read_table(path, ("name", *PATCHED, "reason")), start=2):
         where = f"{path}, line {line}"
         name = row["name"].strip()
         if not name or not row["reason"].strip():
@@ -235,21 +178,3 @@ def _check_places(panoramas: Iterable[Panorama]) -> None:
     for panorama in panoramas:
         if split.setdefault(panorama.place, panorama.split) != panorama.split:
             raise DataError(f"The place {panorama.place} is in both splits, so val would not be unseen.")
-
-
-def _read_ldr(path: Path) -> NDArray[np.uint8]:
-    with Image.open(path, formats=["JPEG", "PNG", "WEBP"]) as image:
-        return np.asarray(image.convert("RGB"), dtype=np.uint8)
-
-
-def _read_hdr(path: Path) -> NDArray[np.float32]:
-    import OpenEXR
-
-    with OpenEXR.File(str(path)) as file:
-        channels = file.channels()
-        name = next((key for key in ("RGB", "RGBA") if key in channels), None)
-        if name is None:
-            raise DataError(f"The panorama {path} has no channels R, G and B.")
-        pixels = np.array(channels[name].pixels[..., :3], dtype=np.float32)
-    finite = np.nan_to_num(pixels, nan=0.0, posinf=65504.0, neginf=0.0)  # half floats end at 65504
-    return np.maximum(finite, 0.0)

@@ -1,14 +1,11 @@
 """Regions of a lat-long picture."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lighting.geometry import latlong_solid_angle
+from lighting.geometry import Floats, latlong_solid_angle
 
-Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
 HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky the model is fitted

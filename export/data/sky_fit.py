@@ -5,27 +5,24 @@ of 0.3, and fit turbidity and exposure to the sky's pixels by robust non-linear 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from export.data.panoramas import shrink
+from export.data.pictures import shrink
 from export.data.regions import HEIGHT, Mask, connected, is_clipped, solid_angle
 from lighting.colour import luminance
-from lighting.geometry import angle_between, latlong_angles, latlong_directions
+from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance
-
-Floats = NDArray[np.floating[Any]]
 
 SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
 MINIMUM_SKY = 0.25  # sr, 4 % of the dome
 LEAST_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
 SAMPLES = 1500  # directions of equal solid angle that enter the fit
 CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
-SPREAD = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies leave the model by 0.1
+SPREAD = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ from the model by 0.1
 GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
 
 WORST_RESIDUAL = 0.2
@@ -61,9 +58,10 @@ class _Sky:
 def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None:
     """The sky of a panorama (H, 2H, 3) whose sun is known and up; None where too little clear sky can be seen.
 
-    A photo's white balance is unknown, so each channel has its own gain, pulled weakly to a common one. The error is
-    that of the logarithm, pixels off the model (clouds, masts) lose their weight, and turbidity is searched over its
-    whole range while the gains follow in closed form: no start value, no local minimum.
+    The picture's white balance is unknown, so each channel has its own gain, pulled weakly towards a common one. Errors
+    are differences of logarithms; pixels far from the model (clouds, masts) lose their weight. Turbidity is searched
+    over its whole range, and the gains at each turbidity follow in closed form: no start value is needed, and no local
+    minimum can hold the fit.
     """
     sky = _sample_sky(shrink(linear, HEIGHT), sun_direction)
     if sky.solid_angle < MINIMUM_SKY:

@@ -1,30 +1,27 @@
-"""The sun in a panorama."""
+"""Finding the sun in the pixels of a panorama."""
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from export.data.panoramas import shrink
+from export.data.pictures import shrink
 from export.data.regions import HEIGHT, Mask, connected, is_clipped, solid_angle
 from lighting.colour import luminance
-from lighting.geometry import angles, direction, latlong_angles, latlong_directions
+from lighting.geometry import Floats, angles, direction, latlong_angles, latlong_directions
 
-Floats = NDArray[np.floating[Any]]
-
-WHITE = 0.98  # of the whitest part of the upper half: what belongs to a bright region
+WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
 SMALLEST = 2e-4  # sr, a cap of half a degree: no bright region is smaller
 LEAST_PEAK = 0.94  # linear: the sun blows a picture out
-FLATTEST = 0.62  # glow 24 deg wide / 1.5 deg wide: the sun stands out, a white sky does not
-LEAST_PART = 0.4  # of all that is bright lies in the sun's region
+FLATTEST = 0.62  # blur of 24 deg / blur of 1.5 deg, at the peak: higher in a white sky than around a sun
+LEAST_PART = 0.4  # share of all bright regions that the sun's region must hold
 LEAST_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
 
 
 @dataclass(frozen=True)
-class Sun:
+class FoundSun:
     """A sun found in a picture."""
 
     azimuth: float  # deg, 0 = centre column, positive to the right
@@ -36,19 +33,19 @@ class Sun:
         return direction(self.azimuth, self.elevation)
 
 
-def find_sun(linear: NDArray[np.float32]) -> Sun | None:
+def find_sun(linear: NDArray[np.float32]) -> FoundSun | None:
     """The sun in a panorama (H, 2H, 3), None where it is hidden or behind clouds.
 
-    Unclipped (HDR) it is the peak of the radiance; clipped, the centroid of the largest of the blown-out regions.
-    Both weigh a pixel by its solid angle and by what it has above the median of its row, so that a bright haze along
-    the horizon counts for little.
+    In an unclipped (HDR) picture it is the centroid of the radiance around the peak. In a clipped one it is the
+    centroid of the largest blown-out region, where a pixel counts by its solid angle and by its excess over the median
+    of its row: bright haze along the horizon then counts for little.
     """
     small = shrink(linear, HEIGHT)
     above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
     return _find_clipped(small, above) if is_clipped(small) else _find_peak(small, above)
 
 
-def _find_peak(small: NDArray[np.float32], above: Mask) -> Sun | None:
+def _find_peak(small: NDArray[np.float32], above: Mask) -> FoundSun | None:
     value = luminance(small) * above
     peak = value.max()
     if peak <= LEAST_CONTRAST * np.median(value[above]):
@@ -57,7 +54,7 @@ def _find_peak(small: NDArray[np.float32], above: Mask) -> Sun | None:
     return _centre(regions == regions[np.unravel_index(int(value.argmax()), value.shape)], value)
 
 
-def _find_clipped(small: NDArray[np.float32], above: Mask) -> Sun | None:
+def _find_clipped(small: NDArray[np.float32], above: Mask) -> FoundSun | None:
     white = small.min(axis=-1)
     excess = np.maximum(white - np.median(white, axis=1, keepdims=True), 0.0)
     regions = connected(above & (white >= WHITE * np.percentile(white[above], 99.8)))
@@ -71,11 +68,11 @@ def _find_clipped(small: NDArray[np.float32], above: Mask) -> Sun | None:
     return None if flat or white[best].max() < LEAST_PEAK else _centre(best, excess)
 
 
-def _centre(region: Mask, value: Floats) -> Sun:
+def _centre(region: Mask, value: Floats) -> FoundSun:
     area = solid_angle(len(region))[region]
     azimuth, elevation = angles((area * value[region]) @ latlong_directions(len(region))[region])
     radius = math.degrees(math.acos(1 - float(area.sum()) / (2 * math.pi)))
-    return Sun(float(azimuth), float(elevation), radius)
+    return FoundSun(float(azimuth), float(elevation), radius)
 
 
 def _blur(image: Floats, sigma: float) -> Floats:

@@ -1,30 +1,26 @@
-"""Panoramas that the project renders itself: a Hosek-Wilkie or an overcast sky over lit ground, boxes and balls.
+"""Small panoramas rendered in numpy: a Hosek-Wilkie or an overcast sky over lit ground, boxes and balls.
 
-Everything about them is known, so that labels can be checked and training can be tried without a single photo.
+Everything about them is known: they check the labels, and they test training without a single photo.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.panoramas import write_index
+from export.data.boxes_and_balls import Things, blocked, nearest, place_things
+from export.data.panoramas import Panorama, write_index
 from lighting.colour import luminance, tone_map
 from lighting.files import replacing
-from lighting.geometry import angle_between, angles, direction, latlong_directions, latlong_solid_angle
+from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import SUN_SOLID_ANGLE, sky_radiance, sun_radiance
-
-Floats = NDArray[np.floating[Any]]
-Mask = NDArray[np.bool_]
 
 CAMERA_HEIGHT = 1.7  # m above the ground, the plane y = 0
 EYE = np.array([0.0, CAMERA_HEIGHT, 0.0])
 GLARE = ((0.6, 0.97), (2.5, 0.03))  # the lens spreads the sun: width [deg] and share of its light
-NEAR = 1e-3  # m, what a ray must travel before it counts as a hit
 HAZE = 120.0  # m at which half of a thing's colour is the horizon's
 
 
@@ -53,18 +49,6 @@ class _Light:
     horizon: Floats  # (3,) radiance that haze fades to
 
 
-@dataclass(frozen=True)
-class _Things:
-    """Boxes that stand on the ground and balls above it, (B, 3) and (S, 3), with one albedo each."""
-
-    low: Floats
-    high: Floats
-    box_albedo: Floats
-    centre: Floats
-    radius: Floats  # (S,)
-    ball_albedo: Floats
-
-
 def render_panorama(
     seed: int, height: int = 128, *, overcast: bool = False, things: int = 8, turbidity: float | None = None
 ) -> SyntheticPanorama:
@@ -74,8 +58,8 @@ def render_panorama(
     sun = None if overcast else direction(rng.uniform(-180, 180), rng.uniform(8, 70))
     towards = latlong_directions(height)
     sky = _overcast_sky(towards, rng) if sun is None else sky_radiance(towards, sun, haze, GROUND_ALBEDO)
-    scene, light = _place_things(rng, things), _light(sky, sun, haze)
-    visible = sun is not None and not _blocked(EYE[None], sun, scene)[0]
+    scene, light = place_things(rng, things), _light(sky, sun, haze)
+    visible = sun is not None and not blocked(EYE[None], sun, scene)[0]
     image = sky + _glare(towards, light) if visible else sky
     image = _draw(image, towards, scene, light, rng)
     exposure = float(rng.uniform(0.08, 0.25) / np.median(luminance(sky[: height // 2])))
@@ -86,36 +70,35 @@ def render_panorama(
 
 def write_dataset(folder: str | Path, count: int, height: int = 64, seed: int = 0) -> None:
     """A folder of `count` rendered panoramas, two to a place; every fourth is overcast and every third place is val."""
-    root = Path(folder)
+    root = Path(folder).resolve()
     (root / "panoramas").mkdir(parents=True, exist_ok=True)
-    rows = []
+    panoramas = []
     for number in range(count):
-        panorama = render_panorama(seed + number, height, overcast=number % 4 == 3)
-        row = _row(panorama, number)
-        with replacing(root / row["file"]) as temporary:
-            Image.fromarray(panorama.picture).save(temporary, lossless=True)
-        rows.append(row)
-    write_index(rows, root)
+        rendered = render_panorama(seed + number, height, overcast=number % 4 == 3)
+        panoramas.append(_panorama(rendered, number, root))
+        with replacing(panoramas[-1].path) as temporary:
+            Image.fromarray(rendered.picture).save(temporary, lossless=True)
+    write_index(panoramas, root)
 
 
-def _row(panorama: SyntheticPanorama, number: int) -> dict[str, str]:
+def _panorama(rendered: SyntheticPanorama, number: int, root: Path) -> Panorama:
     name, place = f"rendered_{number:04d}", number // 2
-    sun = "none" if panorama.sun_azimuth is None else "visible" if panorama.sun_visible else "inferred"
-    return {
-        "name": name,
-        "file": f"panoramas/{name}.webp",
-        "kind": "ldr",
-        "place": f"place_{place:03d}",
-        "split": "val" if place % 3 == 2 else "train",
-        "sun": sun,
-        "sun_azimuth": "" if panorama.sun_azimuth is None else f"{panorama.sun_azimuth:.3f}",
-        "sun_elevation": "" if panorama.sun_elevation is None else f"{panorama.sun_elevation:.3f}",
-        "sun_uncertainty": "" if sun == "none" else "1.0",
-        "direct": {"none": "no", "visible": "yes", "inferred": "partly"}[sun],
-        "scene": "rendered",
-        "label": "rendered",
-        "licence": "CC0",
-    }
+    sun = "none" if rendered.sun_azimuth is None else "visible" if rendered.sun_visible else "inferred"
+    return Panorama(
+        name=name,
+        path=root / "panoramas" / f"{name}.webp",
+        kind="ldr",
+        place=f"place_{place:03d}",
+        split="val" if place % 3 == 2 else "train",
+        sun=sun,
+        sun_azimuth=rendered.sun_azimuth,
+        sun_elevation=rendered.sun_elevation,
+        sun_uncertainty=None if sun == "none" else 1.0,
+        direct={"none": "no", "visible": "yes", "inferred": "partly"}[sun],
+        scene="rendered",
+        label="rendered",
+        licence="CC0",
+    )
 
 
 def _light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:
@@ -147,23 +130,10 @@ def _glare(towards: Floats, light: _Light) -> Floats:
     return np.asarray(spread[..., None] * light.beam)
 
 
-def _place_things(rng: np.random.Generator, count: int) -> _Things:
-    boxes, balls = count - count // 2, count // 2
-    turn, far = rng.uniform(-180, 180, count), rng.uniform(9, 40, count)
-    foot = direction(turn, np.zeros(count)) * far[:, None]
-    half = rng.uniform(1.5, 5.0, (boxes, 3)) * [1, 0, 1]
-    roof = rng.uniform(3, 18, (boxes, 1)) * [0, 1, 0]
-    radius = rng.uniform(1, 3, balls)
-    centre = foot[boxes:] + radius[:, None] * [0, 1.3, 0]
-    walls = rng.uniform(0.15, 0.6, (boxes, 1)) * rng.uniform(0.8, 1.2, (boxes, 3))
-    leaves = rng.uniform(0.5, 1.0, (balls, 1)) * [0.08, 0.14, 0.05]
-    return _Things(foot[:boxes] - half, foot[:boxes] + half + roof, walls, centre, radius, leaves)
-
-
-def _draw(sky: Floats, towards: Floats, things: _Things, light: _Light, rng: np.random.Generator) -> Floats:
+def _draw(sky: Floats, towards: Floats, things: Things, light: _Light, rng: np.random.Generator) -> Floats:
     """The sky with the ground and the things before it."""
     rays = towards.reshape(-1, 3)
-    distance, normal, albedo = _nearest(np.broadcast_to(EYE, rays.shape), rays, things)
+    distance, normal, albedo = nearest(np.broadcast_to(EYE, rays.shape), rays, things)
     ground = np.where(rays[:, 1] < -1e-6, -CAMERA_HEIGHT / np.minimum(rays[:, 1], -1e-6), np.inf)
     on_ground = ground < distance
     distance, normal = np.minimum(distance, ground), np.where(on_ground[:, None], [0.0, 1.0, 0.0], normal)
@@ -183,49 +153,9 @@ def _ground_albedo(point: Floats, rng: np.random.Generator) -> Floats:
     return np.asarray(colour * (0.8 + 0.4 * tiles[:, None]))
 
 
-def _irradiance(point: Floats, normal: Floats, things: _Things, light: _Light) -> Floats:
+def _irradiance(point: Floats, normal: Floats, things: Things, light: _Light) -> Floats:
     ambient = light.ambient * (0.5 + 0.5 * normal[:, 1:2])
     if light.sun is None:
         return np.asarray(ambient)
-    lit = np.maximum(normal @ light.sun, 0.0) * ~_blocked(point + 0.01 * normal, light.sun, things)
+    lit = np.maximum(normal @ light.sun, 0.0) * ~blocked(point + 0.01 * normal, light.sun, things)
     return np.asarray(ambient + lit[:, None] * light.beam)
-
-
-def _blocked(origin: Floats, sun: Floats, things: _Things) -> Mask:
-    """Whether a thing stands between each point (N, 3) and the sun."""
-    distance, _, _ = _nearest(origin, np.broadcast_to(sun, origin.shape), things)
-    return np.isfinite(distance)
-
-
-def _nearest(origin: Floats, rays: Floats, things: _Things) -> tuple[Floats, Floats, Floats]:
-    """Distance (N,), inf where nothing is met, normal (N, 3) and albedo (N, 3) of the nearest thing along each ray."""
-    distance, normal, albedo = np.full(len(rays), np.inf), np.zeros(rays.shape), np.zeros(rays.shape)
-    boxes = zip(things.low, things.high, things.box_albedo, strict=True)
-    hits = [(_hit_box(origin, rays, low, high), colour) for low, high, colour in boxes]
-    balls = zip(things.centre, things.radius, things.ball_albedo, strict=True)
-    hits += [(_hit_ball(origin, rays, centre, radius), colour) for centre, radius, colour in balls]
-    for (reach, facing), colour in hits:
-        closer = reach < distance
-        distance = np.where(closer, reach, distance)
-        normal[closer], albedo[closer] = facing[closer], colour
-    return distance, normal, albedo
-
-
-def _hit_box(origin: Floats, rays: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    safe = np.where(np.abs(rays) < 1e-9, 1e-9, rays)
-    one, other = (low - origin) / safe, (high - origin) / safe
-    enter, leave = np.minimum(one, other), np.maximum(one, other).min(axis=1)
-    axis = enter.argmax(axis=1)
-    start = enter.max(axis=1)
-    normal = -np.sign(rays) * (np.arange(3) == axis[:, None])
-    return np.where((start < leave) & (start > NEAR), start, np.inf), normal
-
-
-def _hit_ball(origin: Floats, rays: Floats, centre: Floats, radius: float) -> tuple[Floats, Floats]:
-    offset = origin - centre
-    along = (offset * rays).sum(axis=1)
-    under = along**2 - (offset**2).sum(axis=1) + radius**2
-    start = -along - np.sqrt(np.maximum(under, 0.0))
-    hit = (under > 0) & (start > NEAR)
-    normal = (offset + rays * start[:, None]) / radius
-    return np.where(hit, start, np.inf), normal

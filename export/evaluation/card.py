@@ -1,4 +1,4 @@
-"""The model card: what the network is for, what it saw, how accurate it is, where it fails."""
+"""The model card: what the network is for, what it was trained on, how accurate it is, where it fails."""
 
 import hashlib
 import os
@@ -7,32 +7,40 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from export.data.label_report import agreement, check_rendered
-from export.data.labels import read_labels
-from export.data.panoramas import Panorama, is_permissive, read_index
+from export.data import Panorama, is_permissive, read_index, read_labels
+from export.data.reports import agreement, check_rendered
+from export.evaluation.diagnostics import PICTURE
+from export.evaluation.evaluate import Evaluation, Options
+from export.evaluation.figures import write_figures
 from lighting.files import replacing
 from lighting.model import CARD, Model
 
-DOCS = Path(__file__).parents[2] / "docs"
+ROOT = Path(__file__).parents[2]
 CAPTION = "True suns inside the region that holds a given probability, by that probability"
 TEMPLATE = Path(__file__).with_name("card_template.md")
 
 
-def write_card(model: Path, report: str, data: Path, labels: Path, reliability: Path, docs: Path = DOCS) -> Path:
-    """Write the card of an ONNX file beside it, and its reliability diagram into `docs`; returns the card's path."""
-    target = model.parent / CARD
-    train, val = read_index(data, "train"), read_index(data, "val")
-    given = agreement([*train, *val], read_labels(labels))
+def write_card(evaluation: Evaluation, options: Options) -> Path:
+    """Write the card and the figures of the first network beside it, its reliability diagram into docs/.
+
+    Returns the card's path.
+    """
+    model = options.models[0]
+    target, docs = model.parent / CARD, ROOT / "docs"
+    train, val = read_index(options.data, "train"), read_index(options.data, "val")
+    given = agreement([*train, *val], read_labels(options.labels))
+    loaded = Model.load(model)
     values = {
-        **_of_model(model),
+        **_of_model(loaded, model),
         **_of_data(train, val),
         "agreement": f"- Given suns: {given}\n- Skies that the project renders: {check_rendered()}",
-        "report": report.strip(),
-        "reliability": f"![{CAPTION}]({publish(reliability, docs, target)})",
+        "report": evaluation.report.strip(),
+        "reliability": f"![{CAPTION}]({publish(options.out / PICTURE, docs, target)})",
         "date": datetime.now(UTC).date(),
     }
     with replacing(target) as path:
         path.write_text(TEMPLATE.read_text(encoding="utf-8").format(**values), encoding="utf-8")
+    write_figures(loaded.spec, evaluation.figures, model.parent)
     return target
 
 
@@ -43,8 +51,7 @@ def publish(picture: Path, docs: Path, card: Path) -> str:
     return Path(os.path.relpath(docs / picture.name, card.parent)).as_posix()
 
 
-def _of_model(path: Path) -> dict[str, object]:
-    loaded = Model.load(path)
+def _of_model(loaded: Model, path: Path) -> dict[str, object]:
     spec = loaded.spec
     metadata = loaded.session.get_modelmeta().custom_metadata_map
     return {

@@ -1,4 +1,7 @@
-"""A contact sheet of failures: each crop with its true and its estimated sun, in words and on a dial."""
+"""A contact sheet of failures: each crop with its true and its estimated sun, in numbers and on a dial.
+
+It shows pictures of the data: it is for looking at failures, and never published.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -39,7 +42,7 @@ def _lines(number: int, f: Failure) -> tuple[str, str, str]:
 
 
 def _with_dial(picture: Image.Image, f: Failure) -> Image.Image:
-    """The picture with the suns seen from above: the camera looks up, the rim is the horizon, the middle the zenith."""
+    """The picture with a dial of the suns from above: the zenith in the middle, the camera's azimuth at the top."""
     draw = ImageDraw.Draw(picture)
     middle = np.array(picture.size) - DIAL - 4
     draw.ellipse([*(middle - DIAL), *(middle + DIAL)], fill=(60, 60, 60), outline="white")

@@ -1,22 +1,21 @@
-"""How far the errors of crops of one panorama correlate, which discounts them in lighting/evidence/together.py.
+"""How strongly the errors of crops of one panorama correlate: lighting/evidence/together.py discounts them by it.
 
-Learnt on one half of the places and measured on the other, both ways round; the constants that ship lie between what
-all places give in the two protocols.
+The correlation is learnt on one half of the places and tested on the other, and the reverse. The constants that ship
+lie between those of the two protocols, learnt on all places.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from export.evaluation.metrics import Truth
-from export.evaluation.report import figures_table
+from export.evaluation.records import Truth
+from export.evaluation.tables import figures_table
 from lighting.circular import HEADINGS
 from lighting.decoding import sun_of, sun_on_rings
 from lighting.evidence import elevation_density, power, ring_of, seen_from
-from lighting.geometry import angle_between, angles, direction
+from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.records import Prediction, SunEstimate
 from lighting.sun_grid import grid_directions
 
@@ -24,22 +23,20 @@ SIZES = (2, 4, 8)  # views; one panorama has 8 crops
 CORRELATIONS = np.round(np.arange(0.1, 1.55, 0.1), 2)  # tried
 KINDS = ("sun", "azimuth", "elevation")
 
-Floats = NDArray[np.floating[Any]]
-
 
 @dataclass(frozen=True)
-class Views:
-    """What the crops of one panorama say, in its own frame."""
+class Densities:
+    """The answers for the crops of one panorama, turned into its frame."""
 
-    log: dict[str, Floats]  # of each of KINDS, logarithmic densities (crops, N) over the cells or around the ring
-    cell: dict[str, int]  # where the truth is among them
-    truth: Floats  # (3,) the sun
-    half: int  # 0 or 1, of the places
+    log: dict[str, Floats]  # by kind: logarithmic densities (crops, N) over the cells or around the ring
+    cell: dict[str, int]  # by kind: the index of the true one of the N
+    truth: Floats  # (3,) the true sun
+    half: int  # 0 or 1: the half that the place belongs to
     said: Prediction
 
 
 def correlation_report(truth: Truth, said: Sequence[Prediction], azimuth: Floats, crops_each: int) -> str:
-    """The correlations learnt on each half of the places, and the coverage on the other half."""
+    """A table of the correlations learnt on each half of the places, with the coverage on the other half."""
     halves = halves_of(truth)
     views = [
         _views(truth, said, azimuth, range(first, first + crops_each), halves[truth.place[first]])
@@ -60,12 +57,12 @@ def correlation_report(truth: Truth, said: Sequence[Prediction], azimuth: Floats
 
 
 def halves_of(truth: Truth) -> dict[str, int]:
-    """Places dealt into two halves by their number of crops."""
+    """The half, 0 or 1, of each place; both halves have about as many crops."""
     places, counts = np.unique(truth.place[truth.scored], return_counts=True)
     return {str(place): i % 2 for i, place in enumerate(places[np.argsort(-counts, kind="stable")])}
 
 
-def _views(truth: Truth, said: Sequence[Prediction], azimuth: Floats, members: range, half: int) -> Views:
+def _views(truth: Truth, said: Sequence[Prediction], azimuth: Floats, members: range, half: int) -> Densities:
     first, layout = members[0], said[0].spec.sun_grid
     sun, cells = truth.sun[first], grid_directions(layout)
     own, height = map(float, angles(sun))
@@ -77,20 +74,20 @@ def _views(truth: Truth, said: Sequence[Prediction], azimuth: Floats, members: r
     }
     cell = int(np.argmax(cells @ sun))
     at = {"sun": cell, "azimuth": round(own) % 360, "elevation": cell}
-    return Views({kind: _log(np.array(values)) for kind, values in log.items()}, at, sun, half, said[first])
+    return Densities({kind: _log(np.array(values)) for kind, values in log.items()}, at, sun, half, said[first])
 
 
 def _log(density: Floats) -> Floats:
     return np.asarray(np.log(np.maximum(density, 1e-12)))
 
 
-def _parts(views: Sequence[Views], size: int) -> list[tuple[Views, NDArray[np.intp]]]:
+def _parts(views: Sequence[Densities], size: int) -> list[tuple[Densities, NDArray[np.intp]]]:
     """Each panorama's crops in groups."""
     rng = np.random.default_rng(size)
     return [(v, part) for v in views for part in rng.permutation(len(v.log["sun"])).reshape(-1, size)]
 
 
-def learn(views: Sequence[Views], kind: str) -> float:
+def learn(views: Sequence[Densities], kind: str) -> float:
     """The correlation with the least negative log density at the true suns, over all sizes."""
     loss = [
         np.mean([np.mean([_loss(v.log[kind][part], v.cell[kind], c) for v, part in _parts(views, n)]) for n in SIZES])
@@ -105,7 +102,7 @@ def _loss(logs: Floats, cell: int, correlation: float) -> float:
     return float(np.log(np.exp(product - highest).sum()) + highest - product[cell])
 
 
-def _coverage(views: Sequence[Views], learnt: dict[str, float]) -> dict[str, float]:
+def _coverage(views: Sequence[Densities], learnt: dict[str, float]) -> dict[str, float]:
     return {
         f"{kind}, {size} views": float(100 * np.mean([_inside(v, kind, part, learnt[kind]) for v, part in parts]))
         for kind in ("sun", "azimuth")
@@ -113,7 +110,7 @@ def _coverage(views: Sequence[Views], learnt: dict[str, float]) -> dict[str, flo
     }
 
 
-def _inside(views: Views, kind: str, part: NDArray[np.intp], correlation: float) -> bool:
+def _inside(views: Densities, kind: str, part: NDArray[np.intp], correlation: float) -> bool:
     """Whether the true sun is in the 90 % region of crops taken together."""
     product = views.log[kind][part].sum(axis=0) * power(len(part), correlation)
     probability = np.exp(product - product.max())
@@ -121,7 +118,7 @@ def _inside(views: Views, kind: str, part: NDArray[np.intp], correlation: float)
     return float(angle_between(direction(sun.azimuth, sun.elevation), views.truth)) <= sun.radius_90
 
 
-def _decode(views: Views, kind: str, probability: Floats) -> SunEstimate:
+def _decode(views: Densities, kind: str, probability: Floats) -> SunEstimate:
     if kind == "azimuth":
         return sun_on_rings(direction(HEADINGS, float(angles(views.truth)[1])), probability)
     return sun_of(replace(views.said, sun_probability=probability))

@@ -1,4 +1,4 @@
-"""The report's sections after the figures: what the network's doubt is worth, its turbidity, and where it fails."""
+"""The report's sections after the figures: reliability of the probabilities, turbidity, failures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops.crops import Camera, Source, take
+from export.crops import take
+from export.evaluation.baselines import CONSTANT
 from export.evaluation.contact_sheet import write_sheet
 from export.evaluation.failures import failures_report, worst, write_failures
-from export.evaluation.metrics import Answers, Truth
+from export.evaluation.records import Answers, Truth
 from export.evaluation.reliability import curves, draw, reliability_report
 from export.evaluation.temperature import temperature_report
 from export.evaluation.turbidity import turbidity_report
+from export.evaluation.views import View
 from lighting.colour import tone_map
 from lighting.records import Prediction
 
@@ -21,19 +23,23 @@ PICTURE = "reliability.png"
 
 @dataclass(frozen=True)
 class Judged:
-    """What one network said of one protocol's crops."""
+    """The answers for the crops of one protocol."""
 
-    crops: Sequence[tuple[Source, Camera]]
+    views: Sequence[View]
     truth: Truth
-    predictions: Sequence[Prediction]
-    said: Answers
-    constant: Answers  # of the best constants
+    predictions: Sequence[Prediction]  # of our network
+    said: dict[str, Answers]  # of each method, our network first
+
+    @property
+    def ours(self) -> str:
+        """The name of our network."""
+        return next(iter(self.said))
 
 
-def honesty_sections(judged: dict[str, Judged], out: Path, *, failures: bool) -> list[str]:
-    """The sections; writes reliability.png into `out` and, with `failures`, failures.csv and failures.png.
+def diagnostic_sections(judged: dict[str, Judged], out: Path, *, failures: bool) -> list[str]:
+    """The sections about the protocols that have a sun to score.
 
-    `judged` has the protocols with a sun to score.
+    Writes reliability.png into `out`, and with `failures` also failures.csv and failures.png.
     """
     levels = {protocol: curves(j.truth, j.predictions) for protocol, j in judged.items()}
     sections = [reliability_report(protocol, found) for protocol, found in levels.items()]
@@ -46,14 +52,14 @@ def honesty_sections(judged: dict[str, Judged], out: Path, *, failures: bool) ->
 
 
 def _of_paper(judged: Judged, out: Path, *, failures: bool) -> list[str]:
-    kind = np.array([source.panorama.kind for source, _ in judged.crops])
-    found = worst(judged.truth, judged.said)
+    kind = np.array([source.panorama.kind for source, _ in judged.views])
+    found = worst(judged.truth, judged.said[judged.ours])
     if failures:
-        write_failures(out / "failures.csv", found, np.array([camera.azimuth for _, camera in judged.crops]))
+        write_failures(out / "failures.csv", found, np.array([camera.azimuth for _, camera in judged.views]))
         spec = judged.predictions[0].spec
-        shown = [take(*judged.crops[f.index], spec) for f in found]
+        shown = [take(*judged.views[f.index], spec) for f in found]
         write_sheet(out / "failures.png", found, [tone_map(crop.linear) for crop in shown])
     return [
-        turbidity_report("paper", judged.truth, judged.said, judged.constant, kind),
+        turbidity_report("paper", judged.truth, judged.said[judged.ours], judged.said[CONSTANT], kind),
         failures_report(found),
     ]

@@ -1,28 +1,19 @@
-"""How far simulated metadata improves the network's answers: every subset of the evidence, and false records."""
+"""What simulated metadata adds to the network's answers: every subset of the evidence, and false records."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from textwrap import fill
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from export.evaluation.metrics import (
-    Truth,
-    azimuth_error,
-    difference_interval,
-    elevation_error,
-    median,
-    select,
-    share,
-    sun_error,
-)
-from export.evaluation.metrics import answers as answers_of
-from export.evaluation.report import figures_table, interval
-from export.evaluation.simulated_metadata import GROSS, Taken, only
+from export.evaluation.intervals import difference_interval
+from export.evaluation.metrics import azimuth_error, elevation_error, median, share, sun_error
+from export.evaluation.records import Truth, select
+from export.evaluation.records import answers as answers_of
+from export.evaluation.simulated_metadata import COMPASS_MEDIAN, GROSS, Taken, only
+from export.evaluation.tables import figures_table, interval
 from lighting.evidence import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO, Fused, Given, fuse, known
-from lighting.geometry import angles, direction, wrap_azimuth
+from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
 
@@ -36,24 +27,23 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
 
 SIMULATION = fill(
     "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
-    f"a median error of 17° and {100 * GROSS:.0f} % that point anywhere; the lens as it is. A heading without time and "
-    "place says nothing of the sun. Without its zone, a time means any zone that the longitude allows.",
+    f"a median error of {COMPASS_MEDIAN:g}°, {100 * GROSS:.0f} % of them pointing anywhere; the true focal length. A "
+    "heading without time and place says nothing about the sun. A time without its zone leaves all zones that the "
+    "longitude allows.",
     120,
 )
 WARNED = fill(
-    "Share of photos [%] that warn of a contradiction, when the record is true (compass noise, no gross error) and "
-    "when it is false. They warn of a sun whose elevation the pixels give a tail probability under "
-    f"{ELEVATION_TAIL:.1%}, of a heading under {HEADING_TAIL:.1%}, and of a focal length that differs by a factor over "
+    "Share of photos [%] with a warning of a contradiction, for true records (compass noise, no gross errors) and for "
+    f"false ones. A warning is given if the pixels leave the record's sun elevation a tail probability under "
+    f"{ELEVATION_TAIL:.1%}, or its heading one under {HEADING_TAIL:.1%}, or if focal lengths differ by a factor over "
     f"{LENS_RATIO:g}.",
     120,
 )
 WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
 
-Floats = NDArray[np.floating[Any]]
-
 
 def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> str:
-    """The tables of one protocol; scored crops alone."""
+    """The tables of one protocol, over scored crops."""
     chosen = np.flatnonzero(truth.scored).tolist()
     scored = select(truth, truth.scored)
     predictions, records = [said[i] for i in chosen], [taken[i] for i in chosen]
@@ -80,7 +70,7 @@ def _name(parts: tuple[str, ...]) -> str:
 
 
 def figures(truth: Truth, fused: Sequence[Fused], taken: Sequence[Taken]) -> dict[str, float]:
-    """Median errors, and how often the truth lies inside the regions."""
+    """Median errors, and the share of truths inside the regions."""
     said = answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
     error = sun_error(truth, said)
     fov = np.array([f.prediction.vertical_fov for f in fused])
@@ -111,7 +101,7 @@ def _azimuth_sentence(truth: Truth, pixels: Sequence[Fused], timed: Sequence[Fus
         for fused in (timed, pixels)
     ]
     ends = difference_interval(errors[0], errors[1], truth.panorama)
-    return f"Median azimuth error with time and place less that of the pixels alone: 95 % interval {interval(ends)}."
+    return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {interval(ends)}."
 
 
 def warning_shares(truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> dict[str, dict[str, float]]:
@@ -133,7 +123,7 @@ def warning_shares(truth: Truth, said: Sequence[Prediction], taken: Sequence[Tak
 
 
 def _others(elevation: Floats, rng: np.random.Generator) -> list[int]:
-    """For each crop one of another sun."""
+    """For each crop, another one whose sun differs by WRONG_SUN or more."""
     wrong = np.abs(elevation[:, None] - elevation) >= WRONG_SUN
     return [int(rng.choice(np.flatnonzero(row))) if row.any() else i for i, row in enumerate(wrong)]
 
@@ -149,7 +139,7 @@ def _shares(
 
 
 def _share(said: Sequence[Prediction], facts: Sequence[PhotoFacts], parts: tuple[str, ...], word: str = "") -> float:
-    """Percentage of photos with a warning that holds a word."""
+    """Percentage of photos with a warning that contains a word."""
     evidence = [known(only(f, parts), Given()).evidence for f in facts]
     warned = [any(word in w for w in fuse(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
     return share(np.array(warned))

@@ -1,30 +1,24 @@
-"""The worst crops: what kind of error each is, by stated rules, as counts, as a CSV file and as a contact sheet.
+"""The worst crops, sorted by cause: as counts and as a CSV file."""
 
-The sheet shows pictures of the data: it is for looking at, and is never published.
-"""
-
-import csv
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from export.evaluation.metrics import FLIP, Answers, Truth, azimuth_error, elevation_error, sun_error, table
-from lighting.files import replacing
-from lighting.geometry import angle_between, angles, direction
+from export.data import write_table
+from export.evaluation.metrics import FLIP, azimuth_error, elevation_error, sun_error
+from export.evaluation.records import Answers, Truth
+from export.evaluation.tables import table
+from lighting.geometry import Floats, angle_between, angles, direction
 
 WORST = 50  # crops shown
-MOST_EACH = 3  # of one panorama, so that one odd picture does not fill the sheet
-WIDE = 30.0  # deg of radius_50 from which the network said that it does not know
+MOST_EACH = 3  # of one panorama, so that one odd picture does not fill the list
+WIDE = 30.0  # deg of radius_50 from which the network is not sure
 NEAR = 22.5  # deg, an error that is no failure
 SUNSHINE = {1.0: "yes", 0.5: "partly", 0.0: "no"}
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -52,11 +46,11 @@ def _mirrored(f: Failure) -> bool:
     return float(angle_between(direction(-f.said[0], f.said[1]), direction(*f.sun))) < NEAR
 
 
-CAUSES: dict[str, tuple[str, Callable[[Failure], bool]]] = {  # in order: what can be seen, what was said, what is wrong
+CAUSES: dict[str, tuple[str, Callable[[Failure], bool]]] = {  # the first that holds is the cause
     "no sky": ("under a tenth of the frame looks above the horizon", lambda f: f.in_view == "no sky"),
     "sun not shining": ("direct sunlight reaches the scene partly or not", lambda f: f.direct in ("partly", "no")),
     "wide distribution": (
-        f"`radius_50` over {WIDE:g}°: the network says it does not know",
+        f"`radius_50` over {WIDE:g}°: the network is not sure",
         lambda f: f.radius_50 > WIDE,
     ),
     "front-back flip": (f"azimuth off by more than {FLIP:g}°", lambda f: abs(f.azimuth_error) > FLIP),
@@ -67,7 +61,7 @@ CAUSES: dict[str, tuple[str, Callable[[Failure], bool]]] = {  # in order: what c
 
 
 def worst(truth: Truth, said: Answers) -> list[Failure]:
-    """The WORST scored crops, the worst first, at most MOST_EACH of a panorama."""
+    """The WORST scored crops, beginning with the largest error; at most MOST_EACH of a panorama."""
     error = np.where(truth.scored, sun_error(truth, said), -np.inf)
     taken: Counter[str] = Counter()
     chosen: list[int] = []
@@ -79,7 +73,7 @@ def worst(truth: Truth, said: Answers) -> list[Failure]:
 
 
 def failure(truth: Truth, said: Answers, index: int) -> Failure:
-    """What is known of one crop."""
+    """One crop as a failure."""
     (azimuth, elevation), (said_azimuth, said_elevation) = (angles(of.sun[index]) for of in (truth, said))
     return Failure(
         index=index,
@@ -96,7 +90,7 @@ def failure(truth: Truth, said: Answers, index: int) -> Failure:
 
 
 def failures_report(found: Sequence[Failure]) -> str:
-    """How many of the worst crops have each cause."""
+    """A table with the number of failures by cause."""
     counts = Counter(f.cause for f in found)
     rows = [
         [name, rule, str(counts[name]), str(len({f.panorama for f in found if f.cause == name}))]
@@ -111,19 +105,17 @@ def _summary(found: Sequence[Failure]) -> str:
     return fill(
         f"The {len(found)} worst crops of the `paper` protocol, at most {MOST_EACH} of a panorama ({panoramas} "
         f"panoramas): sun errors of {found[-1].error:.0f} to {found[0].error:.0f}°. Each counts under the first rule "
-        "that holds: what could be seen, then what the network said of its doubt, then how it erred. Whatever the "
-        f"cause, {flips} of them have the sun on the wrong side, front for back.",
+        "that holds: the rules ask what could be seen, then how sure the network was, then how it erred. In "
+        f"{flips} of them, whatever the cause, the sun is on the wrong side, front for back.",
         120,
     )
 
 
 def write_failures(path: Path, found: Sequence[Failure], azimuth: Floats) -> None:
-    """One line a failure; `azimuth` (N,) is where each crop's camera points in its panorama."""
-    with replacing(path) as temporary, temporary.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ["panorama", "azimuth", "error", "azimuth_error", "elevation_error", "in_view", "direct", "cause"]
-        )
-        for f in found:
-            numbers = (f"{value:.1f}" for value in (azimuth[f.index], f.error, f.azimuth_error, f.elevation_error))
-            writer.writerow([f.panorama, *numbers, f.in_view, f.direct, f.cause])
+    """One line per failure; `azimuth` (N,) is where each crop's camera points in its panorama."""
+    header = ["panorama", "azimuth", "error", "azimuth_error", "elevation_error", "in_view", "direct", "cause"]
+    rows = []
+    for f in found:
+        numbers = (f"{value:.1f}" for value in (azimuth[f.index], f.error, f.azimuth_error, f.elevation_error))
+        rows.append([f.panorama, *numbers, f.in_view, f.direct, f.cause])
+    write_table(path, header, rows)

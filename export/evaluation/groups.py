@@ -1,32 +1,30 @@
-"""Several crops of one panorama taken together: accuracy and coverage."""
+"""Accuracy and coverage of several crops of one panorama taken together."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.crops import generator
+from export.crops import generator
 from export.evaluation.correlation import SIZES, correlation_report
-from export.evaluation.metrics import Truth, median, share
-from export.evaluation.report import figures_table
-from export.evaluation.simulated_metadata import COMPASS_NOISE, Taken, only
+from export.evaluation.metrics import median, share
+from export.evaluation.records import Truth
+from export.evaluation.simulated_metadata import COMPASS_ERROR, COMPASS_MEDIAN, Taken, only
+from export.evaluation.tables import figures_table
 from lighting.circular import Heading
 from lighting.evidence import Evidence, Fused, Given, fuse_together, known
-from lighting.geometry import angle_between, angles, direction, wrap_azimuth
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import Prediction
 
+COMPASS_JITTER = 10.0  # deg, standard deviation between two headings of one phone; the rest of its error is shared
 SIMULATION = fill(
-    "Views of one panorama, in groups. Known headings are exact; those of a compass have one error for all with a "
-    "median of 17°, and one of 10° standard deviation for each. Elevation, turbidity and exposure are shared; where "
-    "headings are unknown, those relative to the first view are inferred.",
+    "Groups of views of one panorama. Known headings are exact. Compass headings share one error with a median of "
+    f"{COMPASS_MEDIAN:g}°, and each has its own of {COMPASS_JITTER:g}° standard deviation. The views share elevation, "
+    "turbidity and exposure; unknown headings are inferred relative to the first view.",
     120,
 )
-HAND_NOISE = 10.0  # deg, standard deviation of one heading of a compass against the next
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ def _nothing(_: Taken, __: np.random.Generator, ___: float) -> Evidence:
 
 
 def _compass(taken: Taken, rng: np.random.Generator, shared: float) -> Evidence:
-    return Evidence(heading=(taken.heading + shared + rng.normal(0, HAND_NOISE)) % 360.0)
+    return Evidence(heading=(taken.heading + shared + rng.normal(0, COMPASS_JITTER)) % 360.0)
 
 
 def _time(taken: Taken, _: np.random.Generator, __: float) -> Evidence:
@@ -103,7 +101,7 @@ def _answer(
     known_headings: bool,
 ) -> tuple[Fused, ...]:
     rng = np.random.default_rng(int(group.members[0]))
-    shared = rng.normal(0, COMPASS_NOISE)
+    shared = rng.normal(0, COMPASS_ERROR)
     given = [evidence(taken[i], rng, shared) for i in group.members]
     headings = [float(azimuth[i]) for i in group.members] if known_headings else None
     return fuse_together([said[i] for i in group.members], given, headings)
@@ -112,7 +110,7 @@ def _answer(
 def figures(
     truth: Truth, groups: Sequence[Group], fused: Sequence[tuple[Fused, ...]], azimuth: Floats
 ) -> dict[str, float]:
-    """Median errors over all crops of all groups, and how often the truth lies inside the regions."""
+    """Median errors over all crops of all groups, and the share of truths inside the regions."""
     members = np.concatenate([g.members for g in groups])
     flat = [f for answers in fused for f in answers]
     sun = direction([f.sun.azimuth for f in flat], [f.sun.elevation for f in flat])
@@ -130,7 +128,7 @@ def figures(
 
 
 def _turn_errors(azimuth: Floats, answers: Sequence[Fused]) -> Floats:
-    """Errors of the headings that were inferred, relative to the first photo."""
+    """Errors [deg] of the inferred headings, which are relative to the first photo's."""
     found: list[tuple[float, Heading]] = [
         (float(turn), f.relative_heading)
         for turn, f in zip(azimuth[1:] - azimuth[0], answers[1:], strict=True)

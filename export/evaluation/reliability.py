@@ -1,7 +1,7 @@
-"""How honest the sun's distribution is: how often the true sun lies in the region said to hold it with probability p.
+"""Calibration of the sun's distribution: how often the true sun lies in the region that holds the probability p.
 
-Two regions: the cells of highest density, which is what the distribution itself says; and the cone around the answer,
-whose radii are `radius_50` and `radius_90`.
+Two regions are tested: the cells of highest density, and the cone around the answer, whose radii are `radius_50` and
+`radius_90`.
 """
 
 from collections.abc import Sequence
@@ -11,13 +11,14 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from export.evaluation.metrics import Truth, select, share
-from export.evaluation.report import IN_VIEW, figures_table, groups
+from export.evaluation.metrics import share
+from export.evaluation.records import Truth, select
+from export.evaluation.report import IN_VIEW, bins
+from export.evaluation.tables import figures_table
 from lighting.decoding import best_guess
 from lighting.files import replacing
-from lighting.geometry import angle_between
+from lighting.geometry import Floats, angle_between
 from lighting.records import Prediction
 from lighting.sun_grid import cones, grid_directions, grid_solid_angle
 
@@ -25,19 +26,17 @@ LEVELS = tuple(range(5, 100, 5))  # %, drawn
 QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
 DENSEST, CONE = "all", "all, cone around the answer"
 MEANING = fill(
-    "Share [%] of true suns inside the region that holds p of the probability: the cells of highest density, in the "
-    "last row the cone around the answer (`radius_50` and `radius_90` are its radii). An honest distribution has p in "
-    "the column p. `largest gap` is the greatest difference over p = 5 to 95 %, in percentage points.",
+    "Share [%] of true suns inside the region that holds p of the probability: the cells of highest density, and in "
+    "the last row the cone around the answer, whose radii are `radius_50` and `radius_90`. A calibrated distribution "
+    "has p in the column p. `largest gap` is the largest difference over p = 5 to 95 %, in percentage points.",
     120,
 )
-
-Floats = NDArray[np.floating[Any]]
 
 
 def density_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
     """Probability (N,) of the region of highest density that just reaches each true sun (N, 3).
 
-    That is all cells denser than the sun's own, and half of those as dense: the sun lies anywhere among them.
+    It holds all cells that are denser than the sun's own, and half of those that are equally dense.
     """
     cells, area = (of(said[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
     own = np.argmax(sun @ cells.T, axis=1)
@@ -60,16 +59,16 @@ def _cone_level(said: Prediction, sun: Floats) -> float:
 
 
 def curves(truth: Truth, said: Sequence[Prediction]) -> dict[str, Floats]:
-    """Levels (n,) at which the regions reach the true sun: of all scored crops, of each group, and those of cones."""
+    """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones."""
     scored = select(truth, truth.scored)
     known = list(compress(said, truth.scored))
     levels = density_levels(known, scored.sun)
-    by_group = {name: levels[chosen] for name, chosen in groups(scored).items()}
+    by_group = {name: levels[chosen] for name, chosen in bins(scored).items()}
     return {DENSEST: levels, **by_group, CONE: cone_levels(known, scored.sun)}
 
 
 def inside(levels: Floats, expected: Sequence[float]) -> Floats:
-    """Share [%] of the suns that the regions of each probability [%] hold."""
+    """Share [%] of the suns inside the regions of each probability [%]."""
     return np.array([share(levels <= p / 100) for p in expected])
 
 
@@ -87,7 +86,7 @@ def reliability_report(protocol: str, found: dict[str, Floats]) -> str:
 
 
 def draw(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
-    """Share inside against p: a column a protocol, by elevation above and by what is in view below."""
+    """Plot the share inside against p: one column per protocol, by elevation above, by what is in view below."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.6 * len(protocols), 9.2), layout="compressed")

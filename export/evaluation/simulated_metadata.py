@@ -1,6 +1,6 @@
-"""Metadata that a crop's photo might have had: a place and time with the panorama's sun, and a compass as phones have.
+"""Metadata as a phone would have recorded it: a place and time with the panorama's sun, a compass heading, the lens.
 
-Like the crops, all of it is decided by the panorama's name and the crop's index.
+Like the crops, it depends on the panorama's name and the crop's index alone.
 """
 
 from dataclasses import dataclass, replace
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.crops import generator
-from export.evaluation.metrics import Truth
+from export.crops import generator
+from export.evaluation.records import Truth
 from lighting.evidence import sun_position, zones
 from lighting.geometry import angles
 from lighting.photo import PhotoFacts
@@ -19,10 +19,9 @@ from lighting.photo import PhotoFacts
 LATITUDES = (-55.0, 65.0)  # deg, where people live
 FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
 STEP = 300  # s, between the moments of a day that are tried first
-COMPASS_NOISE = 25.2  # deg, standard deviation: a median error of 17
+COMPASS_MEDIAN = 17.0  # deg, median error of a phone's heading
+COMPASS_ERROR = 25.2  # deg, standard deviation of the normal distribution with that median, which is 0.6745 of it
 GROSS = 0.05  # share of headings that point anywhere
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Sighting:
 
 @dataclass(frozen=True)
 class Taken:
-    """A photo's metadata, all of it, and where its camera really pointed."""
+    """A photo's metadata, and where its camera really pointed."""
 
     facts: PhotoFacts
     heading: float  # deg clockwise from true north
@@ -80,7 +79,7 @@ def _taken(truth: Truth, i: int, seen: Sighting, index: int) -> Taken:
     rng = generator(truth.panorama[i], index, "compass")
     heading = (seen.compass - float(angles(truth.sun[i])[0])) % 360.0
     gross = bool(rng.random() < GROSS)
-    error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_NOISE)
+    error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_ERROR)
     zone = rng.choice(zones(seen.longitude))
     facts = PhotoFacts(
         local_time=(seen.time + timedelta(hours=float(zone))).replace(tzinfo=None),

@@ -1,33 +1,31 @@
-"""What another temperature would make of the sun's distributions, fitted on some places and measured on others."""
+"""Whether the sun's softmax has the right temperature: another one is fitted on some places and tested on others."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import compress
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from export.evaluation.correlation import halves_of
-from export.evaluation.metrics import Bools, Truth, answers, select, sun_figures
-from export.evaluation.report import figures_table
+from export.evaluation.metrics import sun_figures
+from export.evaluation.records import Bools, Truth, answers, select
+from export.evaluation.tables import figures_table
+from export.evaluation.views import LEAST_DENSITY
 from lighting.decoding import sun_of
-from lighting.geometry import direction
+from lighting.geometry import Floats, direction
 from lighting.records import Prediction
 from lighting.sun_grid import density, grid_directions, grid_solid_angle
 
 TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
-FLOOR = 1e-9  # 1/sr, least density counted; as in evaluate
 COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
 MEANING = fill(
-    "Temperature T of the sun's probabilities, p^(1/T), on top of the network's own: fitted by NLL on one half of the "
-    "places, measured on the other (`all`: on the very crops it was fitted to). Regions are cones around the answer. T "
-    "near 1 in both halves, and little changed by it, means that the network ships with the right one.",
+    "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own: fitted by NLL on one half of "
+    "the places and tested on the other (`all`: fitted and tested on all). Regions are cones around the answer. The "
+    "network ships with the right temperature if T is near 1 in both halves and changes little.",
     120,
 )
-
-Floats = NDArray[np.floating[Any]]
 
 
 def temperature_report(protocol: str, truth: Truth, said: Sequence[Prediction]) -> str:
@@ -51,16 +49,16 @@ def _row(truth: Truth, said: Sequence[Prediction], learning: Bools, tested: Bool
 
 
 def fitted(said: Sequence[Prediction], sun: Floats) -> float:
-    """The temperature of TEMPERATURES that makes the true suns (N, 3) likeliest."""
+    """The one of TEMPERATURES under which the true suns (N, 3) are most likely."""
     cells, area = (of(said[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
     own = np.argmax(sun @ cells.T, axis=1)
-    log = np.log(np.maximum([p.sun_probability for p in said], FLOOR * area))
+    log = np.log(np.maximum([p.sun_probability for p in said], LEAST_DENSITY * area))
     costs = {t: _cost(log / t, own) for t in TEMPERATURES}
     return min(costs, key=costs.__getitem__)
 
 
 def _cost(log: Floats, own: NDArray[np.intp]) -> float:
-    """Mean negative logarithm of the own cells' probabilities, of unnormalised logarithms (N, G)."""
+    """Mean negative log probability of the cells `own` (N,), from unnormalised logarithms (N, G)."""
     highest = log.max(axis=1, keepdims=True)
     total = np.log(np.exp(log - highest).sum(axis=1)) + highest[:, 0]
     return float(np.mean(total - log[np.arange(len(own)), own]))
@@ -80,7 +78,7 @@ def figures(truth: Truth, said: Sequence[Prediction]) -> dict[str, float]:
         direction([s.azimuth for s in suns], [s.elevation for s in suns]),
         radius_50=np.array([s.radius_50 for s in suns]),
         radius_90=np.array([s.radius_90 for s in suns]),
-        nll=-np.log(np.maximum(density(probability, truth.sun, said[0].spec.sun_grid), FLOOR)),
+        nll=-np.log(np.maximum(density(probability, truth.sun, said[0].spec.sun_grid), LEAST_DENSITY)),
     )
     measured = sun_figures(truth, values)
     return {name: measured[column] for name, column in COLUMNS.items()}

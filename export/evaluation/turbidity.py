@@ -1,22 +1,22 @@
-"""Whether the estimated turbidity beats the best answer that looks at no pixel."""
+"""Whether the estimated turbidity beats the best constant."""
 
 from textwrap import fill
 
 import numpy as np
-from numpy.typing import NDArray
 
-from export.evaluation.metrics import Answers, Truth, difference_interval, select, table
-from export.evaluation.report import interval
+from export.evaluation.intervals import difference_interval
+from export.evaluation.records import Answers, Names, Truth, select
+from export.evaluation.tables import interval, table
 
 MEANING = fill(
-    "Median absolute error against the skies fitted to the panoramas: the network's, and that of the median of the "
-    "training skies; 95 % intervals of the network's less the constant's. LDR skies are the clean ones, whose fit is "
-    "trusted.",
+    "Median absolute error against the skies fitted to the panoramas, of the network and of a constant, the median of "
+    "the training skies; 95 % intervals of the network's error minus the constant's. LDR skies count only if their fit "
+    "is trusted.",
     120,
 )
 
 
-def turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answers, kind: NDArray[np.str_]) -> str:
+def turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answers, kind: Names) -> str:
     """The table of one protocol; `kind` (N,) is "hdr" or "ldr", the panorama's."""
     known = np.isfinite(truth.turbidity)
     rows = {"HDR": known & (kind == "hdr"), "LDR, clean sky": known & (kind == "ldr"), "both": known}
@@ -25,7 +25,7 @@ def turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answe
         for name, chosen in rows.items()
         if chosen.any()
     ]
-    header = ["", "crops", "panoramas", "places", "network", "constant", "less it, panoramas", "less it, places"]
+    header = ["", "crops", "panoramas", "places", "network", "constant", "minus it, panoramas", "minus it, places"]
     return f"## Turbidity, protocol `{protocol}`\n\n{MEANING}\n\n{table(header, lines)}"
 
 

@@ -1,4 +1,4 @@
-"""The mean of the weights of runs that continue one another: one network, often better than each.
+"""The mean of the weights of runs with a common beginning: one network, often better than each of them.
 
 Wortsman et al., Model soups (ICML 2022).
 """
@@ -10,23 +10,22 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from export.data.panoramas import DataError
-from export.networks.onnx import differ
-from export.networks.runs import RECORD, history, read_record
-from export.training.train import averaged_weights
+from export.data import DataError
+from export.networks.checkpoints import CHECKPOINT, averaged_weights
+from export.networks.runs import RECORD, differ, history, read_record
 from lighting.files import replacing
 
 
 def merge(folders: Sequence[Path], out: Path) -> None:
     """Write `out` as the folder of a run whose weights are the mean of those of `folders`.
 
-    The runs must share their beginning (`train --start`), or the mean is no network. What only some of them have, such
-    as where the sun is seen, is the mean of those. DataError if their networks differ
-    or if `out` already holds a run.
+    The runs must share their beginning (`train --start`), or the mean is no useful network. Weights that only some runs
+    have, such as those of the head `seen`, are averaged over these. DataError if the networks differ or if `out`
+    already holds a run.
     """
     if differ(folders):
         raise DataError("The runs' networks differ, so their weights have no mean.")
-    if (out / "checkpoint.pt").exists():
+    if (out / CHECKPOINT).exists():
         raise DataError(f"{out} already holds a run.")
     records = [read_record(f) for f in folders]
     weights = [averaged_weights(f) for f in folders]
@@ -37,7 +36,7 @@ def merge(folders: Sequence[Path], out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     with replacing(out / RECORD) as path:
         path.write_text(json.dumps(record, indent=1))
-    with replacing(out / "checkpoint.pt") as path:
+    with replacing(out / CHECKPOINT) as path:
         torch.save({"average": mean}, path)
 
 

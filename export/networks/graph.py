@@ -1,6 +1,6 @@
-"""What is done to a network's ONNX graph before it ships: nothing is computed twice, and weights are stored small.
+"""Changes to a network's ONNX graph before it ships: nothing is computed twice, and weights are stored small.
 
-onnxruntime widens the weights when it loads the file, so they are computed with in single precision.
+onnxruntime widens the weights when it loads the file, so it computes in single precision.
 """
 
 from typing import Any
@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
-HALVED = 256  # elements from which a tensor of weights is stored in half precision
-BYTES = 1024  # weights of one output from which each is stored as a byte, with a scale for the output
+HALVED = 256  # least elements of a tensor that is stored in half precision
+BYTES = 1024  # least weights of one output that are stored as bytes with a scale
 
 
 def share(model: Any) -> None:
-    """Let equal tensors be one tensor, and equal nodes one node: networks that begin alike then begin once."""
+    """Merge equal tensors and equal nodes: what several networks begin with alike is then computed once."""
     names = _unify_tensors(model.graph)
     outputs = {output.name for output in model.graph.output}
     known: dict[tuple[Any, ...], list[str]] = {}
@@ -33,7 +33,7 @@ def share(model: Any) -> None:
 
 
 def _unify_tensors(graph: Any) -> dict[str, str]:
-    """Keep one of each set of equal tensors; which one stands for each of the others."""
+    """Keep one of each set of equal tensors; returns the kept name by each removed one."""
     first: dict[tuple[Any, ...], str] = {}
     names, kept = {}, []
     for tensor in graph.initializer:
@@ -48,14 +48,14 @@ def _unify_tensors(graph: Any) -> dict[str, str]:
 
 
 def forget_origin(model: Any) -> None:
-    """Leave out where in the code each node came from, and the shapes between nodes: nothing reads them."""
+    """Remove each node's origin in the code and the shapes between nodes: nothing reads them."""
     del model.graph.value_info[:]
     for node in model.graph.node:
         del node.metadata_props[:]
 
 
 def store_small(model: Any) -> None:
-    """Store weights as bytes with scales where an output has many, other large tensors in half precision."""
+    """Store the weights of an output as bytes with a scale if it has many, other large tensors in half precision."""
     columns = {node.input[1] for node in model.graph.node if node.op_type == "MatMul"}  # an output is a column there
     tensors, nodes = [], []
     for tensor in model.graph.initializer:
@@ -71,7 +71,7 @@ def store_small(model: Any) -> None:
 
 
 def _stored(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[Any], list[Any]]:
-    """Small tensors for a large one whose outputs lie along `axis`, and the nodes that make it of them."""
+    """Small tensors that replace a large one, whose outputs lie along `axis`, and the nodes that widen them."""
     if weights.size < BYTES * weights.shape[axis]:
         half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
         return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]

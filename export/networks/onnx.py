@@ -1,6 +1,6 @@
-"""The averaged weights of one run or several as one ONNX file that describes itself, compared with torch by number.
+"""The averaged weights of one or several runs as one self-describing ONNX file, compared numerically with torch.
 
-Several networks answer together: the file holds them all and averages their probabilities and values.
+The file holds all networks and averages their probabilities and values.
 """
 
 import json
@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
 
-from export.data.panoramas import DataError
+from export.data import DataError
+from export.networks.checkpoints import read_network
 from export.networks.graph import forget_origin, share, store_small
-from export.networks.network import Served, build, load_weights
-from export.networks.runs import describe_data, history, read_record, read_spec
-from export.training.train import averaged_weights
+from export.networks.runs import describe_data, differ, history, read_record, read_spec
+from export.networks.served import Served
 from lighting.errors import ModelError
 from lighting.files import replacing
 from lighting.model import OUTPUTS, Model
@@ -27,39 +26,21 @@ from lighting.records import ModelSpec
 
 OPSET = 18
 TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
-ROUNDED = 3e-2  # the same with weights stored small, which move the camera and with it where a seen sun stands
+ROUNDED = 3e-2  # the same once weights are stored small: that shifts the camera, and a seen sun with it
 
 
-def differ(folders: Sequence[Path]) -> bool:
-    """Whether the networks of training folders expect different photos or give different answers."""
-    return len({replace(read_spec(folder), version="") for folder in folders}) > 1
+def write_onnx(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, version: str | None = None) -> float:
+    """Write `target` from training folders; returns its difference to torch (see `parity`).
 
-
-def read_network(folder: Path) -> nn.Module:
-    """The averaged network of a training folder, ready to answer."""
-    weights = averaged_weights(folder)
-    network = build(read_spec(folder), sees=any(name.startswith("seen.") for name in weights))
-    load_weights(network, weights)
-    return network.eval()
-
-
-def export(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, version: str | None = None) -> float:
-    """Write `target` from training folders; returns the difference to torch (see `parity`).
-
-    The suns' logits are divided by the temperature (Guo et al., ICML 2017). The version is the first run's unless
-    another is given. DataError if the runs' networks expect different photos, ModelError if the file
-    answers otherwise than torch: by more than TOLERANCE, or than ROUNDED once its weights are stored small.
+    `temperature` divides the suns' logits (Guo et al., ICML 2017). The version is the first run's unless another is
+    given. DataError if the runs' networks expect different photos; ModelError if the file's answers differ from torch's
+    by more than TOLERANCE, or by more than ROUNDED once its weights are stored small.
     """
-    records, networks = [read_record(f) for f in folders], [read_network(f) for f in folders]
     if differ(folders):
-        raise DataError("The runs' networks do not expect the same photos, so they cannot answer together.")
-    spec = read_spec(folders[0])
-    served = Served(networks, spec.sun_grid, temperature).eval()
-    spec = replace(spec, training_data="; ".join(dict.fromkeys(describe_data(r) for r in records)))
-    spec = replace(spec, version=version or spec.version)
-    commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
-    known = {"commit": commits, "temperature": f"{temperature:.3f}", "networks": str(len(folders))}
-    known["training"] = json.dumps([history(r) for r in records])
+        raise DataError("The runs' networks expect different photos, so they cannot answer together.")
+    spec, known = _described(folders, version)
+    served = Served([read_network(f) for f in folders], spec.sun_grid, temperature).eval()
+    known["temperature"] = f"{temperature:.3f}"
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
         model = trace(served, spec)
@@ -72,6 +53,16 @@ def export(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, v
         difference = _check(parity(served, path), ROUNDED)
         save(model, {"parity": f"{difference:.2e}"}, path)
     return difference
+
+
+def _described(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, dict[str, str]]:
+    """The spec of the file and the metadata that tell where its networks come from."""
+    records, spec = [read_record(f) for f in folders], read_spec(folders[0])
+    data = "; ".join(dict.fromkeys(describe_data(r) for r in records))
+    commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
+    training = json.dumps([history(r) for r in records])
+    known = {"commit": commits, "networks": str(len(folders)), "training": training}
+    return replace(spec, training_data=data, version=version or spec.version), known
 
 
 def _check(difference: float, allowed: float) -> float:

@@ -1,17 +1,19 @@
-"""What a training folder says of its run: its settings, its spec, the panoramas it saw and the runs before it."""
+"""The record of a training run: its settings, its spec, the panoramas it saw, the runs it continues."""
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from export.data.panoramas import DataError
+from export.data import DataError
 from lighting.records import ModelSpec
 
 RECORD = "config.json"
 
 
 def read_record(folder: Path) -> dict[str, Any]:
-    """What a training folder says of its run; DataError if it holds none."""
+    """The record in a training folder; DataError if there is none."""
     try:
         record: dict[str, Any] = json.loads((folder / RECORD).read_text())
     except (OSError, ValueError) as error:
@@ -20,12 +22,17 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 
 def read_spec(folder: Path) -> ModelSpec:
-    """What the network of a training folder expects."""
+    """The spec of a training folder's network."""
     return ModelSpec.from_json(json.dumps(read_record(folder)["spec"]))
 
 
+def differ(folders: Sequence[Path]) -> bool:
+    """Whether the networks of training folders have different specs, versions aside."""
+    return len({replace(read_spec(folder), version="") for folder in folders}) > 1
+
+
 def history(*records: dict[str, Any]) -> list[dict[str, Any]]:
-    """What reproduces runs, those before them and those they were merged from, each once, but for where files lay."""
+    """Settings and commits of runs, of those they continue and of those they were merged from, once each; no paths."""
     runs: list[dict[str, Any]] = []
     for record in records:
         known = record["merged"] if "merged" in record else [*record.get("before", []), _own(record)]
@@ -39,7 +46,7 @@ def _own(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def describe_data(record: dict[str, Any]) -> str:
-    """One sentence on what the network saw."""
+    """One sentence about the network's training data."""
     runs, names = history(record), record["panoramas"]["train"]
     which = "permissively licensed panoramas" if runs[0]["licensed_only"] else "panoramas, most with no stated licence"
     start = "from ImageNet weights, " if runs[0]["pretrained"] else ""

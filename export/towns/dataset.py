@@ -1,31 +1,29 @@
-"""A folder of rendered places with exact truth, in the format of any other folder of panoramas, and its labels."""
+"""A folder of rendered places in the format of any other folder of panoramas, with exact labels."""
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from export.data.labels import Label, read_labels, write_labels
-from export.data.panoramas import INDEX, write_index
-from export.towns.mesh import Floats
-from export.towns.path_trace import Place
+from export.data import Label, Panorama, read_index, read_labels, write_index, write_labels
+from export.towns.path_trace import RenderedPlace
 from export.towns.place import place
 from export.towns.sky import Sky, random_sky
 from lighting.files import write_exr
+from lighting.geometry import Floats
 
 LABELS = "labels.csv"
 SAVE_EVERY = 20  # places
 GROUND_RADIUS = 12.0  # m around the camera, where sunlight on the ground counts
 GROUND_POINTS = 400
-LIT, DIM = 0.25, 0.03  # shares of the sunlight from which direct light is "yes", and "partly"
-TRUE_SKY = 0.5  # of the sunlight comes through: turbidity and exposure can be seen
+LIT, DIM = 0.25, 0.03  # least shares of the sunlight for direct light to be "yes" and "partly"
+TRUE_SKY = 0.5  # least share of the sunlight for turbidity and exposure to be visible in the sky
 
 
 @dataclass(frozen=True)
-class Rendered:
-    """A panorama of a place and what is true of it."""
+class TownPanorama:
+    """A panorama of a rendered place with the truth about it."""
 
     name: str
     radiance: Floats  # (H, 2H, 3) linear
@@ -33,18 +31,18 @@ class Rendered:
     sun_visible: bool
 
 
-def render_place(number: int, height: int) -> Rendered:
-    """Place `number`, the same in every run."""
+def render_place(number: int, height: int) -> TownPanorama:
+    """Place `number`; the same number gives the same place in every run."""
     rng = np.random.default_rng([8, number])
     sky = random_sky(rng)
-    scene = Place(*place(rng), sky)
+    scene = RenderedPlace(*place(rng), sky)
     while not scene.is_clear():
-        scene = Place(*place(rng), sky)
+        scene = RenderedPlace(*place(rng), sky)
     around = rng.uniform(-1, 1, (GROUND_POINTS, 3)) * [GROUND_RADIUS, 0, GROUND_RADIUS] + [0, 0.3, 0]
     lit = scene.sunlit(around) * sky.sunlight
     visible = scene.sees_the_sun() and sky.sunlight > TRUE_SKY
     name = f"town_{number:05d}"
-    return Rendered(name, scene.panorama(height, 2 * number), _label(name, sky, lit), visible)
+    return TownPanorama(name, scene.panorama(height, 2 * number), _label(name, sky, lit), visible)
 
 
 def _label(name: str, sky: Sky, lit: float) -> Label:
@@ -68,43 +66,36 @@ def _label(name: str, sky: Sky, lit: float) -> Label:
 
 
 def synthesize(folder: Path, count: int, height: int) -> None:
-    """Render places until the folder holds `count`; goes on where an earlier call stopped."""
-    (folder / "panoramas").mkdir(parents=True, exist_ok=True)
-    labels = read_labels(folder / LABELS) if (folder / LABELS).exists() else []
-    rows = _read_rows(folder / INDEX)[: len(labels)]  # the index is written first: it may hold more
+    """Render places until the folder holds `count`; continues where an earlier call stopped."""
+    root = folder.resolve()
+    (root / "panoramas").mkdir(parents=True, exist_ok=True)
+    labels = read_labels(root / LABELS) if (root / LABELS).exists() else []
+    panoramas = read_index(root)[: len(labels)] if labels else []  # the index is written first: it may hold more
     for number in tqdm(range(len(labels), count), initial=len(labels), total=count, unit="place"):
         rendered = render_place(number, height)
-        file = f"panoramas/{rendered.name}.exr"
-        write_exr(folder / file, rendered.radiance)
+        panoramas.append(_panorama(rendered, root))
         labels.append(rendered.label)
-        rows.append(_row(rendered, file))
+        write_exr(panoramas[-1].path, rendered.radiance)
         if number + 1 == count or (number + 1) % SAVE_EVERY == 0:
-            write_index(rows, folder)
-            write_labels(labels, folder / LABELS)
+            write_index(panoramas, root)
+            write_labels(labels, root / LABELS)
 
 
-def _row(rendered: Rendered, file: str) -> dict[str, str]:
+def _panorama(rendered: TownPanorama, root: Path) -> Panorama:
     label = rendered.label
-    sun = "none" if label.sun_source == "none" else "visible" if rendered.sun_visible else "inferred"
-    angles = {"sun_azimuth": label.sun_azimuth, "sun_elevation": label.sun_elevation}
-    return {
-        "name": rendered.name,
-        "file": file,
-        "kind": "hdr",
-        "place": rendered.name,
-        "split": "train",
-        "sun": sun,
-        **{name: "" if sun == "none" else f"{angle:.3f}" for name, angle in angles.items()},
-        "sun_uncertainty": "" if sun == "none" else "1",
-        "direct": label.direct,
-        "scene": "rendered",
-        "label": "rendered",
-        "licence": "CC0",
-    }
-
-
-def _read_rows(path: Path) -> list[dict[str, str]]:
-    if not path.exists():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    has_sun = label.sun_source != "none"
+    return Panorama(
+        name=rendered.name,
+        path=root / "panoramas" / f"{rendered.name}.exr",
+        kind="hdr",
+        place=rendered.name,
+        split="train",
+        sun="none" if not has_sun else "visible" if rendered.sun_visible else "inferred",
+        sun_azimuth=label.sun_azimuth if has_sun else None,
+        sun_elevation=label.sun_elevation if has_sun else None,
+        sun_uncertainty=1.0 if has_sun else None,
+        direct=label.direct,
+        scene="rendered",
+        label="rendered",
+        licence="CC0",
+    )

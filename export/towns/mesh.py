@@ -1,12 +1,10 @@
-"""Meshes of coloured quads, and the few shapes that all is built of; lengths in m, +Y up, the ground at y = 0."""
+"""Meshes of coloured quads and the box that most things are built of; lengths in m, +Y up, the ground at y = 0."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
 
 
 @dataclass(frozen=True)

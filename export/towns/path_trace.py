@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.towns.llvm import find_llvm
-from export.towns.mesh import Floats, Mesh
+from export.towns.mesh import Mesh
 from export.towns.place import EYE
 from export.towns.sky import Sky
-from lighting.geometry import direction
+from lighting.geometry import Floats, direction
 
 SKY_SAMPLES, SUN_SAMPLES = 12, 4  # paths per pixel
 BOUNCES = 2
-ARM, CROWDED = 1.2, 0.1  # m, and the share of the horizon that may be so near
+ARM, CROWDED = 1.2, 0.1  # m, and the share of the horizon that may be nearer than that
 
 _PAINTED = {"type": "mesh_attribute", "name": "vertex_color"}
 _MATTE = {"type": "diffuse", "reflectance": _PAINTED}
@@ -25,11 +25,11 @@ _LACQUER = {
 }
 
 
-class Place:
-    """A place under a sky, ready to be looked at.
+class RenderedPlace:
+    """A place under a sky, loaded into Mitsuba.
 
-    Sunlight and skylight are traced one after the other: sampled together, the sun would leave few paths to the sky
-    and the shade would be noise.
+    Sunlight and skylight are traced separately: if sampled together, the sun would take most paths and the shade would
+    be noisy.
     """
 
     def __init__(self, matte: Mesh, glossy: Mesh, sky: Sky) -> None:
@@ -50,7 +50,7 @@ class Place:
         self.sunny = mi.load_dict({"type": "scene", "light": beam, **things})
 
     def panorama(self, height: int, seed: int) -> NDArray[np.float32]:
-        """What is seen from EYE: (height, 2 height, 3) linear, in the sky's unit."""
+        """The panorama (height, 2 height, 3) seen from EYE, linear, in the sky's unit."""
         image = self._trace(self.scene, SKY_SAMPLES, height, seed)
         if self.sky.is_overcast:
             return image
@@ -78,7 +78,7 @@ class Place:
         return despeckle(np.stack(mean, -1).reshape(height, 2 * height, 3).astype(np.float32))
 
     def is_clear(self) -> bool:
-        """Whether the camera stands free: little of what is level with it is nearer than an arm."""
+        """Whether the camera stands free: under CROWDED of its horizon is nearer than ARM."""
         import drjit as dr
         import mitsuba as mi
 
@@ -87,11 +87,11 @@ class Place:
         return float(np.mean(np.array(self.scene.ray_test(near)))) < CROWDED
 
     def sees_the_sun(self) -> bool:
-        """Whether no thing hides the sun from EYE."""
+        """Whether the sun can be seen from EYE."""
         return self.sunlit(np.array([[0.0, EYE, 0.0]])) == 1.0
 
     def sunlit(self, points: Floats) -> float:
-        """Share of points (N, 3) from which no thing hides the sun."""
+        """Share of points (N, 3) that the sun reaches."""
         import mitsuba as mi
 
         origin = mi.Point3f(*np.asarray(points.T, dtype=np.float32))
@@ -102,7 +102,7 @@ class Place:
 
 
 def despeckle(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Values (H, W, C) held between the third lowest and the third highest of their neighbourhood of nine."""
+    """Values (H, W, C) clamped between the third lowest and the third highest of their 3 x 3 neighbourhoods."""
     padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
     height, width = image.shape[:2]
     around = np.stack([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)])

@@ -2,15 +2,16 @@
 
 import numpy as np
 
-from export.towns.mesh import Floats, Mesh, box, join, turned
+from export.towns.mesh import Mesh, box, join, turned
 from export.towns.things import GLASS, STONE, car, colour, ground, house, person, road, rock, spot, tree, wall
+from lighting.geometry import Floats
 
 EYE = 1.65  # m, the camera's height
 KINDS = ("street", "square", "courtyard", "wood", "country")
 
 
 def place(rng: np.random.Generator) -> tuple[Mesh, Mesh]:
-    """Matte and glossy things of one random place of one of KINDS."""
+    """The matte and the glossy mesh of a random place of one of KINDS."""
     kind, yaw = str(rng.choice(KINDS)), rng.uniform(0, 360)
     matte, glossy = [ground(rng)], [box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(GLASS))]
     if kind in ("street", "square") or rng.random() < 0.4:
@@ -34,7 +35,7 @@ def place(rng: np.random.Generator) -> tuple[Mesh, Mesh]:
 
 
 def _plots(rng: np.random.Generator, kind: str, yaw: float) -> list[tuple[Floats, float]]:
-    """Where houses stand (x, z) and how they face."""
+    """Where houses stand (x, z) and the direction [deg] that they face."""
     if kind in ("country", "wood"):
         return [(spot(rng, 30, 120), rng.uniform(0, 360)) for _ in range(rng.integers(0, 4))]
     if kind == "street":

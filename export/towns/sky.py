@@ -1,18 +1,15 @@
-"""Skies over rendered places: clear, with clouds, or overcast; the clear part is Hosek-Wilkie's with its sun."""
+"""Skies over rendered places: clear, cloudy or overcast; the clear part and the sun are Hosek-Wilkie's."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.envmap import render
-from lighting.geometry import latlong_directions
+from lighting.geometry import Floats, latlong_directions
 from lighting.records import Lighting
 from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
-
-Floats = NDArray[np.floating[Any]]
 
 HEIGHT = 256  # rows of the map that lights a place
 EXPOSURE = 0.02  # of sky radiance; crops are exposed anew
@@ -22,7 +19,7 @@ OPACITY = 4.0  # a cloud hides the sun more than it hides the sky
 
 @dataclass(frozen=True)
 class Sky:
-    """The light over a place and what is true of it."""
+    """The light over a place, with the truth about it."""
 
     radiance: NDArray[np.float32]  # (HEIGHT, 2 HEIGHT, 3) without the sun, black below the horizon
     lighting: Lighting
@@ -30,18 +27,18 @@ class Sky:
 
     @property
     def is_overcast(self) -> bool:
-        """Whether no sun can be told from the sky."""
+        """Whether the sky hides where the sun is."""
         return self.sunlight < 0.03
 
     @property
     def sun_irradiance(self) -> Floats:
-        """Of the sunlight that comes through (3,), on a plane that faces the sun."""
+        """Irradiance (3,) of the sunlight below the clouds, on a plane that faces the sun."""
         lighting = self.lighting
         radiance = sun_radiance(lighting.sun_direction, lighting.turbidity)
         return np.asarray(radiance * (SUN_SOLID_ANGLE * lighting.exposure * self.sunlight))
 
     def disc(self, height: int) -> NDArray[np.float32]:
-        """The sun alone, as it shines through the clouds: (height, 2 height, 3)."""
+        """The sun's disc alone, dimmed by the clouds: (height, 2 height, 3)."""
         sun = render(self.lighting, height, sun=True) - render(self.lighting, height, sun=False)
         sun[height // 2 :] = 0.0
         return np.asarray(sun * self.sunlight, dtype=np.float32)
@@ -64,7 +61,7 @@ def random_sky(rng: np.random.Generator) -> Sky:
 
 
 def overcast(lighting: Lighting, rng: np.random.Generator) -> NDArray[np.float32]:
-    """The CIE overcast sky, brighter towards the hidden sun at times."""
+    """The CIE overcast sky, at random brighter towards the hidden sun."""
     towards = latlong_directions(HEIGHT)
     up = towards[..., 1:2]
     glow = rng.uniform(0, 0.4) * np.exp(4 * (towards @ lighting.sun_direction - 1))[..., None]

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from export.towns.mesh import Floats, Mesh, box, moved, turned
+from export.towns.mesh import Mesh, box, moved, turned
+from lighting.geometry import Floats
 
 STONE = (
     (0.55, 0.48, 0.4),
@@ -38,7 +39,7 @@ def house(rng: np.random.Generator, centre: Floats, yaw: float) -> list[Mesh]:
 
 
 def windows(rng: np.random.Generator, size: Floats, yaw: float, centre: Floats, floors: int) -> Mesh:
-    """Dark panes a hand before the walls of a house."""
+    """Dark panes just in front of the walls of a house."""
     pane = rng.uniform((0.7, 1.0), (1.6, 2.0))
     quads = []
     for side in range(4):
@@ -57,7 +58,7 @@ def windows(rng: np.random.Generator, size: Floats, yaw: float, centre: Floats, 
 
 
 def roof(size: Floats, rise: float, yaw: float, centre: Floats, tint: Floats) -> Mesh:
-    """A gable along x over a box, with eaves of half a metre."""
+    """A gabled roof along x over a box, with eaves of half a metre."""
     w, d, base = size[0] / 2 + 0.4, size[2] / 2 + 0.5, size[1]
     ridge = [[-w, base + rise, 0], [w, base + rise, 0]]
     front = [[-w, base - 0.2, d], [w, base - 0.2, d], ridge[1], ridge[0]]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.data.label_report import agreement, check_rendered, run
+from export.data.reports import agreement, check_rendered, run
 from export.data.labels import Label, label_panorama, read_labels, write_labels
 from export.data.panoramas import DataError, Panorama, decode, read_index
 from export.data.sky_fit import fit_sky, sky_mask
@@ -171,7 +171,7 @@ def test_agreement_counts_suns_and_overcast_skies() -> None:
 def test_a_folder_is_labelled_whole(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("export.data.label_report.check_rendered", lambda: check_rendered(4, 32))
+    monkeypatch.setattr("export.data.reports.check_rendered", lambda: check_rendered(4, 32))
     write_dataset(tmp_path, 8, 64)
     run(tmp_path, tmp_path / "labels.csv", workers=2)
     labels = read_labels(tmp_path / "labels.csv")

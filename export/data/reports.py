@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from export.data.labels import Label, label_panorama, write_labels
-from export.data.panoramas import Panorama, decode, read_index
+from export.data.labelling import label_panorama
+from export.data.labels import Label, write_labels
+from export.data.panoramas import Panorama, read_index
+from export.data.pictures import decode
 from export.data.sky_fit import fit_sky
 from export.data.sun_finder import find_sun
 from export.data.synthetic import render_panorama

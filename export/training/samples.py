@@ -1,15 +1,14 @@
-"""A picture of rendered places as training sees them, before any augmentation."""
+"""A picture of rendered places as training sees them, before augmentation."""
 
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from export.crops.crops import generator, load_source, paper_camera, take
-from export.data.labels import read_labels
-from export.data.panoramas import DataError, read_index
-from export.networks.network import specs
-from export.towns.dataset import LABELS
+from export.crops import generator, load_sources, paper_camera, take
+from export.data import DataError, read_index
+from export.networks import specs
+from export.towns import LABELS
 from lighting.colour import tone_map
 from lighting.files import replacing
 
@@ -22,11 +21,8 @@ def write_samples(folder: Path, target: Path) -> None:
     if len(panoramas) < ACROSS * DOWN:
         raise DataError(f"{folder} holds {len(panoramas)} places; the picture shows {ACROSS * DOWN}.")
     spec = specs("")["outdoor"]
-    labels = read_labels(folder / LABELS)
-    crops = [
-        take(load_source(panorama, label), paper_camera(generator(panorama.name, 0, "sample")), spec)
-        for panorama, label in zip(panoramas, labels, strict=False)
-    ]
+    sources = load_sources(panoramas, folder / LABELS)
+    crops = [take(source, paper_camera(generator(source.panorama.name, 0, "sample")), spec) for source in sources]
     tiles = np.stack([tone_map(crop.linear) for crop in crops])
     height, width = tiles.shape[1:3]
     rows = tiles.reshape(DOWN, ACROSS, height, width, 3).swapaxes(1, 2)

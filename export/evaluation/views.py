@@ -1,0 +1,105 @@
+"""The views on which networks are scored, what is true of them, and what a network answers."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, generator, take
+from export.data import Panorama
+from export.evaluation.records import Answers, Truth
+from lighting.colour import tone_map
+from lighting.decoding import lighting_from
+from lighting.geometry import Floats, camera_directions
+from lighting.model import Model
+from lighting.photo import place
+from lighting.records import Prediction
+from lighting.sun_grid import density
+
+View = tuple[Source, Camera]
+
+CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
+CROPS_EACH = 8  # views of each panorama and protocol
+AIMED_EACH = 4  # views of each panorama that shows its sun
+BATCH = 16  # photos that a network sees at once
+SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
+LEAST_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
+
+
+def cameras(sources: Sequence[Source], protocol: str) -> list[View]:
+    """CROPS_EACH views of each panorama by a protocol, at even steps of azimuth from a random start."""
+    taken: list[View] = []
+    for source in sources:
+        start = generator(source.panorama.name, 0, "azimuth").uniform(-180, 180)
+        for index in range(CROPS_EACH):
+            drawn = PROTOCOLS[protocol](generator(source.panorama.name, index, protocol))
+            azimuth = (start + index * 360 / CROPS_EACH + 180) % 360 - 180
+            taken.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
+    return taken
+
+
+def aimed(sources: Sequence[Source]) -> list[View]:
+    """AIMED_EACH views of each panorama that shows its sun, turned until they see it."""
+    taken: list[View] = []
+    for source in (source for source in sources if source.panorama.sun == "visible"):
+        for index in range(AIMED_EACH):
+            rng = generator(source.panorama.name, index, "sun in view")
+            drawn = aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)
+            taken.append((source, replace(drawn, mirrored=False)))
+    return taken
+
+
+def see(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
+    """The truth about the views' crops and the network's answers, by the path that users take."""
+    crops: list[Crop] = []
+    said: list[Prediction] = []
+    for first in range(0, len(views), BATCH):
+        part = [take(source, camera, model.spec) for source, camera in views[first : first + BATCH]]
+        said += model.predict(np.stack([place(tone_map(crop.linear), model.spec) for crop in part]))
+        crops += part
+    return collect([source.panorama for source, _ in views], crops), said
+
+
+def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
+    """The targets of crops as arrays."""
+    sun = np.array([c.sun_direction for c in crops])
+    uncertainty = np.array([c.sun_uncertainty for c in crops])
+    return Truth(
+        panorama=np.array([p.name for p in panoramas]),
+        place=np.array([p.place for p in panoramas]),
+        scored=np.isfinite(sun[:, 0]) & (uncertainty <= CERTAIN),
+        sun=sun,
+        camera=np.array([[c.camera.elevation, c.camera.roll, c.camera.vertical_fov] for c in crops]),
+        visibility=np.array([c.sun_visibility for c in crops]),
+        turbidity=np.array([c.turbidity for c in crops]),
+        exposure=np.array([c.exposure for c in crops]),
+        in_view=np.array([what_is_in_view(p, c) for p, c in zip(panoramas, crops, strict=True)]),
+    )
+
+
+def what_is_in_view(panorama: Panorama, crop: Crop) -> str:
+    """By geometry: a visible sun, or more than SKY_SHARE of the frame above the horizon, or neither."""
+    if panorama.sun == "visible" and crop.sun_pixel:
+        return "sun in view"
+    c = crop.camera
+    rays = camera_directions(32, 24, c.vertical_fov, 0.0, c.elevation, c.roll)
+    return "sky in view" if np.mean(rays[..., 1] > 0) > SKY_SHARE else "no sky"
+
+
+def interpret(said: Sequence[Prediction], sun: Floats) -> Answers:
+    """Predictions decoded as users get them, with the negative log likelihood of the true suns (N, 3)."""
+    lights = [lighting_from(p) for p in said]
+    probability = np.array([p.sun_probability for p in said])
+    known = np.isfinite(sun[:, 0])
+    nll = np.full(len(said), np.nan)
+    nll[known] = -np.log(np.maximum(density(probability[known], sun[known], said[0].spec.sun_grid), LEAST_DENSITY))
+    return Answers(
+        sun=np.array([light.sun_direction for light in lights]),
+        radius_50=np.array([light.radius_50 for light in lights]),
+        radius_90=np.array([light.radius_90 for light in lights]),
+        nll=nll,
+        camera=np.array([[li.camera_elevation, li.camera_roll, li.vertical_fov] for li in lights]),
+        visibility=np.array([light.sun_visibility for light in lights]),
+        turbidity=np.array([light.turbidity for light in lights]),
+        exposure=np.array([light.exposure for light in lights]),
+    )

@@ -1,0 +1,25 @@
+"""The weights that a training folder holds."""
+
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from export.networks.network import build, load_weights
+from export.networks.runs import read_spec
+
+CHECKPOINT = "checkpoint.pt"
+
+
+def averaged_weights(folder: Path) -> dict[str, Tensor]:
+    """The averaged weights of a run, by the network's own names."""
+    average = torch.load(folder / CHECKPOINT, map_location="cpu", weights_only=True)["average"]
+    return {name.removeprefix("module."): value for name, value in average.items() if name.startswith("module.")}
+
+
+def read_network(folder: Path) -> nn.Module:
+    """The averaged network of a training folder, ready to answer."""
+    weights = averaged_weights(folder)
+    network = build(read_spec(folder), sees=any(name.startswith("seen.") for name in weights))
+    load_weights(network, weights)
+    return network.eval()

@@ -1,0 +1,142 @@
+"""Training crops as tensors: the processed pictures and the targets that the losses compare with."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from export.crops import (
+    Camera,
+    Crop,
+    Source,
+    aimed_camera,
+    augment,
+    companions,
+    generator,
+    is_resolved,
+    joined,
+    light_around,
+    paper_camera,
+    same_view,
+    sampling_weights,
+    seen_from,
+    take,
+    training_camera,
+    where_seen,
+)
+from export.training.config import TrainConfig
+from lighting.geometry import Floats
+from lighting.photo import place
+from lighting.records import ModelSpec
+from lighting.sun_grid import grid_directions, soft_label
+
+TUNE_EACH = 8  # crops of each held-out panorama
+
+
+class Batch(NamedTuple):
+    """Tensors of B crops; unknown parameters are NaN, the sun target of a crop without a sun is all zero."""
+
+    photo: Tensor  # (B, 3, H, W)
+    sun: Tensor  # (B, G)
+    parameters: Tensor  # (B, 6)
+    seen: Tensor  # (B, 1 + cells) where in the picture the sun is seen, all zero if unknown
+    around: Tensor  # (B, 2 * crops.CELLS) the light around the camera; (B, 0) without --surroundings
+
+
+class TrainingCrops(Dataset[Batch]):
+    """Training crops by number: number i is the same crop in every run over the same panoramas.
+
+    With `tune`, the crops of held-out places instead: eight per panorama, by the paper's protocol.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        spec: ModelSpec,
+        config: TrainConfig,
+        *,
+        synthetic: Sequence[Source] = (),
+        tune: bool = False,
+    ) -> None:
+        self.sources, self.spec, self.config, self.tune = [*sources, *synthetic], spec, config, tune
+        share = config.synthetic_share if synthetic else 0.0
+        parts = [(1 - share) * sampling_weights(sources), share * sampling_weights(synthetic)]
+        chances = np.concatenate(parts)
+        self.chances = np.cumsum(chances)
+        self.companions = companions(self.sources, chances) if config.joined and not tune else []
+        self.around = {s.panorama.path: light_around(s) for s in self.sources} if config.surroundings else {}
+        self.purpose = f"train from {config.start}" if config.start else "train"
+
+    def __len__(self) -> int:
+        return TUNE_EACH * len(self.sources) if self.tune else self.config.crops
+
+    def __getitem__(self, index: int) -> Batch:
+        if index >= len(self):
+            raise IndexError(index)
+        if self.tune:
+            return self._batch([self.sources[index % len(self.sources)]], index, "tune")
+        return self._batch([self.sources[number] for number in self._drawn(index)], index, self.purpose)
+
+    def _drawn(self, index: int) -> list[int]:
+        """The number of the source that a crop shows, and at times of a second one."""
+        number = _draw(self.chances, generator("panorama", index, self.purpose))
+        rng = generator("joined", index, self.purpose)
+        if rng.random() >= self.config.joined:
+            return [number]
+        numbers, chances = self.companions[number]
+        return [number, int(numbers[_draw(chances, rng)])]
+
+    def _batch(self, shown: Sequence[Source], index: int, purpose: str) -> Batch:
+        source = shown[0]
+        rng = generator(source.panorama.name, index, purpose)
+        camera = paper_camera(rng) if self.tune else self._camera(source, rng)
+        sharpness = rng.uniform(self.config.sharpness, 1.0)
+        crop = take(source, camera, self.spec, sharpness)
+        cameras = [camera]
+        for other in shown[1:]:
+            cameras.append(same_view(camera, source, other, rng))
+            crop = joined(crop, take(other, cameras[-1], self.spec, sharpness), rng)
+        pixels, gain, hidden = augment(crop, rng)
+        resolved = all(is_resolved(s, camera, sharpness * pixels.shape[0]) for s in shown)
+        visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
+        return Batch(
+            photo=torch.from_numpy(place(pixels, self.spec)),
+            sun=torch.from_numpy(self._sun(crop)),
+            parameters=torch.from_numpy(_parameters(crop, gain, resolved=resolved)),
+            seen=torch.from_numpy(where_seen(crop, self.spec, visible)).float(),
+            around=torch.from_numpy(self._around(shown, cameras)),
+        )
+
+    def _sun(self, crop: Crop) -> NDArray[np.float32]:
+        if not math.isfinite(crop.sun_elevation):
+            return np.zeros(len(grid_directions(self.spec.sun_grid)), np.float32)
+        width = math.hypot(crop.sun_uncertainty, self.config.target_width)
+        return soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid).astype(np.float32)
+
+    def _around(self, shown: Sequence[Source], cameras: Sequence[Camera]) -> Floats:
+        """The light around the camera; its mean if two places share the picture."""
+        if not self.around:
+            return np.zeros(0, np.float32)
+        maps = [seen_from(self.around[s.panorama.path], c) for s, c in zip(shown, cameras, strict=True)]
+        return np.asarray(np.mean(maps, axis=0))
+
+    def _camera(self, source: Source, rng: np.random.Generator) -> Camera:
+        label = source.label
+        if source.panorama.sun == "visible" and rng.random() < self.config.aimed:
+            return aimed_camera(rng, label.sun_azimuth, label.sun_elevation)
+        return training_camera(rng)
+
+
+def _parameters(crop: Crop, gain: float, *, resolved: bool) -> Floats:
+    """The crop's parameters with the exposure of its processed picture; no field of view if the blur would tell it."""
+    return np.where([True] * 4 + [resolved, True], crop.parameters * [1, gain, 1, 1, 1, 1], math.nan).astype(np.float32)
+
+
+def _draw(chances: Floats, rng: np.random.Generator) -> int:
+    """An index drawn by cumulative chances."""
+    return min(int(np.searchsorted(chances, rng.random())), len(chances) - 1)

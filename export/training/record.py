@@ -1,0 +1,46 @@
+"""config.json in a run's folder: everything the run depends on."""
+
+import json
+import subprocess
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+
+from export.data import DataError, Panorama
+from export.networks import RECORD, history, read_record
+from export.training.config import MAY_CHANGE, TrainConfig
+from export.training.run import Run
+from lighting.files import replacing
+
+
+def write_record(run: Run, commits: Iterable[str], kept: Sequence[Panorama], held_out: Sequence[Panorama]) -> None:
+    """Write the run's settings, spec, commits, panoramas and the runs it continues."""
+    config = run.config
+    record = {
+        "config": asdict(config),
+        "spec": asdict(run.spec),
+        "commit": ", ".join(dict.fromkeys(commits)),
+        "torch": torch.__version__,
+        "before": history(read_record(Path(config.start))) if config.start else [],
+        "panoramas": {"train": [p.name for p in kept], "tune": [p.name for p in held_out]},
+    }
+    with replacing(Path(config.out) / RECORD) as path:
+        path.write_text(json.dumps(record, indent=1))
+
+
+def earlier_commits(config: TrainConfig) -> list[str]:
+    """The commits that trained the run in `config.out` so far; DataError if it has other settings."""
+    record = read_record(Path(config.out))
+    now = asdict(config)
+    changed = [name for name in now if name not in MAY_CHANGE and record["config"].get(name) != now[name]]
+    if changed:
+        raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")
+    return str(record["commit"]).split(", ")
+
+
+def commit() -> str:
+    """The checkout's commit, or "unknown" outside one."""
+    done = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent)
+    return done.stdout.strip() or "unknown"
