@@ -21,7 +21,5 @@ def by_name(models: Sequence[Model]) -> dict[str, Model]:
     ]
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice:
-        raise DataError(
-            f"Two of the networks are {twice}: give one another version with `python -m export onnx --version`."
-        )
+        raise DataError(f"Two networks are {twice}; `python -m export onnx --version` gives one another version.")
     return dict(zip(labels, models, strict=True))

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from export.crops.crops import Camera, Source, generator, take
+from export.crops.cameras import Camera
+from export.crops.crops import take
 from export.crops.mosaic import companions, joined, same_view
-from tests.export.crops.test_crops import SPEC, brightest, label, source
+from export.crops.seeds import generator
+from export.crops.sources import Source
+from tests.export.crops.examples import SPEC, brightest, label, source
 
 
 def at(place: str, elevation: float, direct: str = "yes") -> Source:

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.crops.crops import Camera, Source
+from export.crops.cameras import Camera
+from export.crops.sources import Source
 from export.crops.surroundings import CELLS, COLUMNS, ROWS, light_around, seen_from
 from export.data.panoramas import Panorama
 from lighting.colour import tone_map
-from tests.export.crops.test_crops import label
+from tests.export.crops.examples import label
 
 
 def lit_at(azimuth: float, kind: str = "hdr") -> Source:

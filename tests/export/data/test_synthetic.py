@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.data.panoramas import read_index, read_picture
-from export.data.synthetic import _blocked, _Things, render_panorama, write_dataset
+from export.data.panoramas import read_index
+from export.data.pictures import read_picture
+from export.data.synthetic import render_panorama, write_dataset
 from lighting.colour import luminance
 from lighting.geometry import direction, latlong_directions, latlong_pixel
 from lighting.records import GROUND_ALBEDO
@@ -52,14 +53,6 @@ def test_some_crowded_scenes_hide_the_sun() -> None:
     visible = [render_panorama(seed, 16, things=40).sun_visible for seed in range(12)]
     assert any(visible)
     assert not all(visible)
-
-
-def test_a_box_and_a_ball_cast_shadows_away_from_the_sun() -> None:
-    box = np.array([[4.0, 0.0, -1.0]]), np.array([[6.0, 10.0, 1.0]]), np.full((1, 3), 0.5)
-    ball = np.array([[0.0, 3.0, 20.0]]), np.array([2.0]), np.full((1, 3), 0.5)
-    points = np.array([[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 0.0, 5.0], [-3.0, 1.3, 20.0], [3.0, 1.3, 20.0]])
-    blocked = _blocked(points, direction(90.0, 30.0), _Things(*box, *ball))
-    assert blocked.tolist() == [True, False, False, True, False]
 
 
 def test_a_folder_is_written_that_can_be_read(tmp_path: Path) -> None:

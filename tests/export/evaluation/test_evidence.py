@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from export.evaluation.evidence import SUBSETS, evidence_report, warning_shares
-from export.evaluation.metrics import Truth
+from export.evaluation.records import Truth
 from export.evaluation.simulated_metadata import take_metadata
 from lighting.geometry import angles
 from lighting.records import Prediction
-from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
+from tests.export.evaluation.examples import EACH, truth_of
 from tests.lighting.evidence.test_fusion import lobe
 
 

@@ -1,4 +1,4 @@
-"""The worst crops: which they are, what each is called, and how they are written."""
+"""The worst crops and their causes."""
 
 import csv
 from collections import Counter
@@ -7,21 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from export.evaluation.contact_sheet import ACROSS, PICTURE, SAID, TRUE, sheet, write_sheet
-from export.evaluation.failures import CAUSES, MOST_EACH, WORST, Failure, failures_report, worst, write_failures
-from export.evaluation.metrics import Answers, Truth, answers
-from lighting.geometry import angles, direction
-from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
-
-FAILURE = Failure(0, "p0", "sky in view", "yes", (10.0, 40.0), (90.0, 40.0), 12.0, 60.0, 80.0, 0.0)
-
-
-def off_by(truth: Truth, azimuth: np.ndarray) -> Answers:
-    """Answers with errors of azimuth alone."""
-    true, elevation = angles(truth.sun)
-    return answers(direction(true + azimuth, elevation), radius_50=np.full(len(true), 15.0))
+from export.evaluation.failures import CAUSES, MOST_EACH, WORST, failures_report, worst, write_failures
+from tests.export.evaluation.examples import EACH, FAILURE, off_by, truth_of
 
 
 @pytest.mark.parametrize(
@@ -100,19 +88,3 @@ def test_the_file_has_a_line_a_failure(tmp_path: Path) -> None:
         "direct": "yes",
         "cause": "confident and wrong",
     }
-
-
-def test_the_sheet_shows_each_picture_with_both_suns(tmp_path: Path) -> None:
-    grey = np.full((30, 40, 3), 128, np.uint8)
-    found = [replace(FAILURE, sun=(90.0, 0.0), said=(-90.0, 0.0))] * (ACROSS + 1)
-    whole = sheet(found, [grey] * len(found))
-    assert whole.width == ACROSS * (PICTURE[0] + 4)
-    assert whole.height == 2 * sheet(found[:1], [grey]).height
-    first = np.asarray(whole)[: PICTURE[1], : PICTURE[0]]
-    assert (first[5, 5] == 128).all()
-    middle = {c: np.argwhere((first == c).all(axis=-1)).mean(axis=0) for c in (TRUE, SAID)}
-    assert middle[TRUE][1] > middle[SAID][1] + 40
-    assert middle[TRUE][0] == pytest.approx(middle[SAID][0], abs=1)
-    write_sheet(tmp_path / "s.png", found, [grey] * len(found))
-    with Image.open(tmp_path / "s.png") as again:
-        assert again.size == whole.size

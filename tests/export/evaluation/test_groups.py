@@ -1,33 +1,11 @@
-"""Views of one panorama taken together, and how far their errors correlate."""
+"""Several crops of one panorama taken together."""
 
 import numpy as np
 import pytest
 
-from export.evaluation.correlation import CORRELATIONS, correlation_report
 from export.evaluation.groups import groups_of, groups_report
-from export.evaluation.metrics import Truth
 from export.evaluation.simulated_metadata import take_metadata
-from lighting.geometry import angles
-from lighting.records import Prediction
-from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
-from tests.lighting.evidence.test_fusion import lobe
-
-AZIMUTH = np.arange(0, 360, 360 / EACH)  # of a panorama's cameras
-SPREAD = 10.46  # deg an axis, of a lobe of concentration 30
-
-
-def erring(truth: Truth, shared: bool) -> list[Prediction]:
-    """Calibrated networks, whose errors are independent or common to a panorama."""
-    if shared:
-        panorama = np.arange(len(truth.sun)) // EACH
-        noise = SPREAD * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])[panorama % 4]
-    else:
-        noise = np.random.default_rng(1).normal(0, SPREAD, (len(truth.sun), 2))
-    azimuth, elevation = angles(truth.sun)
-    stretch = np.cos(np.radians(elevation))
-    return [
-        lobe(a + da / c, e + de, 30.0) for a, e, c, (da, de) in zip(azimuth, elevation, stretch, noise, strict=True)
-    ]
+from tests.export.evaluation.examples import AZIMUTH, EACH, erring, truth_of
 
 
 @pytest.mark.parametrize("size", [1, 2, 4, 8])
@@ -49,12 +27,3 @@ def test_more_views_find_the_sun_better() -> None:
     assert error["8, headings known"] < error["2, headings known"]
     assert error["8, headings known, time+place"] < error["8, headings known"]
     assert float(rows["8, headings known, time+place"][2]) == 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("shared", "expected"), [(False, CORRELATIONS[0]), (True, 1.0)])
-def test_the_correlation_of_errors_is_found(shared: bool, expected: float) -> None:
-    truth = truth_of(8)
-    report = correlation_report(truth, erring(truth, shared), np.tile(AZIMUTH, 8), EACH)
-    learnt = [float(cell) for cell in report.splitlines()[-1].split("|")[3:6]]
-    assert learnt == pytest.approx([expected] * 3, abs=0.3)

@@ -1,6 +1,5 @@
 """Regions that hold a given probability, and how many true suns lie in them."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,24 +18,9 @@ from export.evaluation.reliability import (
 )
 from lighting.decoding import sun_of
 from lighting.geometry import angle_between, direction
-from lighting.records import Prediction
 from lighting.sun_grid import grid_directions
-from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
-from tests.lighting.evidence.test_fusion import GRID, SPEC, UNIFORM, lobe, prediction
-
-
-def rings(*probability: float) -> Prediction:
-    """Four cells of unequal size: two low ones, two high ones that are 0.41 times as large."""
-    spec = replace(SPEC, sun_grid="rings:2x2")
-    return replace(prediction(np.array(probability)), spec=spec)
-
-
-def drawn(count: int, concentration: float, seed: int = 0) -> tuple[list[Prediction], np.ndarray]:
-    """Distributions, and suns drawn from each."""
-    rng = np.random.default_rng(seed)
-    said = [lobe(rng.uniform(-180, 180), rng.uniform(20, 70), concentration) for _ in range(count)]
-    cells = grid_directions(GRID)
-    return said, np.array([cells[rng.choice(len(cells), p=p.sun_probability / p.sun_probability.sum())] for p in said])
+from tests.export.evaluation.examples import EACH, drawn, rings, truth_of
+from tests.lighting.evidence.test_fusion import UNIFORM, lobe, prediction
 
 
 def test_the_densest_cells_come_first_whatever_their_size() -> None:

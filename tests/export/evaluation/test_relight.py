@@ -1,4 +1,4 @@
-"""Relighting: pictures whose light has a closed form, and scores of pictures that are known."""
+"""Relighting scores of pictures that are known."""
 
 import math
 
@@ -6,59 +6,11 @@ import numpy as np
 import pytest
 
 from export.data.labels import Label
-from export.evaluation.relight import (
-    HEIGHT,
-    PLANE_ALBEDO,
-    SIZE,
-    constant_skies,
-    errors,
-    mean_sky,
-    picture,
-    pooled,
-    report,
-)
-from lighting.envmap import render
-from lighting.geometry import angles, direction, latlong_directions, latlong_solid_angle
-from lighting.records import Lighting
+from export.evaluation.relight import constant_skies, errors, mean_sky, relight_report
+from export.evaluation.sphere import HEIGHT
+from lighting.geometry import angles, latlong_directions
 
 pytestmark = pytest.mark.slow
-
-CORNER = (2, 2)  # a pixel of the plane, far behind the sphere
-
-
-def lamp(azimuth: float, elevation: float) -> np.ndarray:
-    """A dark map but for the pixel towards a direction, which gives unit irradiance on a surface facing it."""
-    light = np.zeros((HEIGHT, 2 * HEIGHT, 3), np.float32)
-    row, column = np.unravel_index(
-        np.argmax(latlong_directions(HEIGHT) @ direction(azimuth, elevation)), light.shape[:2]
-    )
-    light[row, column] = 1 / latlong_solid_angle(HEIGHT)[row]
-    return light
-
-
-def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
-    sky = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0) * np.ones(3)
-    seen = picture(sky)[CORNER]
-    assert (seen < PLANE_ALBEDO).all()  # the sphere hides some of the sky
-    np.testing.assert_allclose(seen, PLANE_ALBEDO, rtol=0.06)
-
-
-@pytest.mark.parametrize("azimuth", [-120.0, 30.0, 90.0])
-def test_the_shadow_falls_away_from_the_sun(azimuth: float) -> None:
-    seen = picture(lamp(azimuth, 40.0))[..., 1]
-    lit = PLANE_ALBEDO / math.pi * math.sin(math.radians(40.0))
-    assert seen[CORNER] == pytest.approx(lit, rel=0.05)
-    columns = np.nonzero(seen < 0.01 * lit)[1]
-    across = (columns.mean() + 0.5) / SIZE * 2 - 1
-    assert np.sign(across) == -np.sign(math.sin(math.radians(azimuth)))
-
-
-def test_pooling_keeps_the_power_of_the_sun() -> None:
-    fine = render(Lighting(20.0, 30.0, 3.0, 1.0), 512, sun=True)
-    small = pooled(fine)
-    power = [np.einsum("hwc,h->c", m, latlong_solid_angle(m.shape[0])) for m in (fine, small)]
-    np.testing.assert_allclose(power[0], power[1], rtol=1e-5)
-    assert small.shape == (HEIGHT, 2 * HEIGHT, 3)
 
 
 def test_scores_of_pictures_that_are_known() -> None:
@@ -90,6 +42,6 @@ def test_the_mean_sky_knows_no_azimuth_and_the_constants_look_ahead() -> None:
 def test_the_table_sets_ours_beside_each() -> None:
     names = np.repeat([f"p{i}" for i in range(6)], 4)
     ours = np.random.default_rng(1).uniform(0.1, 0.2, (24, 3))
-    text = report({"outdoor": ours, "constant": ours + 1}, names)
+    text = relight_report({"outdoor": ours, "constant": ours + 1}, names)
     assert "24 crops of 6 HDR panoramas" in text
     assert "-1.0" in text.splitlines()[-1]

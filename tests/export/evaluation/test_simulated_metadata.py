@@ -3,32 +3,13 @@
 import numpy as np
 import pytest
 
-from export.evaluation.metrics import Truth
 from export.evaluation.simulated_metadata import GROSS, only, sighting, take_metadata
 from lighting.evidence import Given
 from lighting.evidence.ephemeris import sun_position
 from lighting.evidence.metadata import known
-from lighting.geometry import direction, wrap_azimuth
+from lighting.geometry import wrap_azimuth
 from lighting.photo.exif import PhotoFacts
-
-EACH = 8
-
-
-def truth_of(panoramas: int, elevation: float = 40.0, scored: bool = True) -> Truth:
-    """Eight crops a panorama, whose suns stand 45 deg apart and `elevation` high; two panoramas a place."""
-    count = panoramas * EACH
-    azimuth = np.tile(np.arange(0, 360, 360 / EACH), panoramas)
-    return Truth(
-        panorama=np.repeat([f"p{i}" for i in range(panoramas)], EACH),
-        place=np.repeat([f"place{i // 2}" for i in range(panoramas)], EACH),
-        scored=np.full(count, scored),
-        sun=direction(-azimuth, np.full(count, elevation)),
-        camera=np.tile([0.0, 0.0, 50.0], (count, 1)),
-        visibility=np.ones(count),
-        turbidity=np.full(count, 3.0),
-        exposure=np.full(count, 0.1),
-        in_view=np.full(count, "sky in view"),
-    )
+from tests.export.evaluation.examples import EACH, truth_of
 
 
 @pytest.mark.parametrize("elevation", [0.5, 23.0, 71.0])

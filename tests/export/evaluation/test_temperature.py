@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from export.evaluation.temperature import fitted, temperature_report, tempered
-from tests.export.evaluation.test_groups import erring
-from tests.export.evaluation.test_reliability import drawn
-from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
+from tests.export.evaluation.examples import EACH, drawn, erring, truth_of
 from tests.lighting.evidence.test_fusion import lobe, prediction
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from export.evaluation.metrics import answers
+from export.evaluation.records import answers
 from export.evaluation.turbidity import turbidity_report
-from tests.export.evaluation.test_simulated_metadata import EACH, truth_of
+from tests.export.evaluation.examples import EACH, truth_of
 
 
 @pytest.mark.slow

@@ -1,30 +1,20 @@
-"""The sun seen in the picture: where training asks for it, and how it moves the answer."""
-
-from dataclasses import replace
+"""How a sun seen in the picture moves the answer."""
 
 import numpy as np
 import pytest
 import torch
 
-from export.crops.augment import augment
-from export.crops.crops import Camera, Crop, aimed_camera
-from export.crops.glare import CELL, RARER, seen_probability, towards, where_seen, with_the_seen
-from export.networks.network import build, load_weights, specs
+from export.crops.cameras import Camera
+from export.crops.crops import Crop
+from export.crops.seen_sun import CELL, where_seen
+from export.networks.seen_sun import RARER, seen_probability, towards, with_the_seen
 from lighting.colour import tone_map
 from lighting.geometry import angle_between, camera_directions, direction
 from lighting.photo import place
 from lighting.sun_grid import grid_directions
+from tests.export.crops.examples import SPEC, VIEWS, crop
 
-SPEC = specs("0")["outdoor"]
 CELLS = torch.tensor(grid_directions(SPEC.sun_grid), dtype=torch.float32)
-VIEWS = [Camera(0, 12.0, -7.0, 60.0, 4 / 3), Camera(0, -5.0, 9.0, 70.0, 3 / 4), Camera(0, 20.0, 0.0, 40.0, 16 / 9)]
-
-
-def crop(camera: Camera, azimuth: float, elevation: float) -> Crop:
-    """A grey picture of the size that the canvas holds."""
-    height = round(SPEC.width / max(camera.aspect, 1.0))
-    linear = np.full((height, round(height * camera.aspect), 3), 0.2, np.float32)
-    return Crop(linear, camera, azimuth, elevation, 2.0, 1.0, 3.0, 0.5)
 
 
 def canvas(one: Crop) -> torch.Tensor:
@@ -77,46 +67,3 @@ def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> No
     nowhere, *cells = seen_probability(logits)[0].tolist()
     assert sum(cells) / nowhere == pytest.approx(np.exp(-RARER), rel=1e-5)
     assert cells == pytest.approx(np.array([0.1, 0.3, 0.6]) * (1 - nowhere), rel=1e-5)
-
-
-def test_a_sun_outside_the_picture_is_seen_nowhere_and_an_unknown_one_asks_nothing() -> None:
-    assert where_seen(crop(VIEWS[0], 120.0, 17.0), SPEC, True)[0] == 1.0
-    assert where_seen(crop(VIEWS[0], float("nan"), float("nan")), SPEC, False)[0] == 1.0
-    assert where_seen(crop(VIEWS[0], 8.0, 17.0), SPEC, None).sum() == 0.0
-
-
-def test_augmentation_tells_when_it_hides_the_sun() -> None:
-    """A white spot stands where the sun is; it is gone from the picture exactly when it is said to be."""
-    one = crop(replace(VIEWS[2], roll=0.0), 0.0, 20.0)
-    x, y = map(int, one.sun_pixel or (0, 0))
-    one.linear[y - 6 : y + 7, x - 6 : x + 7] = 1.0
-    rng = np.random.default_rng(5)
-    drawn = [augment(one, rng) for _ in range(80)]
-    assert 4 < sum(hidden for *_, hidden in drawn) < 40
-    for picture, _, hidden in drawn:
-        spot, beside = (float(picture[y - 3 : y + 4, at - 3 : at + 4].mean()) for at in (x, x + 30))
-        assert hidden or spot > beside + 20
-    away = replace(one, sun_azimuth=170.0)
-    assert not any(augment(away, rng)[2] for _ in range(40))
-
-
-def test_aimed_cameras_hold_the_sun() -> None:
-    rng = np.random.default_rng(1)
-    held = 0
-    for azimuth, elevation in [(0.0, 5.0), (100.0, 30.0), (-170.0, 45.0)]:
-        for _ in range(20):
-            camera = aimed_camera(rng, azimuth, elevation)
-            held += crop(camera, azimuth - camera.azimuth, elevation).sun_pixel is not None
-    assert held > 55
-
-
-def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
-    mute, seeing = build(SPEC, sees=False).eval(), build(SPEC).eval()
-    photo = torch.randn(2, 3, SPEC.height, SPEC.width)
-    with torch.inference_mode():
-        assert mute(photo)[2].shape == (2, 0)
-        assert seeing(photo)[2].shape == (2, 1 + (SPEC.height // CELL) * (SPEC.width // CELL))
-        load_weights(seeing, mute.state_dict())
-        torch.testing.assert_close(seeing(photo)[:2], mute(photo)[:2])
-    with pytest.raises(ValueError, match="do not fit"):
-        load_weights(seeing, {})

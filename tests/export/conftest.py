@@ -1,0 +1,41 @@
+"""Rendered panoramas and a network trained on them for a few steps, shared by all tests of export."""
+
+from pathlib import Path
+
+import pytest
+
+from export.data.labelling import label_panorama
+from export.data.labels import write_labels
+from export.data.panoramas import read_index
+from export.data.synthetic import write_dataset
+from export.networks.onnx import write_onnx
+from export.training.config import TrainConfig
+from export.training.train import train
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of rendered panoramas and its labels."""
+    folder = tmp_path_factory.mktemp("data")
+    write_dataset(folder, 12, height=64)
+    write_labels([label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def config(data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainConfig:
+    out = tmp_path_factory.mktemp("run")
+    return TrainConfig(str(data), str(data / "labels.csv"), str(out), crops=16, batch=4, workers=0, tune_share=0.3)
+
+
+@pytest.fixture(scope="module")
+def trained(config: TrainConfig) -> Path:
+    train(config)
+    return Path(config.out)
+
+
+@pytest.fixture(scope="module")
+def network(trained: Path) -> Path:
+    target = trained / "outdoor.onnx"
+    write_onnx([trained], target, temperature=1.3)
+    return target

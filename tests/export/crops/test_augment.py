@@ -1,0 +1,41 @@
+"""What augmentation changes, and what it tells."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from export.crops.augment import augment
+from export.crops.cameras import Camera
+from export.crops.crops import Crop
+from tests.export.crops.examples import VIEWS, crop
+
+
+def test_augmentation_keeps_the_size_and_tells_its_gain() -> None:
+    flat = Crop(np.full((120, 160, 3), 0.2, np.float32), Camera(0, 0, 0, 50.0, 4 / 3), 0.0, 20.0, 2.0, 1.0, 3.0, 0.5)
+    rng = np.random.default_rng(3)
+    drawn = [augment(flat, rng) for _ in range(60)]
+    assert {picture.shape for picture, _, _ in drawn} == {(120, 160, 3)}
+    brightness = [float(np.median(picture)) for picture, _, _ in drawn]
+    assert np.corrcoef(brightness, [np.log(gain) for _, gain, _ in drawn])[0, 1] > 0.8
+
+
+def test_an_underexposed_sun_stays_white() -> None:
+    white = Crop(np.ones((64, 64, 3), np.float32), Camera(0, 0, 0, 50.0, 1.0), 90.0, 20.0, 2.0, 1.0, 3.0, 0.5)
+    rng = np.random.default_rng(0)
+    dim = [picture for picture, gain, _ in (augment(white, rng) for _ in range(40)) if gain < 0.8]
+    assert np.median([np.median(picture) for picture in dim]) > 235
+
+
+def test_augmentation_tells_when_it_hides_the_sun() -> None:
+    """A white spot stands where the sun is; it is gone from the picture exactly when it is said to be."""
+    one = crop(replace(VIEWS[2], roll=0.0), 0.0, 20.0)
+    x, y = map(int, one.sun_pixel or (0, 0))
+    one.linear[y - 6 : y + 7, x - 6 : x + 7] = 1.0
+    rng = np.random.default_rng(5)
+    drawn = [augment(one, rng) for _ in range(80)]
+    assert 4 < sum(hidden for *_, hidden in drawn) < 40
+    for picture, _, hidden in drawn:
+        spot, beside = (float(picture[y - 3 : y + 4, at - 3 : at + 4].mean()) for at in (x, x + 30))
+        assert hidden or spot > beside + 20
+    away = replace(one, sun_azimuth=170.0)
+    assert not any(augment(away, rng)[2] for _ in range(40))

@@ -1,0 +1,33 @@
+"""Cameras are drawn as their protocol says."""
+
+import math
+
+import numpy as np
+import pytest
+
+from export.crops.cameras import MAX_HORIZONTAL_FOV, aimed_camera, paper_camera, phone_camera, training_camera
+from export.crops.seeds import generator
+from tests.export.crops.examples import crop
+
+
+@pytest.mark.parametrize("draw", [paper_camera, phone_camera, training_camera])
+def test_cameras_stay_inside_their_protocol(draw: object) -> None:
+    drawn = [draw(generator("name", i, "test")) for i in range(300)]  # type: ignore[operator]
+    elevation, roll, fov = 20 if draw is paper_camera else 35, 0 if draw is paper_camera else 10, (25, 90)
+    assert all(
+        abs(c.elevation) <= elevation and abs(c.roll) <= roll and fov[0] <= c.vertical_fov <= fov[1] for c in drawn
+    )
+    widths = [2 * math.degrees(math.atan(c.aspect * math.tan(math.radians(c.vertical_fov / 2)))) for c in drawn]
+    assert max(widths) <= MAX_HORIZONTAL_FOV + 0.01
+    assert min(c.elevation for c in drawn) < -0.9 * elevation
+    assert max(c.elevation for c in drawn) > 0.9 * elevation
+
+
+def test_aimed_cameras_hold_the_sun() -> None:
+    rng = np.random.default_rng(1)
+    held = 0
+    for azimuth, elevation in [(0.0, 5.0), (100.0, 30.0), (-170.0, 45.0)]:
+        for _ in range(20):
+            camera = aimed_camera(rng, azimuth, elevation)
+            held += crop(camera, azimuth - camera.azimuth, elevation).sun_pixel is not None
+    assert held > 55

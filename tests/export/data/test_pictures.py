@@ -1,0 +1,72 @@
+"""The pixels of panoramas."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from export.data.panoramas import Panorama, read_index
+from export.data.pictures import decode, read_linear, read_picture, shrink
+from export.data.tables import DataError
+
+ROW = {"name": "a", "file": "a.png", "kind": "ldr", "place": "here", "split": "train"}
+
+
+def write_index(folder: Path, *rows: dict[str, str]) -> Path:
+    Image.new("RGB", (8, 4), (10, 20, 30)).save(folder / "a.png")
+    lines = [",".join(rows[0]), *[",".join(row.values()) for row in rows]]
+    (folder / "panoramas.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def test_an_ldr_picture_is_read_and_made_linear(tmp_path: Path) -> None:
+    (panorama,) = read_index(write_index(tmp_path, ROW))
+    picture = read_picture(panorama)
+    assert picture.dtype == np.uint8
+    assert picture.shape == (4, 8, 3)
+    linear = read_linear(panorama, 2)
+    assert linear.dtype == np.float32
+    assert linear.shape == (2, 4, 3)
+    np.testing.assert_allclose(linear[0, 0], decode(np.array([10, 20, 30], np.uint8)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_an_hdr_picture_is_read_and_cleaned(tmp_path: Path, channels: int, kind: type) -> None:
+    import OpenEXR
+
+    pixels: NDArray[np.floating[Any]] = np.full((4, 8, channels), 0.5, kind)
+    pixels[0, 0, :3] = (np.inf, np.nan, -1.0)
+    file = OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGBA"[:channels]: pixels})
+    file.write(str(tmp_path / "a.exr"))
+    panorama = Panorama("a", tmp_path / "a.exr", "hdr", "here", "train")
+    read = read_picture(panorama)
+    assert read.dtype == np.float32
+    assert read.shape == (4, 8, 3)
+    assert read[0, 0].tolist() == [65504.0, 0.0, 0.0]
+    assert np.all(read[1:] == 0.5)
+    assert np.array_equal(read_linear(panorama, 4), read)
+
+
+@pytest.mark.parametrize(("kind", "message"), [("ldr", "cannot be read"), ("hdr", "cannot be read")])
+def test_a_damaged_picture_is_refused(tmp_path: Path, kind: str, message: str) -> None:
+    (tmp_path / "a").write_bytes(b"not a picture")
+    with pytest.raises(DataError, match=message):
+        read_picture(Panorama("a", tmp_path / "a", kind, "here", "train"))
+
+
+def test_a_picture_of_another_shape_is_refused(tmp_path: Path) -> None:
+    Image.new("RGB", (9, 4)).save(tmp_path / "a.png")
+    with pytest.raises(DataError, match="9 x 4 pixels"):
+        read_picture(Panorama("a", tmp_path / "a.png", "ldr", "here", "train"))
+
+
+def test_shrinking_keeps_the_mean_and_never_enlarges() -> None:
+    image = np.random.default_rng(0).random((12, 24, 3), dtype=np.float32)
+    np.testing.assert_allclose(shrink(image, 3)[1, 2], image[4:8, 8:12].mean(axis=(0, 1)), rtol=1e-5)
+    np.testing.assert_allclose(shrink(image, 5).mean(), image.mean(), rtol=1e-2)
+    assert shrink(image, 12) is image
+    assert shrink(image, 99) is image

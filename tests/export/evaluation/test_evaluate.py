@@ -1,0 +1,34 @@
+"""The whole report, on rendered panoramas."""
+
+from pathlib import Path
+
+import pytest
+
+from export.data.panoramas import read_index
+from export.evaluation import Options, evaluate
+
+
+@pytest.mark.slow
+def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tmp_path: Path) -> None:
+    options = Options(data, data / "labels.csv", (network,), tmp_path, with_metadata=True, failures=True)
+    evaluation = evaluate(options)
+    report = evaluation.report
+    for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |"):
+        assert part in report
+    for part in ("## Metadata, protocol `phone`", "| pixels + time+place |", "| 8, headings unknown |", "| half A |"):
+        assert part in report
+    for part in (
+        "in 90 % region",
+        "## Reliability",
+        "## Temperature",
+        "## Turbidity, protocol `paper`",
+        "## Where it fails",
+        "## Sun in the picture: ",
+    ):
+        assert part in report
+    for name in ("reliability.png", "failures.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "failures.csv").read_text().startswith("panorama,azimuth,error,")
+    assert (tmp_path / "report.md").read_text() == report
+    lines = (tmp_path / "crops-paper.csv").read_text().splitlines()
+    assert len(lines) == 1 + 8 * len(read_index(data, "val"))

@@ -1,0 +1,32 @@
+"""The command line of export."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from export.__main__ import cli
+from export.data.tables import DataError
+from lighting.errors import LightingError
+
+
+@pytest.mark.parametrize("option", ["--only-seen", "--surroundings"])
+def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: str) -> None:
+    arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--network", "cvpr2017", option]
+    result = CliRunner().invoke(cli, arguments)
+    assert result.exit_code == 2
+    assert "not for cvpr2017" in result.output
+    assert not (tmp_path / "run").exists()
+
+
+def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path) -> None:
+    runner = CliRunner()
+    for arguments in (
+        ["label", "--data", str(tmp_path / "none"), "--out", str(tmp_path / "l.csv")],
+        ["train", "--data", str(data), "--labels", str(tmp_path / "none.csv"), "--out", str(tmp_path / "run")],
+        ["onnx", str(tmp_path / "none")],
+        ["evaluate", "--data", str(data), "--labels", str(data / "labels.csv"), "--model", str(tmp_path / "none.onnx")],
+    ):
+        result = runner.invoke(cli, arguments)
+        assert isinstance(result.exception, DataError | LightingError), (arguments, result.output)
+        assert "\n" not in str(result.exception)
