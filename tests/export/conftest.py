@@ -1,4 +1,4 @@
-"""Rendered panoramas and a network trained on them for a few steps, shared by all tests of export."""
+"""Rendered panoramas, a network trained on them for a few steps, and an LLVM, shared by all tests of export."""
 
 from pathlib import Path
 
@@ -8,12 +8,14 @@ from export.data.labelling import label_panorama
 from export.data.labels import write_labels
 from export.data.panoramas import read_index
 from export.data.synthetic import write_dataset
+from export.data.tables import DataError
 from export.networks.onnx import write_onnx
+from export.towns.llvm import find_llvm
 from export.training.config import TrainConfig
 from export.training.train import train
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of rendered panoramas and its labels."""
     folder = tmp_path_factory.mktemp("data")
@@ -22,20 +24,29 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def config(data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainConfig:
     out = tmp_path_factory.mktemp("run")
     return TrainConfig(str(data), str(data / "labels.csv"), str(out), crops=16, batch=4, workers=0, tune_share=0.3)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def trained(config: TrainConfig) -> Path:
     train(config)
     return Path(config.out)
 
 
-@pytest.fixture(scope="module")
-def network(trained: Path) -> Path:
+@pytest.fixture(scope="session")
+def trained_network(trained: Path) -> Path:
     target = trained / "outdoor.onnx"
     write_onnx([trained], target, temperature=1.3)
     return target
+
+
+@pytest.fixture(scope="session")
+def llvm() -> None:
+    """An LLVM that Mitsuba can use; tests that need one are skipped with the reason if there is none."""
+    try:
+        find_llvm()
+    except DataError as error:
+        pytest.skip(str(error))

@@ -9,8 +9,8 @@ from export.evaluation import Options, evaluate
 
 
 @pytest.mark.slow
-def test_evaluation_reports_every_method_and_group(data: Path, network: Path, tmp_path: Path) -> None:
-    options = Options(data, data / "labels.csv", (network,), tmp_path, with_metadata=True, failures=True)
+def test_evaluation_reports_every_method_and_group(data: Path, trained_network: Path, tmp_path: Path) -> None:
+    options = Options(data, data / "labels.csv", (trained_network,), tmp_path, with_metadata=True, failures=True)
     evaluation = evaluate(options)
     report = evaluation.report
     for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |"):

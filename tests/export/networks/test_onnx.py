@@ -17,10 +17,10 @@ from lighting.errors import LightingError
 from lighting.model import Model
 
 
-def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
-    model = Model.load(network)
+def test_onnx_and_torch_agree(trained: Path, trained_network: Path) -> None:
+    model = Model.load(trained_network)
     metadata = model.session.get_modelmeta().custom_metadata_map
-    assert parity(Served([read_network(trained)], read_spec(trained).sun_grid, 1.3).eval(), network) < ROUNDED
+    assert parity(Served([read_network(trained)], read_spec(trained).sun_grid, 1.3).eval(), trained_network) < ROUNDED
     assert float(metadata["parity"]) < ROUNDED
     assert metadata["license"] == "Apache-2.0"
     assert "16 crops" in model.spec.training_data
@@ -32,17 +32,17 @@ def test_onnx_and_torch_agree(trained: Path, network: Path) -> None:
         assert [a.sun_probability.sum() for a in answers] == pytest.approx([1.0] * count, rel=1e-5)
 
 
-def test_two_runs_answer_together_in_one_file(trained: Path, network: Path, tmp_path: Path) -> None:
+def test_two_runs_answer_together_in_one_file(trained: Path, trained_network: Path, tmp_path: Path) -> None:
     """The same run twice says what it says alone, and nothing is computed or stored twice."""
     target = tmp_path / "two.onnx"
     write_onnx([trained, trained], target, temperature=1.3, version="2.0.0")
-    one, two = Model.load(network), Model.load(target)
+    one, two = Model.load(trained_network), Model.load(target)
     photo = np.random.default_rng(0).normal(size=(2, 3, 224, 224)).astype(np.float32)
     for a, b in zip(one.predict(photo), two.predict(photo), strict=True):
         np.testing.assert_allclose(a.sun_probability, b.sun_probability, rtol=1e-3)
     assert two.spec.version == "2.0.0"
-    assert target.stat().st_size < 1.05 * network.stat().st_size
-    files = [onnx.load(path).graph for path in (network, target)]
+    assert target.stat().st_size < 1.05 * trained_network.stat().st_size
+    files = [onnx.load(path).graph for path in (trained_network, target)]
     assert len(files[1].initializer) == len(files[0].initializer)
     stored = {tensor.data_type for tensor in files[1].initializer}
     assert {onnx.TensorProto.INT8, onnx.TensorProto.FLOAT16} <= stored
@@ -64,10 +64,10 @@ def test_runs_of_different_networks_do_not_answer_together(trained: Path, tmp_pa
 
 
 def test_a_wrong_export_is_refused(
-    trained: Path, network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    trained: Path, trained_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The file on disk is traced at another temperature than the network that it is compared with."""
-    model = onnx.load(network)
+    model = onnx.load(trained_network)
     model.ClearField("metadata_props")
     monkeypatch.setattr("export.networks.onnx.trace", lambda *_: model)
     with pytest.raises(LightingError, match="differ"):

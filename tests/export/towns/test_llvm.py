@@ -23,3 +23,16 @@ def test_the_newest_llvm_is_taken_unless_one_is_named(tmp_path: Path, monkeypatc
     assert find_llvm(tmp_path) == "/elsewhere/libLLVM.so"
     monkeypatch.setenv(VARIABLE, "")
     assert find_llvm(tmp_path) == str(folder / "libLLVM.so.19.1")
+
+
+def test_an_llvm_that_ends_the_process_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """LLVM 15 cannot compile Mitsuba's kernels on processors with AVX-512, whoever names it."""
+    folder = tmp_path / "x86_64-linux-gnu"
+    folder.mkdir()
+    (folder / "libLLVM-15.so.1").touch()
+    monkeypatch.setenv(VARIABLE, "")
+    with pytest.raises(DataError, match="needs LLVM 16 or newer: install libllvm19"):
+        find_llvm(tmp_path)
+    monkeypatch.setenv(VARIABLE, str(folder / "libLLVM-15.so.1"))
+    with pytest.raises(DataError, match="needs LLVM 16 or newer"):
+        find_llvm()

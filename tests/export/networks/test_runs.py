@@ -1,0 +1,54 @@
+"""Records of runs."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from export.data import DataError
+from export.networks.runs import RECORD, describe_data, differ, history, read_record, read_spec
+from export.networks.specs import specs
+
+
+def record(crops: int, **more: Any) -> dict[str, Any]:
+    config = {"crops": crops, "licensed_only": False, "pretrained": True, "data": "here", "labels": "l", "out": "o"}
+    spec = json.loads(specs("1.0.0")["outdoor"].to_json())
+    made = {"config": config, "spec": spec, "commit": "c", "torch": "2", "panoramas": {"train": ["a", "b"], "tune": []}}
+    return made | more
+
+
+def write(folder: Path, content: dict[str, Any]) -> Path:
+    folder.mkdir()
+    (folder / RECORD).write_text(json.dumps(content))
+    return folder
+
+
+def test_history_lists_each_run_once_and_no_paths() -> None:
+    first = history(record(10))
+    assert first == [{"crops": 10, "licensed_only": False, "pretrained": True, "commit": "c", "torch": "2"}]
+    later = record(20, before=first)
+    assert [run["crops"] for run in history(later, record(10))] == [10, 20]
+    assert [run["crops"] for run in history(record(30, merged=history(later)))] == [10, 20]
+
+
+def test_the_training_data_are_one_sentence() -> None:
+    assert describe_data(record(10, before=history(record(5)))) == (
+        "from ImageNet weights, 15 crops of 2 outdoor panoramas, most with no stated licence"
+    )
+
+
+def test_versions_alone_make_no_difference(tmp_path: Path) -> None:
+    one = write(tmp_path / "one", record(1))
+    newer = record(1)
+    newer["spec"] = newer["spec"] | {"version": "2.0.0"}
+    other = record(1)
+    other["spec"] = json.loads(specs("1.0.0")["cvpr2017"].to_json())
+    assert not differ([one, write(tmp_path / "newer", newer)])
+    assert differ([one, write(tmp_path / "other", other)])
+    assert read_spec(one) == specs("1.0.0")["outdoor"]
+
+
+def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="is not the folder of a training run"):
+        read_record(tmp_path)
