@@ -38,7 +38,7 @@ def phone_camera(rng: np.random.Generator) -> Camera:
 
 
 def training_camera(rng: np.random.Generator) -> Camera:
-    """Half of the crops as phones take them, half near the paper's with the small roll of a hand; half mirrored."""
+    """Half as phones take photos, half near the paper's protocol with a small roll; half of all are mirrored."""
     if rng.random() < 0.5:
         camera = phone_camera(rng)
     else:

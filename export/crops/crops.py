@@ -115,5 +115,5 @@ def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Re
 
 
 def _automatic_gain(linear: NDArray[np.float32]) -> float:
-    """What takes a scene-referred view to a photo's exposure: the brighter parts end just below white."""
+    """The factor that brings a scene-referred view to a photo's exposure: its brighter parts end just below white."""
     return float(0.7 / max(float(np.percentile(luminance(linear), 80)), 1e-6))

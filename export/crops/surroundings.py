@@ -20,7 +20,7 @@ _FINE = 6  # parts of a column, the steps by which the map is turned
 
 
 def light_around(source: Source) -> Floats:
-    """Log luminance and log blue over red (ROWS, _FINE * COLUMNS, 2) of a panorama, less their means."""
+    """Log luminance and log blue over red (ROWS, _FINE * COLUMNS, 2) of a panorama, minus their means."""
     linear = linear_of(source.panorama, source.levels[-1])
     small = resize(linear, _FINE * COLUMNS, ROWS, Image.Resampling.BOX)
     light = np.log(luminance(small) + 0.01)

@@ -56,7 +56,7 @@ class Panorama:
 
     @property
     def sky_is_altered(self) -> bool:
-        """Whether the notes say that the sky measures no light: tone-mapped, painted in, or with a colour cast."""
+        """Whether the notes say that the sky is no measurement: tone-mapped, painted in, or with a colour cast."""
         return bool(_ALTERED_SKY.search(self.notes.lower()))
 
 
@@ -96,7 +96,7 @@ def _text(panorama: Panorama, column: str, root: Path) -> str:
 def is_permissive(licence: str) -> bool:
     """Whether the licence field states a permissive licence: CC0, CC-BY, MIT, Apache, BSD or public domain.
 
-    One inferred from the file's name counts as stated. Refused: a licence that is absent, unknown or only likely, one
+    A licence inferred from the file's name counts as stated. Refused: one that is absent, unknown or only likely, one
     that is the repository's and not the picture's ("as repo"), and any that forbids commercial use or changes or asks
     for the same licence (NC, ND, SA).
     """
@@ -113,7 +113,7 @@ def _rows(root: Path) -> list[dict[str, str]]:
 
 
 def read_patch(path: Path) -> dict[str, dict[str, str]]:
-    """Corrected fields by the panorama's name; a sun of which nothing is known any more loses its direction."""
+    """Corrected fields by the panorama's name; a sun that becomes "none" or "unknown" loses its direction."""
     patch: dict[str, dict[str, str]] = {}
     for line, row in enumerate(read_table(path, ("name", *PATCHED, "reason")), start=2):
         where = f"{path}, line {line}"

@@ -12,12 +12,12 @@ HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky 
 
 
 def is_clipped(linear: NDArray[np.float32]) -> bool:
-    """Whether a linear picture has the values of one that was clipped at white."""
+    """Whether a linear picture was clipped at white: it has no value above 1."""
     return float(linear.max()) <= 1.0
 
 
 def connected(mask: Mask) -> NDArray[np.intp]:
-    """Numbers of the connected regions of a lat-long mask, joined across the seam; 0 outside."""
+    """The number of the connected region of each pixel (H, 2H) of a mask; 0 outside. Regions cross the seam."""
     labels, count = ndimage.label(mask, np.ones((3, 3)))
     same = np.arange(count + 1)
     for left, right in zip(labels[:, 0], labels[:, -1], strict=True):

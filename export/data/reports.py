@@ -92,7 +92,7 @@ def check_rendered(count: int = 60, height: int = 128) -> RenderedCheck:
 
 
 def run(data: Path, out: Path, workers: int = 2) -> None:
-    """Label a folder of panoramas, write the labels and print how far they can be trusted."""
+    """Label a folder of panoramas, write the labels and print how accurate they are."""
     panoramas = read_index(data)
     with ProcessPoolExecutor(workers) as pool:
         labels = list(pool.map(label_panorama, panoramas, chunksize=8))
@@ -100,10 +100,10 @@ def run(data: Path, out: Path, workers: int = 2) -> None:
     trusted = [label for label in labels if label.fit_ok]
     by_eye = [panorama for panorama in panoramas if "machine" not in panorama.label]
     print(f"{out}: {len(labels)} panoramas, {sum(label.sun_source != 'none' for label in labels)} with a sun")
-    print(f"given against found: {agreement(panoramas, labels)}")
-    print(f"  where no machine had a hand in what is given: {agreement(by_eye, labels)}")
+    print(f"found suns against given ones: {agreement(panoramas, labels)}")
+    print(f"  against those that people alone gave: {agreement(by_eye, labels)}")
     print(
-        f"sky fits to be trusted: {len(trusted)}; turbidity {_quartiles([label.turbidity for label in trusted])}, "
+        f"trusted sky fits: {len(trusted)}; turbidity {_quartiles([label.turbidity for label in trusted])}, "
         f"exposure {_quartiles([label.exposure for label in trusted])}"
     )
     print(f"rendered skies: {check_rendered()}")

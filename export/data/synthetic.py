@@ -131,7 +131,7 @@ def _glare(towards: Floats, light: _Light) -> Floats:
 
 
 def _draw(sky: Floats, towards: Floats, things: Things, light: _Light, rng: np.random.Generator) -> Floats:
-    """The sky with the ground and the things before it."""
+    """The sky with the ground and the things in front of it."""
     rays = towards.reshape(-1, 3)
     distance, normal, albedo = nearest(np.broadcast_to(EYE, rays.shape), rays, things)
     ground = np.where(rays[:, 1] < -1e-6, -CAMERA_HEIGHT / np.minimum(rays[:, 1], -1e-6), np.inf)

@@ -1,4 +1,4 @@
-"""Accuracy of ONNX networks on crops of panoramas that training never saw, beside what needs no network at all."""
+"""Accuracy of ONNX networks on crops of panoramas that training never saw, compared with answers without a network."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -44,7 +44,7 @@ class Taken:
 
 
 def sighting(elevation: float, rng: np.random.Generator) -> Sighting:
-    """A place and time, drawn until the sun comes past an elevation [deg] there that day."""
+    """A random place and a time at which the sun has an elevation [deg] there."""
     while True:
         latitude, longitude = rng.uniform(*LATITUDES), rng.uniform(-180, 180)
         day = FIRST_DAY + np.timedelta64(int(rng.integers(DAYS)), "D")
@@ -57,13 +57,13 @@ def sighting(elevation: float, rng: np.random.Generator) -> Sighting:
 
 
 def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, longitude: float) -> NDArray[Any]:
-    """The times (N,) after which the sun comes past the elevation before the next."""
+    """Those of the times (N,) after which the sun crosses the elevation before the next one."""
     above = sun_position(times, latitude, longitude)[1] > elevation
     return times[np.flatnonzero(above[1:] != above[:-1])]
 
 
 def take_metadata(truth: Truth, crops_each: int) -> list[Taken]:
-    """The metadata of each scored crop and, in between, of the others: those have no sun and an empty record."""
+    """The metadata of each crop; crops that are not scored have no sun and get an empty record."""
     seen = {name: _sighting_of(truth, i) for i, name in enumerate(truth.panorama) if truth.scored[i]}
     return [
         _taken(truth, i, seen[name], i % crops_each) if truth.scored[i] else Taken(PhotoFacts(), float("nan"), False)
@@ -95,7 +95,7 @@ def _taken(truth: Truth, i: int, seen: Sighting, index: int) -> Taken:
 
 
 def only(facts: PhotoFacts, parts: tuple[str, ...]) -> PhotoFacts:
-    """The facts without what is not among `parts`: "time+place" or "local time+place", "heading", "focal length"."""
+    """The facts reduced to `parts`, which are some of "time+place" or "local time+place", "heading", "focal length"."""
     kept = facts
     if "time+place" not in parts:
         kept = replace(kept, utc_time=None, utc_offset=None)

@@ -33,7 +33,7 @@ def share(model: Any) -> None:
 
 
 def _unify_tensors(graph: Any) -> dict[str, str]:
-    """Keep one of each set of equal tensors; returns the kept name by each removed one."""
+    """Keep one of each set of equal tensors; returns the name of the kept tensor for each removed one."""
     first: dict[tuple[Any, ...], str] = {}
     names, kept = {}, []
     for tensor in graph.initializer:

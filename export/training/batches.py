@@ -83,7 +83,7 @@ class TrainingCrops(Dataset[Batch]):
         return self._batch([self.sources[number] for number in self._drawn(index)], index, self.purpose)
 
     def _drawn(self, index: int) -> list[int]:
-        """The number of the source that a crop shows, and at times of a second one."""
+        """The index of the source that a crop shows, and at times of a second one."""
         number = _draw(self.chances, generator("panorama", index, self.purpose))
         rng = generator("joined", index, self.purpose)
         if rng.random() >= self.config.joined:

@@ -50,5 +50,5 @@ def test_a_folder_is_labelled_whole(
     assert [label.name for label in labels] == [p.name for p in read_index(tmp_path)]
     assert sum(label.fit_ok for label in labels) >= 4
     printed = capsys.readouterr().out
-    assert "given against found: sun found in" in printed
+    assert "found suns against given ones: sun found in" in printed
     assert "rendered skies: sun found in" in printed
