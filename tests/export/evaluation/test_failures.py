@@ -71,7 +71,7 @@ def test_the_report_counts_every_cause_and_the_flips() -> None:
     words = " ".join(text.split())
     assert "The 3 worst crops" in words
     assert "(2 panoramas): sun errors of 60 to 151°" in words
-    assert "2 of them have the sun on the wrong side" in words
+    assert "In 2 of them, whatever the cause, the sun is on the wrong side" in words
 
 
 def test_the_file_has_a_line_a_failure(tmp_path: Path) -> None:
