@@ -302,5 +302,6 @@ def test_a_sphere_behind_or_around_the_origin_is_not_entered() -> None:
 def test_origins_rays_and_centres_broadcast_and_keep_their_precision() -> None:
     origins, rays = np.zeros((5, 1, 3), np.float32), np.tile(-Z, (4, 1)).astype(np.float32)
     found = ray_sphere(origins, rays, np.array([0.0, 0.0, -3.0], np.float32))
-    assert (found.shape, found.dtype) == ((5, 4), np.float32)
+    assert found.shape == (5, 4)
+    assert found.dtype == np.float32
     np.testing.assert_allclose(found, 2.0, rtol=1e-6)
