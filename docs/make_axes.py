@@ -103,10 +103,7 @@ def label_axis(picture: Image.Image, name: str, axis: ArrayLike, colour: Colour)
         picture,
         (width / 2, 28 if y == 0 else height - 16),
         f"{name} (the whole row)",
-        20,
-        colour,
-        anchor="ms",
-        shaded=True,
+        Style(20, colour, anchor="ms", shaded=True),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lighting.files.exr import read_exr
+from lighting.files import full_record, read_exr
 from lighting.scene.parts import colour_and_strength, filled, plate_png, to_z_up, write_shared_files
 from tests.scenes import PLAIN, plain_scene
 
@@ -17,7 +17,7 @@ def test_the_shared_files_hold_plate_map_and_record(tmp_path: Path) -> None:
     scene = plain_scene()
     write_shared_files(scene, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["environment.exr", "lighting.json", "plate.png"]
-    assert json.loads((tmp_path / "lighting.json").read_text()) == scene.lighting.to_dict()
+    assert json.loads((tmp_path / "lighting.json").read_text()) == full_record(scene.lighting)
     image, lighting = read_exr(tmp_path / "environment.exr")
     assert np.array_equal(image, scene.environment)
     assert lighting == scene.lighting
