@@ -1,8 +1,8 @@
-"""Measure how cost grows with photos, map height and clients; writes docs/performance.md and its plot.
+"""Measure how cost grows with photos, map height and clients; writes docs/growth.md and its plot.
 
     python benchmarks/performance.py [--photos 100 1000 10000] [--seconds 4] [--only photos|heights|clients]
 
-Figures are kept in docs/performance.json, so that one part can be measured again without the others. Clients need the
+Figures are kept in docs/growth.json, so that one part can be measured again without the others. Clients need the
 service (extra `server`); without it their part stays as it was, or says that it is not measured.
 """
 
@@ -28,7 +28,7 @@ from lighting.model import available_cpus
 from lighting.records import Lighting
 
 DOCS = ROOT / "docs"
-FIGURES, PAGE, PLOT = DOCS / "performance.json", DOCS / "performance.md", DOCS / "performance.png"
+FIGURES, PAGE, PLOT = DOCS / "growth.json", DOCS / "growth.md", DOCS / "growth.png"
 
 HEIGHTS = (128, 256, 512, 1024, 2048, 4096)
 CLIENTS = (1, 2, 4, 8, 16, 32, 64)

@@ -1,4 +1,4 @@
-"""The words and tables of docs/performance.md, from measured figures."""
+"""The words and tables of docs/growth.md, from measured figures."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ def page(figures: dict[str, Any]) -> str:
     """The document: tables, what they say, and the plot."""
     parts = [
         "# How cost grows\n",
-        "Made by `python benchmarks/performance.py`; photos are JPEGs of "
-        f"{SIZE[0]} x {SIZE[1]} pixels, and each part names the machine it was measured on.\n",
-        "![Time by photos, time by map height, answers by clients](performance.png)\n",
+        "Made by `python benchmarks/performance.py`; the photos are JPEGs of "
+        f"{SIZE[0]} x {SIZE[1]} pixels, and each part names the machine that it was measured on.\n",
+        "![Time by photos, time by map height, answers by clients](growth.png)\n",
         photos_page(figures["photos"]) if "photos" in figures else "## Photos\n\nNot measured yet.\n",
         heights_page(figures["heights"]) if "heights" in figures else "## Map height\n\nNot measured yet.\n",
         clients_page(figures["clients"]) if "clients" in figures else "## Clients\n\nNot measured yet.\n",
@@ -36,20 +36,21 @@ def photos_page(figures: dict[str, Any]) -> str:
     hours, cpus = 1e6 * each / 3600, figures["cpus"]
     return f"""## Photos
 
-`lighting batch`, one process a CPU; {figures["machine"]}.
+`lighting batch`, one process per CPU; {figures["machine"]}.
 
-| photos | seconds | photos a second |
+| photos | seconds | photos per second |
 | ---: | ---: | ---: |
 {chr(10).join(rows)}
 
-About linear: the line through these is {1000 * each:.1f} ms a photo and {start:.1f} s for the start, imports and
-loading the network in every process, more than a tenth of the whole below {max(1, round(9 * start / each)):,} photos.
-Nothing grows with what is done: the journal is appended to, and of the finished photos only the names are held in
-memory. More processes than CPUs gain nothing.
+The time is about linear: {1000 * each:.1f} ms per photo plus {start:.1f} s for the start (imports, and loading the
+network in every process), by the line through the smallest and the largest batch. The start is more than a tenth of
+the whole below {max(1, round(9 * start / each)):,} photos. The cost per photo does not grow with the number already
+done: the journal is only appended to, and only the names of finished photos are kept in memory. More processes than
+CPUs gain nothing.
 
 **One million photos** of this size take {hours:.1f} hours on this machine ({hours * cpus:.0f} CPU-hours), and their
-`lighting.jsonl` {figures["line"] * 1e6 / 1e9:.1f} GB. Larger photos cost their decoding: Pillow must read all of a
-JPEG, at any scale.
+`lighting.jsonl` {figures["line"] * 1e6 / 1e9:.1f} GB. Larger photos take longer to decode: Pillow must read the whole
+JPEG, at whatever scale it decodes it.
 """
 
 
@@ -67,16 +68,16 @@ def heights_page(figures: dict[str, Any]) -> str:
 
 {figures["machine"]}.
 
-| height | render, ms | ns a pixel | the system's part | write EXR, ms | ns a pixel | EXR, MB |
+| height | render, ms | ns per pixel | system time | write EXR, ms | ns per pixel | EXR, MB |
 | ---: | ---: | ---: | ---: | ---: | ---: | ---: |
 {chr(10).join(rows)}
 
-The fixed work shows in small maps: the table of the sky around the sun, the integral of the sky for the ground and the
-disc's own grid take the same time at every height, so that the time a pixel falls until they no longer count. In large
-maps memory shows: a map of height 4096 is an array of {4096 * 8192 * 12 / 1e6:.0f} MB, which the system clears before
-it hands it out; the column of the system's part tells where that costs more than the sky does. Writing is compression
-and grows with the pixels. With `--envmap`, a million maps of height 512 fill
-{figures["size"]["512"] * 1e6 / 1e12:.1f} TB and take their rendering and writing on top.
+In small maps the fixed work dominates: the table of the sky around the sun, the integral of the sky for the ground and
+the grid over the sun's disc take the same time at every height, so the time per pixel falls as maps grow. In the
+largest maps memory dominates: a map of height 4096 is an array of {4096 * 8192 * 12 / 1e6:.0f} MB, which the operating
+system clears before the process gets it; "system time" is the operating system's share of the rendering time. Writing
+is mostly compression and grows with the number of pixels. With `--envmap`, a million maps of height 512 fill
+{figures["size"]["512"] * 1e6 / 1e12:.1f} TB, and their rendering and writing come on top.
 """
 
 
@@ -87,13 +88,14 @@ def clients_page(figures: dict[str, Any]) -> str:
     ]
     return f"""## Clients
 
-`POST /v1/lighting` of one service process, each client asking again as soon as it is answered, the clients on the same
-machine as the service; {figures["machine"]}.
+`POST /v1/lighting` to one service process. Each client sends its next request as soon as it has its answer; the clients
+run on the same machine as the service; {figures["machine"]}.
 
-| clients | answers a second | median, ms | 95 %, ms | turned away |
+| clients | answers per second | median, ms | 95 %, ms | turned away |
 | ---: | ---: | ---: | ---: | ---: |
 {chr(10).join(rows)}
 
-Answers grow with clients until every CPU has work, then stay; from there each further client only waits longer. Beyond
-the queue's length the service turns requests away at once (503 with `Retry-After`) instead of letting all wait.
+The rate grows with the clients until every CPU is busy, then stays; from there on each further client only adds
+waiting time. When the queue is full, the service refuses requests immediately (503 with `Retry-After`) instead of
+letting all wait.
 """

@@ -1,10 +1,13 @@
-"""README says what the code does: commands, names, ranges, links; and its Python runs."""
+"""README and docs/ say what the code does: commands, options, names, ranges, links; and their examples run."""
 
+import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import click
 import pytest
@@ -15,56 +18,142 @@ from lighting.evidence.declination import TYPICAL_DECLINATION
 from lighting.evidence.fusion import COMPASS_SPREAD, GROSS_ERRORS
 from lighting.evidence.metadata import GIVEN_HEADING_SPREAD
 from lighting.records import OPTIONAL_RANGES, RANGES
+from server.app import create_app
+from server.settings import Settings
+from tests.pages import DOCS, README, ROOT, anchors, blocks, links, text
 
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "node_modules", "runs"} & set(p.parts))
+MOST_LINES = 170  # of README: more than that is not read
+EVERY_PAGE = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "node_modules", "runs"} & set(p.parts))
+COMMANDS = sorted(cli.commands.items())
+OPTIONS = sorted(
+    {name for _, c in COMMANDS for p in c.params for name in (*p.opts, *p.secondary_opts) if name[:1] == "-"}
+)
+COMMAND_LINES = [line for page in DOCS for block in blocks(page, "command line") for line in block.splitlines()]
+REQUESTS = [line for page in (README, *DOCS) for block in blocks(page, "http") for line in block.splitlines()]
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
 
 
-def test_every_command_is_in_readme_and_has_help() -> None:
-    for name, command in cli.commands.items():
-        assert f"lighting {name} " in README, name
-        assert command.help, name
-        assert all(option.help for option in command.params if isinstance(option, click.Option)), name
+def test_readme_is_short() -> None:
+    assert len(text(README).splitlines()) <= MOST_LINES
+
+
+@pytest.mark.parametrize(("name", "command"), COMMANDS, ids=[name for name, _ in COMMANDS])
+def test_every_command_is_documented_and_has_help(name: str, command: click.Command) -> None:
+    assert f"lighting {name} " in text()
+    assert command.help
+    assert all(option.help for option in command.params if isinstance(option, click.Option))
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_every_option_is_documented(option: str) -> None:
+    assert re.search(rf"`{re.escape(option)}\b", text(*DOCS)), option
 
 
 def test_every_parameter_is_in_the_table_with_its_range() -> None:
-    rows = {name: row for row in README.splitlines() if row.startswith("| `") for name in re.findall(r"`(\w+)`", row)}
+    lines = text(README).splitlines()
+    rows = {name: row for row in lines if row.startswith("| `") for name in re.findall(r"`(\w+)`", row)}
     assert set(RANGES) | set(OPTIONAL_RANGES) <= set(rows)
     for name in ("sun_azimuth", "sun_elevation", "sun_visibility", "turbidity", "ground_albedo"):
         low, high = RANGES[name]
         assert f"{low:g} to {high:g}" in rows[name]
 
 
-def test_there_are_two_commands_to_begin_with() -> None:
-    """`.ci/run` takes them from here."""
-    setup, tests = blocks("sh")
+def test_readme_marks_what_the_check_runs() -> None:
+    """`.ci/run` takes the blocks from README by these marks."""
+    marks = re.findall(r"readme (\w+)$", text(ROOT / ".ci" / "run"), re.MULTILINE)
+    assert set(marks) == {"try", "test"}
+    (setup,), (tests,) = (blocks(README, mark) for mark in ("try", "test"))
     assert "lighting envmap examples/" in setup
     assert "pytest" in tests
 
 
-def test_the_python_of_readme_runs(tmp_path: Path) -> None:
-    (code,) = blocks("python")
-    code = code.replace('"examples/', f'r"{ROOT}/examples/')
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+@pytest.fixture
+def clone(tmp_path: Path) -> tuple[Path, dict[str, str]]:
+    """A folder with the examples, and an environment in which `lighting` is this checkout's program."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    program = tmp_path / "bin" / "lighting"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m lighting "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    path = os.pathsep.join([str(program.parent), os.environ["PATH"]])
+    return tmp_path, {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
+
+
+@pytest.mark.slow
+def test_the_commands_of_readme_run_one_after_the_other(clone: tuple[Path, dict[str, str]]) -> None:
+    folder, environment = clone
+    (block,) = blocks(README, "command line")
+    done = subprocess.run(
+        ["sh", "-eu", "-c", block], cwd=folder, env=environment, capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("line", COMMAND_LINES)
+def test_the_commands_of_the_pages_are_right_usage(
+    line: str, clone: tuple[Path, dict[str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parsed only: to run them all would take a minute."""
+    monkeypatch.chdir(clone[0])
+    program, name, *arguments = shlex.split(line, comments=True)
+    assert program == "lighting"
+    cli.commands[name].make_context(name, arguments)
+    photos = [argument for argument in arguments if argument.startswith("examples/")]
+    assert all(list(Path().glob(photo)) for photo in photos)
+
+
+def test_the_python_of_readme_runs(clone: tuple[Path, dict[str, str]]) -> None:
+    folder, environment = clone
+    (code,) = blocks(README, "python")
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, env=environment, capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("sun ")
-    assert lighting.read_exr(tmp_path / "sky.exr")[0].shape == (512, 1024, 3)
+    assert lighting.read_exr(folder / "sky.exr")[0].shape == (512, 1024, 3)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize("line", REQUESTS)
+def test_every_request_is_to_a_route_with_parameters_that_it_has(line: str) -> None:
+    """That they are answered is tested in tests/server/test_process.py."""
+    found = re.search(r"http://127\.0\.0\.1:8000(\S*?)'?(?: |$)", line)
+    assert found
+    url = urlsplit(found[1])
+    method = "post" if re.search(r" (-F|-d|--data-binary) ", line) else "get"
+    route = create_app(Settings()).openapi()["paths"][url.path][method]
+    assert set(parse_qs(url.query)) <= {parameter["name"] for parameter in route.get("parameters", [])}
+
+
+def test_examples_read_files_that_exist_or_that_an_earlier_line_wrote() -> None:
+    for page in (README, *DOCS):
+        written: set[str] = set()
+        for line in (line for block in blocks(page, "http") for line in block.splitlines()):
+            read = {name.rstrip("'") for name in re.findall(r"@(\S+)", line)}
+            assert all((ROOT / name).is_file() or name in written for name in read), line
+            written |= set(re.findall(r" -o (\S+)", line))
+
+
+@pytest.mark.parametrize("page", EVERY_PAGE, ids=named)
 def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-        assert target.startswith("https://") or (page.parent / target).exists(), target
+    for link in links(page):
+        target, _, fragment = link.partition("#")
+        file = page.parent / target if target else page
+        assert target.startswith("https://") or file.exists(), link
+        assert not fragment or file.suffix != ".md" or fragment in anchors(file), link
 
 
-def test_the_extras_that_readme_names_exist() -> None:
+def test_the_index_leads_to_every_page_and_readme_to_the_index() -> None:
+    index = ROOT / "docs" / "README.md"
+    assert {page.name for page in DOCS if page != index} <= set(links(index))
+    assert "docs/README.md" in links(README)
+
+
+def test_the_extras_that_the_pages_name_exist() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert set(re.findall(r"\.\[(\w+)\]", README)) <= set(project["optional-dependencies"])
+    assert set(re.findall(r"\.\[(\w+)\]", text())) <= set(project["optional-dependencies"])
 
 
 def test_the_public_face_is_small_and_there() -> None:
@@ -75,9 +164,14 @@ def test_the_public_face_is_small_and_there() -> None:
 
 
 def test_the_page_on_metadata_states_the_compass_as_the_code_does() -> None:
-    page = (ROOT / "docs" / "metadata.md").read_text(encoding="utf-8")
+    page = text(ROOT / "docs" / "metadata.md")
     assert f"right to {COMPASS_SPREAD:g}° (one standard deviation)" in page
     assert f"to {GIVEN_HEADING_SPREAD:g}°. A magnetic" in page
-    assert f"is unknown, {TYPICAL_DECLINATION:g}° (the root" in page
+    assert f"is unknown, {TYPICAL_DECLINATION:g}° (its root" in page
     assert GROSS_ERRORS == 0.1
     assert "one in ten worth nothing" in page
+
+
+def test_the_changes_name_the_version_of_the_package() -> None:
+    (newest, *_) = re.findall(r"^## Package (\S+)", text(ROOT / "CHANGELOG.md"), re.MULTILINE)
+    assert newest == lighting.__version__

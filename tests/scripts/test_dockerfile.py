@@ -82,7 +82,7 @@ def test_hadolint_finds_nothing() -> None:
 
 @pytest.mark.parametrize("extra", ["", "server", "heif"])
 def test_the_lock_file_holds_what_the_project_asks_for(extra: str) -> None:
-    """README says how it is renewed."""
+    """Its first lines say how it is renewed."""
     locked = dict(re.findall(r"^([a-z0-9-]+)==(\S+) \\$", LOCK, re.MULTILINE))
     wanted = PROJECT["optional-dependencies"][extra] if extra else PROJECT["dependencies"]
     for requirement in map(Requirement, wanted):

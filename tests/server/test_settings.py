@@ -1,7 +1,6 @@
-"""Settings: from the environment, checked, and in README."""
+"""Settings: from the environment, checked, and in the documentation."""
 
 import re
-from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
@@ -9,12 +8,12 @@ from pydantic import ValidationError
 from server import problems
 from server.app import create_app
 from server.settings import PREFIX, Settings
+from tests.pages import ROOT, text
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
-
-def test_readme_lists_every_setting_with_its_default_and_meaning() -> None:
-    rows = re.findall(rf"^\| `{PREFIX}(\w+)` \| (.*?) \| (.*?) \|$", README, re.MULTILINE)
+def test_the_page_lists_every_setting_with_its_default_and_meaning() -> None:
+    page = text(ROOT / "docs" / "settings.md")
+    rows = re.findall(rf"^\| `{PREFIX}(\w+)` \| (.*?) \| (.*?) \|$", page, re.MULTILINE)
     expected = [
         (name.upper(), shown(field.default), field.description) for name, field in Settings.model_fields.items()
     ]
@@ -25,11 +24,12 @@ def shown(default: object) -> str:
     return "" if default in (None, "", ()) else f"`{default}`"
 
 
-def test_readme_lists_every_problem_and_route() -> None:
+def test_the_page_lists_every_problem_and_route() -> None:
+    page = text(ROOT / "docs" / "service.md")
     for kind in problems.KINDS:
-        assert f"| {kind.status} | `{kind.name}` |" in README, kind.name
-    for path in create_app(Settings()).openapi()["paths"]:
-        assert f"{path}`" in README or f"8000{path}" in README, path
+        assert f"| {kind.status} | `{kind.name}` |" in page, kind.name
+    for path, methods in create_app(Settings()).openapi()["paths"].items():
+        assert all(f"`{method.upper()} {path}`" in page for method in methods), path
 
 
 def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,48 @@
+"""The one check and what calls it: the workflows and the hooks run what `.ci/run` runs."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.pages import ROOT, text
+
+CHECK = text(ROOT / ".ci" / "run")
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+
+
+def jobs(workflow: Path) -> dict[str, str]:
+    """The jobs of a workflow as text, by name."""
+    parts = re.split(r"^  (\w+):$", text(workflow).partition("\njobs:\n")[2], flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def test_the_hooks_are_the_linters_of_the_check() -> None:
+    entries = re.findall(
+        r"entry: ([\w -]+?)(?: --force-exclude)?$", text(ROOT / ".pre-commit-config.yaml"), re.MULTILINE
+    )
+    linters = re.findall(r"^(ruff \w+|mypy|lint-imports)\b", CHECK, re.MULTILINE)
+    assert sorted(entries) == sorted(linters)
+
+
+def test_nothing_is_published_before_the_whole_check() -> None:
+    check, release = (jobs(ROOT / ".github" / "workflows" / f"{name}.yml") for name in ("check", "release"))
+    assert "run: .ci/run" in check["check"]
+    assert "uses: ./.github/workflows/check.yml" in release.pop("check")
+    assert all(re.search(r"^    needs: (check|wheel)$", job, re.MULTILINE) for job in release.values())
+
+
+def test_the_check_leaves_the_checkout_alone() -> None:
+    assert not re.search(r"\brm\b(?! -rf \"\$work\")", CHECK)
+    assert CHECK.index('cd "$work/copy"') < CHECK.index("run_readme try")
+
+
+def test_actionlint_finds_nothing() -> None:
+    program = shutil.which("actionlint", path=str(Path(sys.executable).parent)) or shutil.which("actionlint")
+    if not program:
+        pytest.skip("actionlint is not installed")
+    done = subprocess.run([program, *map(str, WORKFLOWS)], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "")
