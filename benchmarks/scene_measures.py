@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.geometry import Floats, camera_directions, camera_pixel, direction, wrap_azimuth
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, direction, wrap_azimuth
 
 AROUND = 25.0  # deg, to both sides of the direction in which a shadow is looked for
 
@@ -35,7 +35,7 @@ class Picture:
         """Luminance (...) that the picture shows at points (..., 3), bilinear."""
         height, width = self.pixels.shape[:2]
         pixel = camera_pixel(
-            points - self.position, width, height, self.vertical_fov, elevation=self.elevation, roll=self.roll
+            points - self.position, Pinhole(width, height, self.vertical_fov, elevation=self.elevation, roll=self.roll)
         )
         x, y = np.clip(pixel[..., 0] - 0.5, 0, width - 1.001), np.clip(pixel[..., 1] - 0.5, 0, height - 1.001)
         column, row = x.astype(int), y.astype(int)
@@ -73,7 +73,9 @@ def brightest_normal(normals: Floats, values: Floats) -> Floats:
 def ball(picture: Picture) -> tuple[Floats, Floats]:
     """Normals (N, 3) and luminance (N,) of the ball's pixels, its rim aside."""
     height, width = picture.pixels.shape[:2]
-    rays = camera_directions(width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)
+    rays = camera_directions(
+        Pinhole(width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)
+    )
     towards = picture.ball - picture.position
     along = rays @ towards
     inside = along**2 - towards @ towards + picture.radius**2
@@ -103,7 +105,9 @@ def unhidden(picture: Picture, points: Floats) -> NDArray[np.bool_]:
     along = np.clip(sight / distance @ centres.T, 0, distance)
     gap = np.linalg.norm(sight[:, None] / distance[:, None] * along[..., None] - centres, axis=-1)
     height, width = picture.pixels.shape[:2]
-    pixel = camera_pixel(sight, width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)
+    pixel = camera_pixel(
+        sight, Pinhole(width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)
+    )
     inside = np.all((pixel > 1) & (pixel < [width - 1, height - 1]), axis=1)
     return np.asarray(inside & np.all(gap > picture.obstacles[:, 3] + 0.05 * picture.radius, axis=1))
 

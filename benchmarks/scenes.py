@@ -40,6 +40,7 @@ from lighting.colour import luminance, srgb_decode, tone_map
 from lighting.envmap import render
 from lighting.geometry import (
     Floats,
+    Pinhole,
     angle_between,
     angles,
     camera_directions,
@@ -95,7 +96,7 @@ def synthetic_scene(azimuth: float, elevation: float) -> Scene:
     light = replace(LIGHT, sun_azimuth=azimuth, sun_elevation=elevation)
     lighting = replace(light, exposure=GROUND / float(luminance(render(light, 64)[-1, 0])))
     rays = camera_directions(
-        *SIZE, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll
+        Pinhole(*SIZE, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
     )
     pixels = tone_map(sample_latlong(render(lighting, 1024), rays))
     return make_scene(Photo(pixels, *SIZE, "PNG"), lighting)

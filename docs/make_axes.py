@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from lighting.geometry import angles, camera_pixel, direction, latlong_pixel
+from lighting.geometry import Pinhole, angles, camera_pixel, direction, latlong_pixel
 from lighting.preview.ink import (
     Colour,
     Style,
@@ -171,7 +171,7 @@ def draw_camera(picture: Image.Image) -> None:
 def project(points: Floats) -> Floats:
     """Pixels (..., 2) of points (..., 3) in the sketch."""
     azimuth, elevation = angles(np.array([0.1, 0.2, -0.3]) - VIEWER)
-    return camera_pixel(points - VIEWER, *SKETCH[2:], 36.0, float(azimuth), float(elevation))
+    return camera_pixel(points - VIEWER, Pinhole(*SKETCH[2:], 36.0, float(azimuth), float(elevation)))
 
 
 def arrow(picture: Image.Image, path: Floats, colour: Colour) -> None:

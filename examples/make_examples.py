@@ -16,7 +16,7 @@ import OpenEXR
 from PIL import Image, ImageFilter
 
 from lighting.colour import luminance, srgb_encode
-from lighting.geometry import Floats, camera_directions, sample_latlong, wrap_azimuth
+from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong, wrap_azimuth
 
 HERE = Path(__file__).parent
 LICENCE = "Poly Haven CC0"  # the only one whose crops may be published here
@@ -91,12 +91,14 @@ def read_panorama(path: Path) -> Floats:
 def crop(panorama: Floats, example: Example, seed: int) -> Image.Image:
     """The photo a phone would take there."""
     rays = camera_directions(
-        example.width * SUPERSAMPLING,
-        example.height * SUPERSAMPLING,
-        example.vertical_fov,
-        example.azimuth,
-        example.elevation,
-        example.roll,
+        Pinhole(
+            example.width * SUPERSAMPLING,
+            example.height * SUPERSAMPLING,
+            example.vertical_fov,
+            example.azimuth,
+            example.elevation,
+            example.roll,
+        )
     )
     median = float(np.median(luminance(sample_latlong(panorama, rays[::8, ::8]))))
     developed = develop(panorama * (MIDDLE_GREY / median * 2.0**example.stops))

@@ -11,6 +11,7 @@ Camera: elevation positive looks up; roll positive turns the camera clockwise ab
 holder sees it, so that the horizon in the picture turns counter-clockwise. Field of view is vertical.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -92,32 +93,43 @@ def focal_length(height: float, vertical_fov: float) -> float:
     return float(0.5 * height / np.tan(np.radians(vertical_fov) / 2.0))
 
 
-def camera_directions(
-    width: int, height: int, vertical_fov: float, azimuth: float = 0.0, elevation: float = 0.0, roll: float = 0.0
-) -> Floats:
-    """Unit vectors (H, W, 3) through the pixel centres of a pinhole camera; angles in deg."""
-    focal = focal_length(height, vertical_fov)
-    x = (np.arange(width) + 0.5 - 0.5 * width) / focal
-    y = (0.5 * height - np.arange(height) - 0.5) / focal
-    right, up, forward = camera_axes(azimuth, elevation, roll)
+@dataclass(frozen=True)
+class Pinhole:
+    """A pinhole camera and the size of its picture; the picture's centre is the principal point."""
+
+    width: int  # pixels
+    height: int  # pixels
+    vertical_fov: float  # deg
+    azimuth: float = 0.0  # deg
+    elevation: float = 0.0  # deg
+    roll: float = 0.0  # deg
+
+    @property
+    def axes(self) -> Floats:
+        """The camera's right, up and forward unit vectors as rows (3, 3)."""
+        return camera_axes(self.azimuth, self.elevation, self.roll)
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length [pixels]."""
+        return focal_length(self.height, self.vertical_fov)
+
+
+def camera_directions(camera: Pinhole) -> Floats:
+    """Unit vectors (H, W, 3) through the camera's pixel centres."""
+    x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) / camera.focal_length
+    y = (0.5 * camera.height - np.arange(camera.height) - 0.5) / camera.focal_length
+    right, up, forward = camera.axes
     rays = x[None, :, None] * right + y[:, None, None] * up + forward
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
-def camera_pixel(
-    direction: ArrayLike,
-    width: int,
-    height: int,
-    vertical_fov: float,
-    azimuth: float = 0.0,
-    elevation: float = 0.0,
-    roll: float = 0.0,
-) -> Floats:
+def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:
     """Continuous pixel coordinates (..., 2) as (x, y) of directions (..., 3); NaN behind the camera."""
-    x, y, z = np.moveaxis(np.asarray(direction) @ camera_axes(azimuth, elevation, roll).T, -1, 0)
-    focal = focal_length(height, vertical_fov)
+    x, y, z = np.moveaxis(np.asarray(direction) @ camera.axes.T, -1, 0)
     z = np.where(z > 1e-9, z, np.nan)
-    return np.stack([0.5 * width + focal * x / z, 0.5 * height - focal * y / z], axis=-1)
+    focal = camera.focal_length
+    return np.stack([0.5 * camera.width + focal * x / z, 0.5 * camera.height - focal * y / z], axis=-1)
 
 
 def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lighting.colour import tone_map
 from lighting.envmap import render
-from lighting.geometry import camera_directions, sample_latlong
+from lighting.geometry import Pinhole, camera_directions, sample_latlong
 from lighting.photo.read import Photo
 from lighting.records import Lighting
 from lighting.scene import Scene, make_scene
@@ -31,7 +31,7 @@ def known_scene(width: int = 480, height: int = 360) -> Scene:
     """Sky, sun and plain ground under LIGHT, photographed."""
     exposure = GROUND / float(render(LIGHT, 64)[-1, 0].mean())
     lighting = replace(LIGHT, exposure=exposure)
-    rays = camera_directions(width, height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll)
+    rays = camera_directions(Pinhole(width, height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll))
     pixels = tone_map(sample_latlong(render(lighting, 512), rays))
     return make_scene(Photo(pixels, width, height, "PNG"), lighting, map_height=256)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lighting.geometry import camera_pixel, direction, wrap_azimuth
+from lighting.geometry import Pinhole, camera_pixel, direction, wrap_azimuth
 
 MAX_HORIZONTAL_FOV = 106.0  # deg, about that of a phone's ultra-wide lens
 PHONE_ASPECTS = (9 / 16, 2 / 3, 3 / 4, 1.0, 4 / 3, 3 / 2, 16 / 9)
@@ -60,7 +60,7 @@ def aimed_camera(rng: np.random.Generator, azimuth: float, elevation: float) -> 
 def pixel_of(camera: Camera, azimuth: float, elevation: float, width: int, height: int) -> tuple[float, float] | None:
     """Pixel (x, y) of a picture where a direction [deg] lies, its azimuth relative to the camera; None if outside."""
     towards = direction(azimuth, elevation)
-    x, y = camera_pixel(towards, width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll)
+    x, y = camera_pixel(towards, Pinhole(width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll))
     return (float(x), float(y)) if 0 <= x <= width and 0 <= y <= height else None
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.geometry import Floats, camera_axes, camera_pixel, direction
+from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
 from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, write, write_inside
 from lighting.preview.layout import Box
 from lighting.preview.palette import PANEL, WHITE, sun_colour
@@ -36,11 +36,13 @@ def _horizon(picture: Image.Image, lighting: Lighting) -> None:
 def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting) -> Floats:
     pixels = camera_pixel(
         directions,
-        picture.width,
-        picture.height,
-        lighting.vertical_fov,
-        elevation=lighting.camera_elevation,
-        roll=lighting.camera_roll,
+        Pinhole(
+            picture.width,
+            picture.height,
+            lighting.vertical_fov,
+            elevation=lighting.camera_elevation,
+            roll=lighting.camera_roll,
+        ),
     )
     return pixels[~np.isnan(pixels[:, 0])]
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import camera_axes, camera_directions, focal_length
+from lighting.geometry import Pinhole, camera_axes, camera_directions, focal_length
 from lighting.preview.bounces import lit_stage
 from lighting.preview.shading import trace
 from lighting.records import Lighting
@@ -35,7 +35,7 @@ def render_spheres(
     """
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
     columns, rows = width * supersampling, height * supersampling
-    rays = camera_directions(columns, rows, VERTICAL_FOV, elevation=pitch).astype(np.float32).reshape(-1, 3)
+    rays = camera_directions(Pinhole(columns, rows, VERTICAL_FOV, elevation=pitch)).astype(np.float32).reshape(-1, 3)
     centres = sphere_centres(width / height, pitch) if centres is None else centres
     stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
     picture = trace(np.zeros(3, np.float32), rays, replace(stage, centres=centres))

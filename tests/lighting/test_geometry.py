@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lighting.geometry import (
+    Pinhole,
     angle_between,
     angles,
     camera_axes,
@@ -225,10 +226,10 @@ def test_camera_pixels_come_back(
     vertical_fov: float, azimuth: float, elevation: float, roll: float, size: tuple[int, int]
 ) -> None:
     width, height = size
-    rays = camera_directions(width, height, vertical_fov, azimuth, elevation, roll)
+    rays = camera_directions(Pinhole(width, height, vertical_fov, azimuth, elevation, roll))
     assert rays.shape == (height, width, 3)
     np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1)
-    pixel = camera_pixel(rays, width, height, vertical_fov, azimuth, elevation, roll)
+    pixel = camera_pixel(rays, Pinhole(width, height, vertical_fov, azimuth, elevation, roll))
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     np.testing.assert_allclose(pixel, np.stack([x, y], axis=-1), atol=1e-6)
 
@@ -253,14 +254,14 @@ def test_the_field_of_view_is_vertical(vertical_fov: float, azimuth: float, elev
     _, up, forward = camera_axes(azimuth, elevation, 0)
     half = np.radians(vertical_fov / 2)
     top = np.cos(half) * forward + np.sin(half) * up
-    pixel = camera_pixel(top, 300, 200, vertical_fov, azimuth, elevation)
+    pixel = camera_pixel(top, Pinhole(300, 200, vertical_fov, azimuth, elevation))
     assert pixel == pytest.approx([150, 0], abs=1e-6)
     assert 2 * np.degrees(np.arctan(100 / focal_length(200, vertical_fov))) == pytest.approx(vertical_fov)
 
 
 def test_signs_of_the_camera() -> None:
     def seen(vector: Floats, **camera: float) -> Floats:
-        return camera_pixel(vector, 200, 200, 60.0, **camera)
+        return camera_pixel(vector, Pinhole(200, 200, 60.0, **camera))
 
     assert seen(direction(10, 0))[0] > 100  # to the right of where it points is to the right
     assert seen(direction(0, 10))[1] < 100  # above is above
@@ -271,7 +272,7 @@ def test_signs_of_the_camera() -> None:
 
 
 def test_behind_the_camera_there_is_no_pixel() -> None:
-    assert np.isnan(camera_pixel([Z, X], 20, 20, 60.0)).all()
+    assert np.isnan(camera_pixel([Z, X], Pinhole(20, 20, 60.0))).all()
 
 
 @given(azimuths, tilts, st.floats(0.01, 100.0), st.floats(1.01, 50.0))

@@ -10,7 +10,7 @@ from export.crops.cameras import Camera
 from export.crops.crops import take
 from export.crops.sources import Source
 from export.data.labels import Label
-from lighting.geometry import camera_directions, camera_pixel
+from lighting.geometry import Pinhole, camera_directions, camera_pixel
 from tests.export.crops.examples import SPEC, brightest, label, source
 
 
@@ -21,7 +21,7 @@ def test_the_target_points_at_the_brightest_pixel(aspect: float, roll: float, mi
     crop = take(source(), Camera(30.0, 15.0, roll, 60.0, aspect, mirrored), SPEC)
     height, width = crop.linear.shape[:2]
     c = crop.camera
-    expected = camera_pixel(crop.sun_direction, width, height, c.vertical_fov, 0.0, c.elevation, c.roll)
+    expected = camera_pixel(crop.sun_direction, Pinhole(width, height, c.vertical_fov, 0.0, c.elevation, c.roll))
     assert crop.sun_azimuth == pytest.approx(-10.0 if mirrored else 10.0)
     np.testing.assert_allclose(brightest(crop), expected, atol=2.0)
 
@@ -68,6 +68,6 @@ def test_rays_above_the_horizon_see_the_upper_half() -> None:
     upper = np.zeros((256, 512, 3), np.float32)
     upper[:128] = 1.0
     crop = take(Source(source().panorama, (upper,), label()), Camera(77.0, 12.0, 6.0, 50.0, 4 / 3), SPEC)
-    rays = camera_directions(224, 168, 50.0, 0.0, 12.0, 6.0)
+    rays = camera_directions(Pinhole(224, 168, 50.0, 0.0, 12.0, 6.0))
     clear = np.abs(rays[..., 1]) > 0.02
     assert ((crop.linear[..., 0] > 0.5 * crop.linear.max()) == (rays[..., 1] > 0))[clear].all()

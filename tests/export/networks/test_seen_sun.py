@@ -9,7 +9,7 @@ from export.crops.crops import Crop
 from export.crops.seen_sun import CELL, where_seen
 from export.networks.seen_sun import RARER, seen_probability, towards, with_the_seen
 from lighting.colour import tone_map
-from lighting.geometry import angle_between, camera_directions, direction
+from lighting.geometry import Pinhole, angle_between, camera_directions, direction
 from lighting.photo import place
 from lighting.sun_grid import grid_directions
 from tests.export.crops.examples import SPEC, VIEWS, crop
@@ -30,7 +30,7 @@ def rays(one: Crop) -> torch.Tensor:
 def test_cells_look_where_the_cameras_pixels_do(camera: Camera) -> None:
     one = crop(camera, 0.0, 20.0)
     height, width = one.linear.shape[:2]
-    expected = camera_directions(width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll)
+    expected = camera_directions(Pinhole(width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll))
     top, left = (SPEC.height - height) // 2, (SPEC.width - width) // 2
     found = rays(one)[0].reshape(SPEC.height // CELL, SPEC.width // CELL, 3).numpy()
     for row, column in [(7, 7), (6, 8), (8, 5)]:

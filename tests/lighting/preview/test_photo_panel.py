@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.geometry import camera_pixel, direction
+from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.preview.layout import lay_out
 from lighting.preview.photo_panel import photo_panel
 from lighting.records import Lighting
@@ -21,7 +21,7 @@ def test_horizon_lies_where_geometry_says(elevation: float, roll: float) -> None
     panel = drawn(lighting)
     height, width = panel.shape[:2]
     for azimuth in (-12.0, 0.0, 15.0):
-        x, y = camera_pixel(direction(azimuth, 0.0), width, height, 60.0, elevation=elevation, roll=roll)
+        x, y = camera_pixel(direction(azimuth, 0.0), Pinhole(width, height, 60.0, elevation=elevation, roll=roll))
         column = panel[:, int(x)].min(axis=-1)
         white = np.flatnonzero(column > 200)
         assert abs(white.mean() + 0.5 - y) < 1.5
@@ -35,7 +35,7 @@ def test_horizon_out_of_view_is_not_drawn() -> None:
 def test_sun_in_view_is_marked_at_its_place() -> None:
     panel = drawn(outdoors(15.0, 14.0, camera_elevation=5.0, vertical_fov=60.0))
     height, width = panel.shape[:2]
-    expected = camera_pixel(direction(15.0, 14.0), width, height, 60.0, elevation=5.0)[::-1]
+    expected = camera_pixel(direction(15.0, 14.0), Pinhole(width, height, 60.0, elevation=5.0))[::-1]
     np.testing.assert_allclose(amber(panel).mean(axis=0), expected, atol=1.5)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.geometry import angle_between, camera_pixel
+from lighting.geometry import Pinhole, angle_between, camera_pixel
 from lighting.preview.sphere_lines import _rim, frame_directions, pieces
 from tests.previews import outdoors
 
@@ -20,7 +20,7 @@ def test_a_region_has_its_radius_all_around_the_sun(radius: float) -> None:
 def test_the_frame_runs_along_the_photos_border() -> None:
     lighting = outdoors(camera_elevation=7.0, camera_roll=3.0, vertical_fov=50.0)
     frame = frame_directions(lighting, 4 / 3)
-    x, y = camera_pixel(frame, 400, 300, 50.0, elevation=7.0, roll=3.0).T
+    x, y = camera_pixel(frame, Pinhole(400, 300, 50.0, elevation=7.0, roll=3.0)).T
     on_border = np.minimum(np.minimum(x, 400 - x), np.minimum(y, 300 - y))
     np.testing.assert_allclose(on_border, 0.0, atol=1e-9)
     assert frame[0] == pytest.approx(frame[-1])

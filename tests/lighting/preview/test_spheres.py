@@ -7,7 +7,7 @@ import pytest
 
 from lighting.colour import luminance
 from lighting.envmap import render
-from lighting.geometry import Floats, camera_pixel, direction, latlong_directions
+from lighting.geometry import Floats, Pinhole, camera_pixel, direction, latlong_directions
 from lighting.preview import spheres
 from lighting.preview.shading import DIFFUSE, GLOSSY, MIRROR
 from lighting.preview.spheres import render_spheres
@@ -28,7 +28,7 @@ def picture(azimuth: float, elevation: float, visibility: float = 1.0) -> Floats
 
 def pixel(point: Floats) -> tuple[int, int]:
     """Row and column of a point in the scene."""
-    x, y = camera_pixel(point, WIDTH, HEIGHT, spheres.VERTICAL_FOV, elevation=PITCH)
+    x, y = camera_pixel(point, Pinhole(WIDTH, HEIGHT, spheres.VERTICAL_FOV, elevation=PITCH))
     return int(y), int(x)
 
 

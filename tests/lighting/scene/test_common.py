@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.envmap import render
-from lighting.geometry import angle_between, camera_directions, camera_pixel, direction, latlong_solid_angle
+from lighting.geometry import Pinhole, angle_between, camera_directions, camera_pixel, direction, latlong_solid_angle
 from lighting.photo.read import Photo
 from lighting.scene import make_scene
 from lighting.scene.common import EYE_HEIGHT
@@ -15,7 +15,7 @@ from tests.scenes import LIGHT, PLAIN, known_scene, plain_scene
 
 def test_the_camera_matrix_agrees_with_the_rays_of_the_photo() -> None:
     scene = known_scene()
-    rays = camera_directions(480, 360, scene.vertical_fov, elevation=-12.0, roll=4.0)
+    rays = camera_directions(Pinhole(480, 360, scene.vertical_fov, elevation=-12.0, roll=4.0))
     x = 0.5 * scene.sensor_width / scene.focal_length * (1 - 1 / 480)
     y = np.tan(np.radians(scene.vertical_fov) / 2) * (1 - 1 / 360)
     corner = scene.camera_matrix[:3, :3] @ np.array([x, y, -1.0])
@@ -27,7 +27,7 @@ def test_the_camera_matrix_agrees_with_the_rays_of_the_photo() -> None:
 @pytest.mark.parametrize("roll", [-20.0, 0.0, 7.0])
 def test_the_spot_is_on_the_ground_in_the_lower_middle_of_the_picture(roll: float) -> None:
     scene = plain_scene(camera_roll=roll)
-    pixel = camera_pixel(scene.spot - scene.camera_position, 40, 30, scene.vertical_fov, 0.0, -12.0, roll)
+    pixel = camera_pixel(scene.spot - scene.camera_position, Pinhole(40, 30, scene.vertical_fov, 0.0, -12.0, roll))
     assert pixel == pytest.approx([20.0, 24.0])
     assert scene.spot[1] == 0.0
 

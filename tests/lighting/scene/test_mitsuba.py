@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import luminance
-from lighting.geometry import camera_pixel, direction
+from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.common import Scene
 from lighting.scene.placeholder import placeholder_of
@@ -42,12 +42,14 @@ def shown(picture: NDArray[Any], scene: Scene, points: NDArray[Any], reach: int 
     """Mean luminance around the pixels that show points (N, 3)."""
     pixels = camera_pixel(
         points - scene.camera_position,
-        WIDTH,
-        HEIGHT,
-        LIGHT.vertical_fov,
-        0.0,
-        LIGHT.camera_elevation,
-        LIGHT.camera_roll,
+        Pinhole(
+            WIDTH,
+            HEIGHT,
+            LIGHT.vertical_fov,
+            0.0,
+            LIGHT.camera_elevation,
+            LIGHT.camera_roll,
+        ),
     )
     light = luminance(picture)
     return np.array(

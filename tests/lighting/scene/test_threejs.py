@@ -17,6 +17,7 @@ from PIL import Image
 from lighting.colour import luminance, srgb_decode, tone_map
 from lighting.files import full_record
 from lighting.geometry import (
+    Pinhole,
     camera_directions,
     camera_pixel,
     direction,
@@ -77,12 +78,14 @@ def seen_at(picture: NDArray[Any], scene: Scene, points: NDArray[Any]) -> NDArra
     x, y = np.moveaxis(
         camera_pixel(
             points - scene.camera_position,
-            scene.width,
-            scene.height,
-            light.vertical_fov,
-            0.0,
-            light.camera_elevation,
-            light.camera_roll,
+            Pinhole(
+                scene.width,
+                scene.height,
+                light.vertical_fov,
+                0.0,
+                light.camera_elevation,
+                light.camera_roll,
+            ),
         ),
         -1,
         0,
@@ -174,7 +177,7 @@ def test_the_map_lies_behind_the_page_as_the_photo_does(pictures: Pictures) -> N
     scene = known_scene()
     light = scene.lighting
     rays = camera_directions(
-        scene.width, scene.height, light.vertical_fov, 0.0, light.camera_elevation, light.camera_roll
+        Pinhole(scene.width, scene.height, light.vertical_fov, 0.0, light.camera_elevation, light.camera_roll)
     )
     expected = tone_map(sample_latlong(scene.environment, rays)).astype(int)
     difference = np.abs(pictures["map"].astype(int) - expected)
