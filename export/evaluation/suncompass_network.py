@@ -4,7 +4,7 @@ It repeats the steps of ImageNet's ResNet-18: enlarge to 256, take the middle 22
 outputs are the components of the sun's horizontal direction, forward and to the left of the camera.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from importlib.metadata import PackageNotFoundError, distribution
 from itertools import islice
 from pathlib import Path
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from export.evaluation.suncompass import INPUT, Peer
 from lighting.errors import ModelError
 from lighting.geometry import Floats
 
@@ -23,12 +22,13 @@ WEIGHTS = "3_224_224_resnet_baseline_5_all.pth"
 ENLARGED = 256  # pixels
 BATCH = 16
 
+SIDE = 224  # pixels of a window
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
 
-def load_peer(name: str, version: str) -> Peer:
-    """The peer with the weights of an installed package; ModelError if that version is not installed."""
+def load_peer(name: str, version: str) -> Callable[[Iterable[NDArray[np.float32]]], Floats]:
+    """Windows (3, 224, 224) to forward and left (N, 2), by an installed package's weights; ModelError without it."""
     network = SunCompass()
     network.load_state_dict(torch.load(_weights(name, version), map_location="cpu", weights_only=True))
     network.eval()
@@ -109,6 +109,6 @@ class SunCompass(nn.Module):
 
 def _as_imagenet(windows: Tensor) -> Tensor:
     enlarged = F.interpolate(windows, (ENLARGED, ENLARGED), mode="bilinear", antialias=True)
-    edge = (ENLARGED - INPUT) // 2
+    edge = (ENLARGED - SIDE) // 2
     middle = enlarged[..., edge:-edge, edge:-edge]
     return (middle - windows.new_tensor(IMAGENET_MEAN)[:, None, None]) / windows.new_tensor(IMAGENET_STD)[:, None, None]
