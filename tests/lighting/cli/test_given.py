@@ -255,4 +255,4 @@ def test_a_scene_takes_the_same_metadata(phone: Path, photo_path: Path, network:
     record = tmp_path / "known" / "lighting.json"
     refused = run("scene", photo_path, "--for", "usd", "--lighting", record, "--fov", "50", "-o", tmp_path / "no")
     assert refused.exit_code == 2
-    assert "--lighting tells the light" in refused.output
+    assert "--lighting states the light" in refused.output
