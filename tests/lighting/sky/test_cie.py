@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
 from lighting.geometry import angle_between, direction, latlong_directions, latlong_solid_angle
-from lighting.sky_cie import (
+from lighting.sky.cie import (
     CLEAR,
     OVERCAST_INTEGRAL,
     POLLUTED,

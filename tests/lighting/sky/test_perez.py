@@ -5,7 +5,7 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.geometry import direction
-from lighting.sky_perez import perez_coefficients, perez_luminance, sky_brightness, sky_clearness
+from lighting.sky.perez import perez_coefficients, perez_luminance, sky_brightness, sky_clearness
 
 ZENITH = np.array([0.0, 1.0, 0.0])
 
