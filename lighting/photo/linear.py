@@ -142,12 +142,15 @@ def _read_raw(file: Path) -> LinearPhoto:
             )
     except rawpy.LibRawError as error:
         raise PhotoError(f"{file} cannot be read as a RAW photo ({error}).") from error
-    facts, exposure = _facts_of_raw(file)
+    facts, exposure = facts_of(file)
     return LinearPhoto(np.asarray(pixels / np.float32(65535)), _HIGH_END, 1 / levels, exposure, facts)
 
 
-def _facts_of_raw(file: Path) -> tuple[PhotoFacts, float | None]:
-    """What Pillow can read of a RAW file's tags: most are TIFF files inside."""
+def facts_of(file: str | Path) -> tuple[PhotoFacts, float | None]:
+    """What the EXIF block of a photo says, and its exposure, without its pixels; nothing where none can be read.
+
+    Most RAW files are TIFF files inside, of which Pillow reads the tags.
+    """
     try:
         with Image.open(file) as image:
             return read_facts(image, image.width, image.height), read_exposure(image)
