@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
 from lighting.evidence.ephemeris import sun_position
-from lighting.geometry import angle_between, direction, wrap_azimuth
+from lighting.geometry import angle_between, direction, latlong_directions, wrap_azimuth
 from lighting.photo.linear import Curve
 from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
 from lighting.probe.exposures import Bracket
@@ -25,7 +25,7 @@ from lighting.probe.sun_spot import SunSpot, find_spot
 
 Floats = NDArray[np.floating[Any]]
 
-SEARCH_HEIGHT = 512  # rows of the map in which the sun is sought before the camera's turn is known
+SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
 OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
 _UNCLIPPED_SKY = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
 
@@ -152,8 +152,7 @@ def develop(bracket: Bracket, settings: Settings) -> Developed:
         pitch=settings.pitch,
         mirrored=settings.mirrored,
     )
-    rows = min(settings.height, SEARCH_HEIGHT)
-    spot = find_spot(*to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), rows))
+    spot = find_spot(*to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
     return Developed(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
 
 
@@ -197,8 +196,6 @@ def _said(probe: Probe) -> Iterator[str]:
 
 def _clipped_sky(probe: Probe) -> float:
     """Share of the upper half's pixels that are clipped and not the sun's."""
-    from lighting.geometry import latlong_directions
-
     upper = probe.clipped[: len(probe.clipped) // 2]
     if probe.spot is None:
         return float(upper.mean())

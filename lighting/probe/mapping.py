@@ -56,6 +56,8 @@ def bilinear(picture: Floats, pixels: Floats, *, wrap: bool = False) -> Floats:
     """
     height, width = picture.shape[:2]
     seen = np.asarray(np.isfinite(pixels).all(axis=-1))
+    if not seen.any():
+        return np.zeros((*pixels.shape[:-1], picture.shape[-1]), dtype=np.float32)
     at = np.where(seen[..., None], pixels, 0.0) - 0.5
     corner = np.floor(at)
     share = (at - corner).astype(np.float32)

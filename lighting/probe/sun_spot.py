@@ -14,7 +14,7 @@ Floats = NDArray[np.floating[Any]]
 
 LEAST_CONTRAST = 200.0  # the sun's pixel / the median above the horizon; sunlit clouds stay under 50
 LARGEST_CLIPPED = 12.0  # deg, radius of a clipped region that can still be called the sun
-MARGIN = 1.5  # deg around the bright region whose light counts as the sun's
+MARGIN = 1.5  # pixels of the map around the bright region whose light counts as the sun's
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,9 @@ def find_spot(image: NDArray[np.float32], clipped: Mask) -> SunSpot | None:
     radius = float(np.degrees(np.arccos(1 - size / (2 * np.pi))))
     centre = (area * value)[region] @ towards[region]
     from_centre = angle_between(towards, centre)
-    background = _background(image, from_centre, radius)
-    near = from_centre < radius + MARGIN
+    reach = radius + MARGIN * 180.0 / len(image)
+    background = _background(image, from_centre, reach)
+    near = from_centre < reach
     light = np.maximum(image[near] - background, 0) * area[near][:, None]
     azimuth, elevation = angles(luminance(light) @ towards[near])
     return SunSpot(float(azimuth), float(elevation), radius, bool(clipped[region].any()), light.sum(axis=0))
@@ -67,7 +68,7 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
     return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])
 
 
-def _background(image: NDArray[np.float32], from_centre: Floats, radius: float) -> Floats:
-    """Median colour (3,) of the sky beside the sun."""
-    ring = (from_centre > radius + MARGIN) & (from_centre < radius + 2 * MARGIN)
+def _background(image: NDArray[np.float32], from_centre: Floats, reach: float) -> Floats:
+    """Median colour (3,) of the sky right beside the sun, which is much brighter than that a few degrees away."""
+    ring = (from_centre > reach) & (from_centre < reach + MARGIN * 180.0 / len(image))
     return np.median(image[ring], axis=0) if ring.any() else np.zeros(3)
