@@ -15,7 +15,7 @@ from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance
 Floats = NDArray[np.floating[Any]]
 
 TIMES = tuple(float(time) for time in np.geomspace(1 / 8000, 1, 7))  # s
-ELECTRONS = 20_000.0  # at full scale
+ELECTRONS = 50_000.0  # at full scale, of a full-frame camera at its base sensitivity
 READ_ELECTRONS = 3.0
 
 
