@@ -16,7 +16,8 @@ from lighting.probe.lens import Lens, lens_pixels, pixels_per_degree
 Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
-_MOST_SAMPLES = 4  # per side of a map's pixel
+_MOST_SAMPLES = 6  # per side of a map's pixel
+_FINER = 1.5  # times finer than the map a picture stays at least
 _TOUCHED = 0.25  # of a map's pixel covered by clipped pixels, from which on it counts as clipped
 _ROWS = 16  # mapped at once
 
@@ -30,7 +31,7 @@ def to_latlong(
     """
     picture = np.concatenate([radiance, clipped[..., None].astype(np.float32)], axis=-1)
     picture, lens = _averaged(picture, lens, height)
-    samples = int(np.clip(np.ceil(2 * pixels_per_degree(lens) * 180.0 / height), 2, _MOST_SAMPLES))
+    samples = int(np.clip(np.ceil(2 * pixels_per_degree(lens) * 180.0 / height), 2, _MOST_SAMPLES))  # two a pixel
     result = np.empty((height, 2 * height, 4), dtype=np.float32)
     for start in range(0, height, _ROWS):
         rows = np.arange(start, min(start + _ROWS, height))
@@ -71,8 +72,8 @@ def bilinear(picture: Floats, pixels: Floats, *, wrap: bool = False) -> Floats:
 
 
 def _averaged(picture: Floats, lens: Lens, height: int) -> tuple[Floats, Lens]:
-    """The picture and its lens with pixels not much finer than half the map's."""
-    factor = int(pixels_per_degree(lens) * 180.0 / height / 2)
+    """The picture and its lens, averaged over whole squares of pixels until it is not much finer than the map."""
+    factor = int(pixels_per_degree(lens) * 180.0 / height / _FINER)
     if lens.kind == "latlong":
         factor = next((f for f in range(factor, 1, -1) if lens.height % f == 0), 1)
     if factor < 2:
