@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
 from lighting.evidence.ephemeris import sun_position
-from lighting.geometry import angle_between, direction, latlong_directions, wrap_azimuth
+from lighting.geometry import angle_between, angles, direction, latlong_directions, wrap_azimuth
 from lighting.photo.linear import Curve
 from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
 from lighting.probe.exposures import Bracket
@@ -168,12 +168,17 @@ def _finish(
 ) -> Probe:
     merged = developed.merged
     image, clipped = to_latlong(merged.radiance, merged.clipped, developed.lens, rotation, settings.height)
-    spot = find_spot(image, clipped)
+    spot = None if developed.spot is None else _turned(developed.spot, rotation)
     probe = Probe(image, clipped, moment, spot, False, None, alignment, developed.exposed, developed.warnings)
     if settings.fill and spot is not None and spot.clipped:
         filled, sun, fit = fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
     return replace(probe, warnings=(*probe.warnings, *_said(probe)))
+
+
+def _turned(spot: SunSpot, rotation: Floats) -> SunSpot:
+    azimuth, elevation = angles(rotation @ spot.direction)
+    return replace(spot, azimuth=float(azimuth), elevation=float(elevation))
 
 
 def _said(probe: Probe) -> Iterator[str]:

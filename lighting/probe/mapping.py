@@ -16,9 +16,10 @@ from lighting.probe.lens import Lens, lens_pixels, pixels_per_degree
 Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
-_MOST_SAMPLES = 6  # per side of a map's pixel
+_MOST_SAMPLES, _MOST_SAMPLES_OF_SMALL = 4, 6  # per side of a pixel, of maps from and under
+_SMALL = 256  # rows
 _FINER = 1.5  # times finer than the map a picture stays at least
-_TOUCHED = 0.25  # of a map's pixel covered by clipped pixels, from which on it counts as clipped
+_TOUCHED = 1e-3  # of a map's pixel covered by clipped pixels: even the smallest sun in the largest pixel is more
 _ROWS = 16  # mapped at once
 
 
@@ -31,7 +32,8 @@ def to_latlong(
     """
     picture = np.concatenate([radiance, clipped[..., None].astype(np.float32)], axis=-1)
     picture, lens = _averaged(picture, lens, height)
-    samples = int(np.clip(np.ceil(2 * pixels_per_degree(lens) * 180.0 / height), 2, _MOST_SAMPLES))  # two a pixel
+    most = _MOST_SAMPLES_OF_SMALL if height < _SMALL else _MOST_SAMPLES
+    samples = int(np.clip(np.ceil(2 * pixels_per_degree(lens) * 180.0 / height), 2, most))
     result = np.empty((height, 2 * height, 4), dtype=np.float32)
     for start in range(0, height, _ROWS):
         rows = np.arange(start, min(start + _ROWS, height))

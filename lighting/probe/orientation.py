@@ -78,19 +78,18 @@ def log_errors(measured: Floats, model: Floats) -> Floats:
 
 
 def _errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
-    """The least error over turbidities at each offset (M,)."""
+    """The least error over turbidities at each offset (M,): root mean square of the logarithm, cut at LIMIT."""
     sun = direction(*scan.sun)
-    result = np.empty(len(offsets))
-    for index, offset in enumerate(offsets):
-        towards = scan.directions(sense, float(offset))
-        far = angle_between(towards, sun) > SUN_CLEARANCE
-        models = (luminance(sky_radiance(towards[far], sun, t, GROUND_ALBEDO)) for t in TURBIDITIES)
-        result[index] = min(_typical(log_errors(scan.luminance[far], model)) for model in models)
-    return result
-
-
-def _typical(error: Floats) -> float:
-    return float(np.sqrt(np.mean(np.minimum(np.abs(error), LIMIT) ** 2)))
+    towards = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
+    far = angle_between(towards, sun) > SUN_CLEARANCE
+    squares = []
+    for turbidity in TURBIDITIES:
+        model = luminance(sky_radiance(towards, sun, turbidity, GROUND_ALBEDO))
+        error = np.log(np.maximum(scan.luminance, 1e-12)) - np.log(np.maximum(model, 1e-12))
+        error = np.where(far, error, np.nan)
+        error -= np.nanmedian(error, axis=1, keepdims=True)
+        squares.append(np.nanmean(np.minimum(error**2, LIMIT**2), axis=1))
+    return np.asarray(np.sqrt(np.min(squares, axis=0)))
 
 
 def _lowest(offsets: Floats, errors: Floats) -> float:
