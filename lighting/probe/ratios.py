@@ -26,6 +26,7 @@ GAMMA = 0.75  # log of the measured ratio / log of EXIF's, below which the pixel
 DIFFERENCE = 0.08  # relative, between EXIF's ratio and the pixels', that is worth a warning: third stops round to 7 %
 LEAST_STEP = 1.2  # between exposures, for their ratio to tell a curve
 _STEPS = 8
+_CURVE = {True: "srgb", False: "linear"}
 
 
 @dataclass(frozen=True)
@@ -127,11 +128,12 @@ def _against_pixels(relative: Floats, ratios: tuple[Ratio | None, ...], names: t
         if ratio and ratio.sure and told > LEAST_STEP and abs(told / ratio.value - 1) > DIFFERENCE:
             different.append((float(told), ratio.value, pair))
     powers = [np.log(value) / np.log(t) for t, value, _ in different]
-    if powers and np.median(powers) < GAMMA:
+    if powers and not GAMMA < np.median(powers) < 1 / GAMMA:
         t, value, _ = different[0]
+        coded = np.median(powers) < GAMMA
         raise ProbeError(
-            f"The pixels are coded by a curve: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in "
-            f"the pixels. If they are sRGB, say --curve srgb."
+            f"The pixels are {'coded by a curve' if coded else 'linear and were decoded as if by a curve'}: exposures that "
+            f"differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the pixels; say --curve {_CURVE[coded]}."
         )
     return tuple(
         f"EXIF says that {second} is {t:.3g} times as long as {first}, the pixels say {value:.3g}."
