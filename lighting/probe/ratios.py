@@ -130,10 +130,10 @@ def _against_pixels(relative: Floats, ratios: tuple[Ratio | None, ...], names: t
     powers = [np.log(value) / np.log(t) for t, value, _ in different]
     if powers and not GAMMA < np.median(powers) < 1 / GAMMA:
         t, value, _ = different[0]
-        coded = np.median(powers) < GAMMA
+        coded = bool(np.median(powers) < GAMMA)
+        state = "coded by a curve" if coded else "linear and were decoded as if by a curve"
         raise ProbeError(
-            f"The pixels are {'coded by a curve' if coded else 'linear and were decoded as if by a curve'}: exposures that "
-            f"differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the pixels; say --curve {_CURVE[coded]}."
+            f"The pixels are {state}: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the pixels; say --curve {_CURVE[coded]}."
         )
     return tuple(
         f"EXIF says that {second} is {t:.3g} times as long as {first}, the pixels say {value:.3g}."
