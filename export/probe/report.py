@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from export.probe.scans import report as scans_report
 from export.probe.synthetic import TIMES, Camera, expose, gain_of, photograph
 from lighting.envmap import render, sun_irradiance
-from lighting.geometry import angle_between, camera_axes, latlong_directions
+from lighting.geometry import Floats, angle_between, camera_axes, latlong_directions
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.align import yaw_rotation
 from lighting.probe.develop import Moment, Probe, Settings, make_probe, make_series
@@ -21,8 +19,6 @@ from lighting.probe.exposures import Bracket, bracket_of, read_bracket
 from lighting.probe.lens import Kind, Lens, lens_of
 from lighting.probe.ratios import exposed
 from lighting.records import Lighting
-
-Floats = NDArray[np.floating[Any]]
 
 PLACE = (47.0, 8.0)  # deg
 DAY = datetime(2024, 6, 1, 9, 0, tzinfo=UTC)

@@ -12,20 +12,17 @@ import sys
 from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.evidence.ephemeris import sun_position
-from lighting.files.atomic import replacing
-from lighting.geometry import angle_between, direction
+from lighting.evidence import sun_position
+from lighting.files import replacing
+from lighting.geometry import Floats, angle_between, direction
 from lighting.probe.orientation import SUN_CLEARANCE, Scan, log_errors, orient
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import general_luminance, overcast_luminance, perez_luminance, sky_radiance
 
-Floats = NDArray[np.floating[Any]]
 Model = Callable[[Floats, Floats], Iterable[Floats]]
 
 SCANS = Path(__file__).with_name("sky_scans.csv")

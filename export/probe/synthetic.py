@@ -2,17 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.lens import Lens, lens_directions, lens_pixels
 from lighting.records import Lighting
 from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance
-
-Floats = NDArray[np.floating[Any]]
 
 TIMES = tuple(float(time) for time in np.geomspace(1 / 8000, 1, 7))  # s
 ELECTRONS = 50_000.0  # at full scale, of a full-frame camera at its base sensitivity

@@ -170,7 +170,7 @@ def _fit_in_words(made: "Probe") -> str:
 @click.option("--json", "as_json", is_flag=True, help="One JSON record.")
 def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
     """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""
-    from lighting.files.exr import checked_map, read_exr
+    from lighting.files import checked_map, read_exr
     from lighting.probe.describe import describe
 
     state = describe(checked_map(read_exr(sky)[0]), sun)

@@ -7,16 +7,13 @@ the one of least squares (Kabsch 1976), for each of the lenses tried.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
-from lighting.geometry import angle_between, wrap_azimuth
+from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.probe.lens import Lens, lens_directions
-
-Floats = NDArray[np.floating[Any]]
 
 LEAST_SUNS = 3
 LEAST_ARC = 15.0  # deg, that the suns of a series must span

@@ -8,9 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from lighting.errors import ProbeError
-from lighting.photo.clock import in_utc
-from lighting.photo.exif import PhotoFacts
-from lighting.photo.linear import RAW_SUFFIXES, facts_of
+from lighting.photo import RAW_SUFFIXES, PhotoFacts, facts_of, in_utc
 from lighting.probe.exposures import PICTURES
 
 GAP = timedelta(seconds=20)  # between the starts of two exposures from which on another bracket begins

@@ -1,22 +1,19 @@
 """What a measured map says of its sky: the sun, the model that fits, and how much of the sky it does not explain."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.errors import ProbeError
-from lighting.geometry import angle_between, direction, latlong_angles, latlong_directions
+from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions
 from lighting.probe.regions import HEIGHT, shrink, solid_angle
 from lighting.probe.sky_fit import SUN_CLEARANCE, SkyFit, fit_sky
 from lighting.probe.sun_finder import find_sun
 from lighting.probe.sun_spot import find_spot
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance
-
-Floats = NDArray[np.floating[Any]]
 
 LOWEST = 10.0  # deg, below which hills, trees and haze hide the sky
 CLEAR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear

@@ -3,15 +3,14 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
-from lighting.evidence.ephemeris import sun_position
-from lighting.geometry import angle_between, angles, direction, latlong_directions, wrap_azimuth
-from lighting.photo.linear import Curve
+from lighting.evidence import sun_position
+from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
+from lighting.photo import Curve
 from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
 from lighting.probe.exposures import Bracket
 from lighting.probe.fill import fill_sun
@@ -22,8 +21,6 @@ from lighting.probe.ratios import Exposed, exposed
 from lighting.probe.regions import Mask
 from lighting.probe.sky_fit import SkyFit
 from lighting.probe.sun_spot import SunSpot, find_spot
-
-Floats = NDArray[np.floating[Any]]
 
 SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
 OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import PhotoError, ProbeError
-from lighting.photo.linear import Curve, LinearPhoto, of_floats, read_linear
+from lighting.photo import Curve, LinearPhoto, of_floats, read_linear
 
 _FLOAT_SUFFIXES = (".exr", ".hdr")
 PICTURES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
@@ -61,8 +61,7 @@ def brightness(pixels: NDArray[np.float32]) -> float:
 def _read(path: Path, curve: Curve | None) -> LinearPhoto:
     if path.suffix.lower() not in _FLOAT_SUFFIXES:
         return read_linear(path, curve)
-    from lighting.files.exr import read_exr
-    from lighting.files.rgbe import read_hdr
+    from lighting.files import read_exr, read_hdr
 
     photo = of_floats(read_exr(path)[0] if path.suffix.lower() == ".exr" else read_hdr(path))
     if curve == "srgb":

@@ -1,7 +1,6 @@
 """A sun that no exposure could measure, taken from the model of the sky around it."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,6 @@ from lighting.probe.regions import Mask
 from lighting.probe.sky_fit import SkyFit, fit_sky
 from lighting.probe.sun_spot import SunSpot
 from lighting.records import Lighting
-
-Floats = NDArray[np.floating[Any]]
 
 
 def fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunSpot) -> tuple[NDArray[np.float32], SunSpot, SkyFit]:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 
 from lighting.errors import ProbeError
-from lighting.files.exr import read_attributes
+from lighting.files import read_attributes
 
 FILE = "envmap.exr"
 TIME = "lighting.time"  # the header's attribute: ISO 8601 with the offset from UTC

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lighting.errors import ProbeError
-from lighting.geometry import camera_axes, direction, latlong_pixel
+from lighting.geometry import Floats, camera_axes, direction, latlong_pixel
 
-Floats = NDArray[np.floating[Any]]
 Kind = Literal["equidistant", "equisolid", "ball", "latlong"]
 
 KINDS: tuple[Kind, ...] = ("equidistant", "equisolid", "ball", "latlong")

@@ -5,15 +5,13 @@ mean of several samples, so that the sum of radiance x solid angle survives.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import direction
+from lighting.geometry import Floats, direction
 from lighting.probe.lens import Lens, lens_pixels, pixels_per_degree
 
-Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
 _MOST_SAMPLES, _MOST_SAMPLES_OF_SMALL = 4, 6  # per side of a pixel, of maps from and under

@@ -6,16 +6,15 @@ clipped in every exposure is known to be brighter than the shortest one says, an
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
+from lighting.geometry import Floats
 from lighting.probe.exposures import Bracket
 from lighting.probe.ratios import beside, clipped
 
-Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
 READ_NOISE = 2e-4  # of full scale, where rounding is finer than that

@@ -7,18 +7,14 @@ moves on, the right answer stays and the wrong one turns at twice the sun's pace
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.errors import ProbeError
-from lighting.geometry import angle_between, direction, wrap_azimuth
+from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance
-
-Floats = NDArray[np.floating[Any]]
 
 TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)
 SUN_CLEARANCE = 10.0  # deg around the sun left out

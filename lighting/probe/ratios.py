@@ -7,16 +7,14 @@ its slope; the errors are nearly all in the short one, so that one is the depend
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
-from lighting.photo.linear import LinearPhoto
+from lighting.geometry import Floats
+from lighting.photo import LinearPhoto
 from lighting.probe.exposures import Bracket
-
-Floats = NDArray[np.floating[Any]]
 
 LEAST_VALUE, MOST_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
 LEAST_SAMPLES = 24  # values that a ratio is measured from
@@ -133,7 +131,8 @@ def _against_pixels(relative: Floats, ratios: tuple[Ratio | None, ...], names: t
         coded = bool(np.median(powers) < GAMMA)
         state = "coded by a curve" if coded else "linear and were decoded as if by a curve"
         raise ProbeError(
-            f"The pixels are {state}: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the pixels; say --curve {_CURVE[coded]}."
+            f"The pixels are {state}: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the "
+            f"pixels; say --curve {_CURVE[coded]}."
         )
     return tuple(
         f"EXIF says that {second} is {t:.3g} times as long as {first}, the pixels say {value:.3g}."

@@ -1,16 +1,13 @@
 """The sun in a measured sky: where it is, whether it is clipped, and the light it gives."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.geometry import angle_between, angles, direction, latlong_directions
+from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions
 from lighting.probe.regions import Mask, connected, solid_angle
-
-Floats = NDArray[np.floating[Any]]
 
 LEAST_CONTRAST = 200.0  # the sun's pixel / the median above the horizon; sunlit clouds stay under 50
 LARGEST_CLIPPED = 12.0  # deg, radius of a clipped region that can still be called the sun

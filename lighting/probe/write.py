@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lighting.errors import ProbeError
-from lighting.files.exr import write_exr
+from lighting.files import write_exr
 from lighting.probe.develop import Probe
 from lighting.probe.folders import TIME, probe_path
 

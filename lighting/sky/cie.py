@@ -6,15 +6,11 @@ that of Moon and Spencer (1942). Luminance is relative to the zenith's; a scale 
 Directions are unit vectors in the frame of geometry.py (+Y up).
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lighting.errors import ParameterError
-from lighting.geometry import angle_between
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats, angle_between
 
 OVERCAST_INTEGRAL = 7 * np.pi / 9  # horizontal illuminance of the overcast sky / luminance of its zenith
 UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own

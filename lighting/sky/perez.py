@@ -6,15 +6,11 @@ coefficients of the 1990 paper, which tilted-plane irradiance programs use, are 
 the zenith's; directions are unit vectors in the frame of geometry.py (+Y up).
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lighting.errors import ParameterError
-from lighting.geometry import angle_between
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats, angle_between
 
 CLEARNESS_BINS = (1.0, 1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)  # where each row of the table begins
 BRIGHTNESS_RANGE = (0.01, 0.6)
