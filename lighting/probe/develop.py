@@ -1,5 +1,6 @@
 """From the exposures of a bracket, a time and a place to a sky in the world's axes."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -43,6 +44,9 @@ class Settings:
     curve: Curve | None = None
     fill: bool = False  # a clipped sun is taken from the model
 
+    def __post_init__(self) -> None:
+        _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
+
 
 @dataclass(frozen=True)
 class Moment:
@@ -51,6 +55,9 @@ class Moment:
     time: datetime  # aware
     latitude: float  # deg, positive north
     longitude: float  # deg, positive east
+
+    def __post_init__(self) -> None:
+        _check_finite("The place", self.latitude, self.longitude)
 
     @property
     def sun(self) -> tuple[float, float]:
@@ -171,6 +178,11 @@ def _finish(
         filled, sun, fit = fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
     return replace(probe, warnings=(*probe.warnings, *_said(probe)))
+
+
+def _check_finite(what: str, *numbers: float | None) -> None:
+    if not all(number is None or math.isfinite(number) for number in numbers):
+        raise ProbeError(f"{what} is told by a number that is not finite.")
 
 
 def _turned(spot: SunSpot, rotation: Floats) -> SunSpot:

@@ -45,7 +45,7 @@ def lens_of(kind: Kind, width: int, height: int, **told: Any) -> Lens:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
     if not 0 < lens.fov <= 360 or (kind == "equisolid" and lens.fov == 360):
         raise ProbeError(f"The lens's field of view is {lens.fov:g} deg; it must be over 0 and up to 360.")
-    if lens.radius <= 0 or not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
+    if not lens.radius > 0 or not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
         raise ProbeError("The lens's circle must have a radius over 0 and its centre in the picture.")
     return lens
 

@@ -92,3 +92,10 @@ def test_night_and_skies_without_sun_are_refused() -> None:
         make_probe(grey, MOMENT, SETTINGS)
     told = make_probe(grey, MOMENT, Settings(height=64, yaw=30.0))
     assert told.warnings == ("No sun is seen in this probe.",)
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    with pytest.raises(ProbeError, match="lens"):
+        Settings(radius=float("nan"))
+    with pytest.raises(ProbeError, match="place"):
+        Moment(DAY, float("nan"), 8.0)
