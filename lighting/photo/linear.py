@@ -133,6 +133,7 @@ def _read_raw(file: Path) -> LinearPhoto:
             pixels = raw.postprocess(
                 gamma=(1, 1),
                 no_auto_bright=True,
+                adjust_maximum_thr=0.0,  # else each exposure is scaled by its own brightest pixel
                 output_bps=16,
                 use_camera_wb=False,
                 user_wb=list(raw.daylight_whitebalance),

@@ -103,6 +103,53 @@ def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
         read_linear(tmp_path / "none.png")
 
 
+def test_raw_photos_are_linear_whatever_their_brightest_pixel(tmp_path: Path) -> None:
+    pytest.importorskip("rawpy")
+    ramp = np.tile(np.linspace(100, 16000, 200), (80, 1))
+    for name, part in (("bright", 1.0), ("dark", 0.8)):
+        (tmp_path / f"{name}.dng").write_bytes(plain_dng(ramp * part, white=16383))
+        photo = read_linear(tmp_path / f"{name}.dng")
+        inside = (slice(8, -8), slice(8, -8))
+        expected = np.repeat((ramp * part / 16383)[..., None], 3, axis=-1)
+        # The middle of two neighbours of a row counts half a step of the ramp.
+        assert photo.pixels[inside] == pytest.approx(expected[inside], abs=0.003)
+        assert photo.step == pytest.approx(1 / 16383)
+
+
+def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
+    """A DNG of one strip, whose colours are Rec.709 already: header, directory, what does not fit it, pixels."""
+    height, width = mosaic.shape
+    to_rec709 = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570)  # of XYZ
+    matrix = np.array([[round(value * 10000), 10000] for value in to_rec709], "<i4").tobytes()
+    byte, text, short, long, ratio, signed = (1, 1), (2, 1), (3, 2), (4, 4), (5, 8), (10, 8)  # numbers of types, sizes
+    name = b"Test\0"
+    tags = [
+        *((256, long, _int(width)), (257, long, _int(height)), (258, short, _int(16, 2)), (259, short, _int(1, 2))),
+        *((262, short, _int(32803, 2)), (271, text, name), (272, text, name), (273, long, b"")),
+        *((277, short, _int(1, 2)), (278, long, _int(height)), (279, long, _int(2 * height * width))),
+        *((33421, short, _int(2, 2) * 2), (33422, byte, bytes([0, 1, 1, 2])), (50706, byte, bytes([1, 4, 0, 0]))),
+        *((50708, text, name), (50714, short, _int(0, 2)), (50717, long, _int(white)), (50721, signed, matrix)),
+        *((50728, ratio, (_int(1) * 2) * 3), (50778, short, _int(21, 2))),
+    ]
+    start = 8 + 2 + 12 * len(tags) + 4
+    data_at = start + sum(-(-len(data) // 2) * 2 for _, _, data in tags if len(data) > 4)
+    directory, beside = _int(len(tags), 2), b""
+    for tag, (kind, size), data in tags:
+        value = data or _int(data_at)
+        directory += _int(tag, 2) + _int(kind, 2) + _int(len(value) // size)
+        if len(value) > 4:
+            directory += _int(start + len(beside))
+            beside += value + bytes(len(value) % 2)
+        else:
+            directory += value.ljust(4, b"\0")
+    pixels: bytes = np.rint(mosaic).astype("<u2").tobytes()
+    return b"II*\0" + _int(8) + directory + bytes(4) + beside + pixels
+
+
+def _int(value: int, size: int = 4) -> bytes:
+    return value.to_bytes(size, "little")
+
+
 def test_raw_photos_ask_for_their_library_or_say_what_is_wrong(tmp_path: Path) -> None:
     (tmp_path / "a.dng").write_bytes(b"nothing")
     with pytest.raises(PhotoError, match=r"rawpy|RAW"):
