@@ -1,0 +1,124 @@
+"""How much a set of light vectors multiplies the noise of pixels in the normals that photometric stereo finds.
+
+With brightnesses b = M x of a patch, x = albedo x normal, and noise of standard deviation sigma in each, least squares
+gives x with covariance sigma^2 (M^T M)^-1. The noise gain of axis k is lambda_k = sqrt of the k-th diagonal of
+(M^T M)^-1: its 95 % interval is +- 1.96 sigma lambda_k / albedo of the normal's component (Hold-Geoffroy et al., What
+Is a Good Day for Outdoor Photometric Stereo?, ICCP 2015). The diagonal depends on the axes chosen; 1 / sigma_min, with
+the least singular value of M, does not and is at least as large. Both fall as 1 / sqrt(photos) and grow as
+1 / exposure: compare only what shares both. What no light resolves has an infinite gain.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lighting.geometry import Floats
+
+SURE = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
+WORST_ERROR = 90.0  # deg, an error so large says nothing of the normal
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and columns of the upper triangle
+_SINGULAR = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
+
+
+def gram(matrix: ArrayLike) -> Floats:
+    """M^T M (..., 3, 3) of illumination matrices (..., T, 3)."""
+    m = np.asarray(matrix, dtype=np.float64)
+    return np.asarray(np.swapaxes(m, -1, -2) @ m)
+
+
+def inverse(grams: ArrayLike) -> Floats:
+    """Inverses (..., 3, 3) of symmetric positive matrices (..., 3, 3); infinite on the diagonal where singular."""
+    g = np.asarray(grams, dtype=np.float64)
+    return _inverse(np.stack([g[..., row, column] for row, column in _UPPER], axis=-1))
+
+
+def _inverse(upper: Floats) -> Floats:
+    """The same of matrices given by their upper triangles (..., 6), by cofactors: a million take a second."""
+    scale = np.maximum((upper[..., 0] + upper[..., 3] + upper[..., 5]) / 3, np.finfo(np.float64).tiny)
+    a, b, c, d, e, f = np.moveaxis(upper / scale[..., None], -1, 0)
+    adjugate = [d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b]
+    determinant = a * adjugate[0] + b * adjugate[1] + c * adjugate[2]
+    solvable = determinant > _SINGULAR
+    factor = 1 / np.where(solvable, determinant * scale, 1.0)
+    result = np.empty((*upper.shape[:-1], 3, 3))
+    for (row, column), cofactor in zip(_UPPER, adjugate, strict=True):
+        value = np.where(solvable, cofactor * factor, np.inf if row == column else 0.0)
+        result[..., row, column] = result[..., column, row] = value
+    return result
+
+
+def covariance(matrix: ArrayLike, noise: float = 1.0) -> Floats:
+    """Covariance (..., 3, 3) of albedo x normal from illumination matrices (..., T, 3) and pixel noise sigma."""
+    return np.asarray(noise**2 * inverse(gram(matrix)))
+
+
+def noise_gain(matrix: ArrayLike) -> Floats:
+    """Noise gain lambda_k (..., 3) of each axis of illumination matrices (..., T, 3)."""
+    return gain_of(inverse(gram(matrix)))
+
+
+def largest_gain(matrix: ArrayLike) -> Floats:
+    """lambda_max (...), the largest noise gain of the three axes."""
+    return np.asarray(noise_gain(matrix).max(axis=-1))
+
+
+def rotation_free_gain(matrix: ArrayLike) -> Floats:
+    """1 / sigma_min (...) of illumination matrices (..., T, 3): the gain along the worst direction, not axis."""
+    m = np.asarray(matrix, dtype=np.float64)
+    if m.shape[-2] < 3:
+        return np.full(m.shape[:-2], np.inf)
+    least = np.linalg.svd(m, compute_uv=False)[..., -1]
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / least)
+
+
+def gain_of(inverses: Floats) -> Floats:
+    """Noise gain (..., 3) of each axis from (M^T M)^-1 (..., 3, 3)."""
+    return np.asarray(np.sqrt(np.diagonal(inverses, axis1=-2, axis2=-1)))
+
+
+def interval_95(gain: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
+    """Half width (...) of the 95 % interval of a normal's component, from its noise gain (...)."""
+    return np.asarray(SURE * noise * np.asarray(gain, dtype=np.float64) / albedo)
+
+
+def angular_spread(inverses: Floats, normals: ArrayLike) -> Floats:
+    """Root mean square turn [rad] (...) of unit normals (..., 3) per noise / albedo, from (M^T M)^-1 (..., 3, 3).
+
+    To first order in the noise, where only what moves x across the normal turns it.
+    """
+    n = np.asarray(normals, dtype=np.float64)
+    across = np.eye(3) - n[..., :, None] * n[..., None, :]
+    square = np.einsum("...ij,...ij->...", np.where(np.isfinite(inverses), inverses, 0.0), across)
+    solved = np.isfinite(inverses[..., 0, 0])
+    return np.asarray(np.where(solved, np.sqrt(np.maximum(square, 0.0)), np.inf))
+
+
+def angular_error(spread: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
+    """Expected error [deg] (...) of normals from their `angular_spread` (...): at most WORST_ERROR."""
+    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(spread, dtype=np.float64)), WORST_ERROR))
+
+
+def window_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
+    """(M^T M)^-1 (N, ..., 3, 3) of windows, of illumination matrices (N, T, 3) over a day.
+
+    `moments` (..., shots) are the indices of each window's photos; each holds the same number, so that gains compare.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER], axis=-1)
+    total = np.zeros((len(m), *moments.shape[:-1], 6))
+    for index in np.moveaxis(moments, -1, 0):
+        total += np.take(products, index, axis=1)
+    return _inverse(total)
+
+
+def gain_over_windows(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
+    """lambda_max (N, ...) of windows with photos at `moments` (..., shots), see `window_inverses`."""
+    return np.asarray(gain_of(window_inverses(matrix, moments)).max(axis=-1))
+
+
+def sphere_normals(count: int) -> Floats:
+    """Unit vectors (count, 3) spread evenly over the sphere along a spiral of golden angles."""
+    up = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    level = np.sqrt(1 - up**2)
+    return np.stack([level * np.sin(turn), up, -level * np.cos(turn)], axis=-1)

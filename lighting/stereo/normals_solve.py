@@ -1,0 +1,140 @@
+"""From a day's photos and skies to a map of normals: the noise, the search, and the network where it wins."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import PhotoError
+from lighting.stereo.mean_light import Skies
+from lighting.stereo.normals_features import Features, features
+from lighting.stereo.normals_frame import Pose, to_camera
+from lighting.stereo.normals_network import Network
+from lighting.stereo.normals_search import Answer, Candidates, Progress, candidates, quiet, search
+from lighting.stereo.normals_shadows import search_shadowed, shadowed
+
+Floats = NDArray[np.floating[Any]]
+Image = NDArray[np.float32]
+
+NOISE = 0.01  # of the brightest pixel, the standard deviation of a photo's noise
+
+_PROBE = 3000  # pixels at which the noise is measured
+_BRIGHTEST = 0.999  # quantile that counts as the brightest pixel
+_UNKNOWN = 2  # numbers that a normal takes from a pixel's brightnesses, besides an albedo for each channel
+_COARSE = 1000  # normals of the grid on which skies are compared
+_LEAST_NOISE = 2e-3  # taken for the noise where skies are compared
+_LEAST_SUN = np.radians(2.0)  # apart, for light to differ
+
+
+@dataclass(frozen=True)
+class Session:
+    """What is solved: a camera's photos of several moments and the light of each."""
+
+    images: Image  # (T, H, W, C), linear, in one unit
+    mask: NDArray[np.bool_]  # (H, W), the pixels to solve
+    skies: Skies  # of T moments and C channels
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class NormalMap:
+    """The normals of a picture; everything is 0 outside the mask."""
+
+    mask: NDArray[np.bool_]  # (H, W)
+    normal: Image  # (H, W, 3), unit vectors in the camera frame
+    albedo: Image  # (H, W, C), relative: the brightest hundredth is 1
+    error: Image  # (H, W), expected angle [deg] to the truth
+    residual: Image  # (H, W), what the model misses of the photos, as a share of the brightest pixel
+    network: NDArray[np.bool_]  # (H, W), where the network's normal was taken
+    noise: float  # of the photos and the model together, as a share of the brightest pixel
+
+
+def solve(
+    session: Session, noise: float = NOISE, network: Network | None = None, progress: Progress = quiet
+) -> NormalMap:
+    """The normals of a session's pixels.
+
+    `noise` is the least standard deviation of the images as a share of the brightest pixel; where the model fits worse
+    than that, what is left counts. Raises PhotoError for an empty mask and images without light.
+    """
+    found, planes = solve_with_planes(session, noise, progress)
+    return found if network is None else improved(found, network, planes)
+
+
+def solve_with_planes(session: Session, noise: float = NOISE, progress: Progress = quiet) -> tuple[NormalMap, Features]:
+    """What `solve` finds by search alone, and the planes that the network improves it from."""
+    mask, skies, pose = session.mask, session.skies, session.pose
+    pixels = _pixels(session)
+    table = candidates(skies, pose)
+    sigma = measured_noise(pixels, table, noise)
+    answer = search_shadowed(pixels, table, shadowed(skies, pose), sigma, progress)
+    planes = features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
+    return _map(mask, answer, sigma), planes
+
+
+def session_noise(session: Session) -> float:
+    """Standard deviation of what a session's skies leave unexplained, as a share of the brightest pixel."""
+    return measured_noise(_pixels(session), candidates(session.skies, session.pose, _COARSE), _LEAST_NOISE)
+
+
+def _pixels(session: Session) -> Image:
+    """Brightnesses (P, T, C) in the mask, as shares of the brightest pixel."""
+    pixels = np.ascontiguousarray(np.moveaxis(session.images, 0, -2)[session.mask])
+    if not len(pixels):
+        raise PhotoError("The mask leaves no pixel.")
+    white = float(np.quantile(pixels, _BRIGHTEST))
+    if not white > 0:
+        raise PhotoError("The photos are black where the mask is white.")
+    return np.asarray(pixels / np.float32(white))
+
+
+def measured_noise(pixels: Image, table: Candidates, least: float) -> float:
+    """Standard deviation of what the model misses of pixels (P, T, C), in their unit, but at least `least`."""
+    moments, channels = pixels.shape[1:]
+    free = moments * channels - channels - _UNKNOWN
+    if free <= 0:
+        return least
+    chosen = pixels[:: max(1, len(pixels) // _PROBE)]
+    answer = search(chosen, table, least)
+    spread = np.sqrt(np.median(answer.residual**2) * moments * channels / free)
+    return float(max(least, spread))
+
+
+def _map(mask: NDArray[np.bool_], answer: Answer, noise: float) -> NormalMap:
+    albedo = answer.albedo / max(float(np.quantile(answer.albedo, 0.99)), 1e-9)
+    return NormalMap(
+        mask,
+        normal=_filled(mask, answer.normal),
+        albedo=_filled(mask, albedo.astype(np.float32)),
+        error=_filled(mask, answer.error),
+        residual=_filled(mask, answer.residual),
+        network=np.zeros(mask.shape, dtype=bool),
+        noise=noise,
+    )
+
+
+def _filled(mask: NDArray[np.bool_], values: Image) -> Image:
+    """Values (P, ...) of a mask's pixels as a picture (H, W, ...)."""
+    picture = np.zeros((*mask.shape, *values.shape[1:]), dtype=np.float32)
+    picture[mask] = values
+    return picture
+
+
+def improved(found: NormalMap, network: Network, planes: Features) -> NormalMap:
+    """The network's normals where it expects to err less than the search."""
+    normal, error = network.predict(planes)
+    better = found.mask & (error < found.error)
+    return replace(
+        found,
+        normal=np.where(better[..., None], normal, found.normal),
+        error=np.where(better, error, found.error),
+        network=better,
+    )
+
+
+def check_light(skies: Skies) -> None:
+    """PhotoError where the light of all moments is the same."""
+    suns = skies.sun_direction
+    if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _LEAST_SUN:
+        raise PhotoError("The sun stands in the same place in all photos; take them over hours.")
