@@ -39,3 +39,5 @@ class BatchError(LightingError):
 def reason(error: Exception) -> str:
     """An error as one sentence, without the name of the file that an OSError carries."""
     return f"{error.strerror or error}." if isinstance(error, OSError) else str(error)
+class MissingExtraError(LightingError):
+    """An optional package, which one of this package's extras installs, is missing."""

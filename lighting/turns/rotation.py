@@ -1,0 +1,163 @@
+"""How two cameras are turned against each other, from what both see.
+
+Far things obey the homography at infinity K R K^-1: a rotation and a focal length are sought that most matches obey
+and refined. Where the camera moved between near things the essential matrix takes over (parallax.py).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.turns.match import Features, Matches, match
+from lighting.turns.rays import focal_of, project, rays, rotation_about, vertical_fov_of
+from lighting.turns.refine import Fit, minimise
+from lighting.turns.search import TOLERANCE, search
+
+DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is unknown
+LEAST_INLIERS = 12  # matches that agree, below which nothing is said
+LEAST_SHARE = 0.15  # of the matches in the common part of both photos
+LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """How the second camera is turned against the first."""
+
+    rotation: Floats  # (3, 3) a direction in the first camera's frame (x right, y up, -z ahead) to the second's
+    covariance: Floats  # (3, 3) [deg^2] of the small rotation vector in the second's frame that corrects `rotation`
+    vertical_fov: tuple[float, float]  # deg, of the first and of the second photo
+    fov_sigma: float  # deg, one standard deviation of those; 0 where they were given as exact
+    inliers: int  # matches that agree
+    matches: int
+    translates: bool = False  # whether the camera moved as well, among near things
+
+    @property
+    def sigma(self) -> float:
+        """Deg, one standard deviation of the turn about its least certain axis."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
+
+
+def relative_rotation(
+    a: Features, b: Features, fov_a: float | None = None, fov_b: float | None = None, fov_sigma: float = 0.0
+) -> Turn | None:
+    """The turn from the camera of `a` to that of `b`, or None where they have too little in common to tell.
+
+    `fov_a` and `fov_b` are vertical fields of view [deg]; one alone counts for both, none means one unknown lens.
+    `fov_sigma` is how far they may be off [deg]: 0 takes them as exact.
+    """
+    return rotation_of(match(a, b), (a.width, a.height), (b.width, b.height), (fov_a, fov_b), fov_sigma)
+
+
+def rotation_of(
+    matches: Matches,
+    size_a: tuple[int, int],
+    size_b: tuple[int, int],
+    fovs: tuple[float | None, float | None] = (None, None),
+    fov_sigma: float = 0.0,
+) -> Turn | None:
+    """The same from matches of two photos of these sizes (width, height)."""
+    if len(matches) < LEAST_INLIERS:
+        return None
+    lens = Lens.of(size_a, size_b, fovs, fov_sigma)
+    return _turn(matches, lens)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """What is known of both focal lengths before a match is seen; both are off by one factor, the zoom."""
+
+    sizes: tuple[tuple[int, int], tuple[int, int]]  # (width, height) of both photos
+    focal: tuple[float, float]  # of both photos [half diagonals]
+    spread: float  # one standard deviation of the zoom's logarithm; 0 exact, infinite unknown
+
+    @classmethod
+    def of(
+        cls, a: tuple[int, int], b: tuple[int, int], fovs: tuple[float | None, float | None], fov_sigma: float
+    ) -> "Lens":
+        """The lens of two photos with given vertical fields of view [deg]."""
+        said = [(focal_of(fov, *size), fov) for fov, size in zip(fovs, (a, b), strict=True) if fov is not None]
+        if not said:
+            return cls((a, b), (1.0, 1.0), np.inf)
+        spread = np.radians(fov_sigma) / np.sin(np.radians(said[0][1]))  # d log f = d fov / sin fov
+        return cls((a, b), (said[0][0], said[-1][0]), float(spread))
+
+    def zooms(self) -> list[float]:
+        """The zooms to try."""
+        if np.isinf(self.spread):
+            return [float(z) for z in 1.0 / np.tan(np.radians(DIAGONAL_FOVS) / 2.0)]
+        return [1.0] if self.spread == 0.0 else [float(np.exp(k * self.spread)) for k in (-2, -1, 0, 1, 2)]
+
+    def fovs(self, zoom: float) -> tuple[float, float]:
+        """Vertical fields of view [deg] of both photos."""
+        first, second = (vertical_fov_of(zoom * f, *s) for f, s in zip(self.focal, self.sizes, strict=True))
+        return first, second
+
+    def prior(self) -> float:
+        """Inverse variance of the zoom's logarithm."""
+        return 0.0 if np.isinf(self.spread) else 1.0 / max(self.spread, 1e-9) ** 2
+
+
+def _turn(matches: Matches, lens: Lens) -> Turn | None:
+    found = search(matches, lens.focal, lens.zooms())
+    rotation, zoom = found.rotation, found.zoom
+    scale = TOLERANCE * matches.pixel
+    for _ in range(2):
+        apart = distances(matches, rotation, zoom, lens.focal)
+        near = apart < 2.0 * scale
+        if np.count_nonzero(near) < LEAST_INLIERS:
+            return None
+        fit = _refined(matches, near, rotation, zoom, lens)
+        rotation, zoom = rotation_about(fit.parameters[:3]) @ rotation, zoom * float(np.exp(fit.parameters[3]))
+    inliers = distances(matches, rotation, zoom, lens.focal) < scale
+    return _believed(matches, inliers, rotation, zoom, fit, lens)
+
+
+def distances(matches: Matches, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
+    """How far (M,) [half diagonals] each match is from obeying the rotation, in the worse of both photos."""
+    return np.asarray(np.max(np.linalg.norm(_offsets(matches.a, matches.b, rotation, zoom, focal), axis=-1), axis=0))
+
+
+def _offsets(a: Floats, b: Floats, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
+    """Offsets (2, M, 2) in the second and in the first photo."""
+    there = project(rays(a, zoom * focal[0]) @ rotation.T, zoom * focal[1]) - b
+    back = project(rays(b, zoom * focal[1]) @ rotation, zoom * focal[0]) - a
+    return np.stack([there, back])
+
+
+def _refined(matches: Matches, near: NDArray[np.bool_], rotation: Floats, zoom: float, lens: Lens) -> Fit:
+    a, b = matches.a[near], matches.b[near]
+
+    def residuals(at: Floats) -> Floats:
+        turned = rotation_about(at[:3]) @ rotation
+        return _offsets(a, b, turned, zoom * float(np.exp(at[3])), lens.focal).ravel()
+
+    scale = TOLERANCE * matches.pixel / 2.0
+    prior = np.array([0.0, 0.0, 0.0, lens.prior()])
+    return minimise(residuals, np.zeros(4), scale, prior)
+
+
+def _believed(
+    matches: Matches, inliers: NDArray[np.bool_], rotation: Floats, zoom: float, fit: Fit, lens: Lens
+) -> Turn | None:
+    """The turn, unless chance could have found it."""
+    count = int(np.count_nonzero(inliers))
+    common = max(1, int(np.count_nonzero(_in_common(matches, rotation, zoom, lens))))
+    fovs = lens.fovs(zoom)
+    sigma = float(np.sqrt(fit.covariance[3, 3])) * float(np.degrees(np.sin(np.radians(fovs[0]))))
+    covariance = 2.0 * np.degrees(np.degrees(fit.covariance[:3, :3]))  # each match counts in both photos
+    turn = Turn(rotation, covariance, fovs, sigma, count, len(matches))
+    if count < LEAST_INLIERS or count < LEAST_SHARE * common or turn.sigma > LARGEST_SIGMA:
+        return None
+    return turn
+
+
+def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: Lens) -> NDArray[np.bool_]:
+    """Which matches' first points the rotation puts inside the second photo."""
+    width, height = lens.sizes[1]
+    at = np.abs(project(rays(matches.a, zoom * lens.focal[0]) @ rotation.T, zoom * lens.focal[1]))
+    half = np.array([width, height]) / np.hypot(width, height)
+    return np.asarray(np.all(at <= half, axis=1))
