@@ -1,0 +1,150 @@
+"""One sun for a shot: what the network says of many frames, turned into one frame and multiplied.
+
+Frames that look the same way see the same evidence, so they are averaged in sectors of the camera's heading; memory
+does not grow with the shot. Sectors that overlap are alike in part: with C the correlations of their errors, each is
+raised to the power that C^-1 gives it (generalised least squares). For equal correlations this is `together.power`.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.circular import HEADINGS
+from lighting.evidence.fusion import Evidence, Fused, compass_prior, daylight, on_grid, on_rings, ring_density
+from lighting.evidence.together import AZIMUTH_CORRELATION, CORRELATION, seen_from
+from lighting.geometry import wrap_azimuth
+from lighting.records import Prediction
+
+SECTOR = 15.0  # deg of heading
+REMEMBERED = 60  # looks in a sector; older ones fade, so that a stream follows sun and clouds
+ALIKE = 0.95  # correlation of the errors of two sectors that would overlap wholly
+_LOWEST = 1e-12  # density that stands for none
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What the network says of one frame, and how that frame lies in the shot."""
+
+    prediction: Prediction
+    heading: float  # deg clockwise from the shot's azimuth 0
+    width: float  # deg, horizontal field of view
+    gain: float = 1.0  # of the frame's linear values, by the first frame's
+    evidence: Evidence = field(default_factory=Evidence)  # at the frame's time; its candidates alone count here
+
+
+@dataclass
+class _Sector:
+    """Running means of the looks in one direction."""
+
+    count: int = 0
+    log_cells: Floats = field(default_factory=lambda: np.zeros(0))  # (N,) densities over the grid, in the shot's frame
+    log_rings: Floats = field(default_factory=lambda: np.zeros((0, 360)))  # (K, 360) by the heading of azimuth 0
+    numbers: Floats = field(default_factory=lambda: np.zeros(0))  # what _numbers says
+
+    def add(self, log_cells: Floats, log_rings: Floats, numbers: Floats) -> None:
+        share = 1.0 / min(self.count + 1, REMEMBERED)
+        if self.count == 0 or self.log_rings.shape != log_rings.shape:
+            self.log_rings = log_rings
+        if self.count == 0:
+            self.log_cells, self.numbers = log_cells, numbers
+        self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
+        self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
+        self.numbers = self.numbers + share * (numbers - self.numbers)
+        self.count += 1
+
+
+class ShotLight:
+    """Takes looks one by one; says at any time where the sun stands in the shot's frame."""
+
+    def __init__(self) -> None:
+        self._sectors: dict[int, _Sector] = {}
+        self._width = 60.0
+        self._last: Prediction | None = None
+
+    def __bool__(self) -> bool:
+        """Whether there was a look."""
+        return self._last is not None
+
+    def add(self, look: Look) -> None:
+        """Count a look."""
+        self._last, self._width = look.prediction, look.width
+        sector = self._sectors.setdefault(round(look.heading % 360.0 / SECTOR) % round(360.0 / SECTOR), _Sector())
+        sector.add(_on_cells(look), _on_rings(look), _numbers(look))
+
+    def answer(self, evidence: Evidence) -> Fused:
+        """What all looks say, as a camera at azimuth 0 would see it.
+
+        `evidence` is that of the moment asked for, its heading that of azimuth 0. ValueError before the first look;
+        ParameterError where the sun is below the horizon.
+        """
+        if self._last is None:
+            raise ValueError("There was no look yet.")
+        prediction = self._averaged(self._last)
+        up = [elevation >= 0.0 for elevation, _ in evidence.candidates]
+        rings = np.stack([s.log_rings for s in self._sectors.values()]) if evidence.candidates else np.zeros((0, 0, 0))
+        if evidence.candidates and rings.shape[1] == len(up):
+            daylight(evidence)
+            log = np.einsum("s,skh->kh", self._powers(AZIMUTH_CORRELATION), rings)[up]
+            weight = np.exp(log - log.max()) * compass_prior(evidence)
+            return on_rings(prediction, evidence, weight)
+        log = self._powers(CORRELATION) @ np.stack([s.log_cells for s in self._sectors.values()])
+        weight = np.exp(log - log.max())
+        return on_grid(prediction, evidence, weight / weight.sum())
+
+    def _powers(self, correlation: float) -> Floats:
+        """Exponents (S,) of the sectors, none below 0."""
+        headings = SECTOR * np.array(list(self._sectors))
+        return powers(headings, self._width, correlation)
+
+    def _averaged(self, last: Prediction) -> Prediction:
+        """The numbers of all sectors, each counted once however many looks it has."""
+        mean = np.mean([s.numbers for s in self._sectors.values()], axis=0)
+        turbidity, exposure, fov = np.exp(mean[:3])
+        return replace(
+            last,
+            turbidity=float(turbidity),
+            exposure=float(exposure),
+            vertical_fov=float(fov),
+            sun_visibility=float(mean[3]),
+        )
+
+
+def powers(headings: Floats, width: float, correlation: float) -> Floats:
+    """Exponents (S,) of views at headings (S,) [deg] that are `width` [deg] wide and correlate though they do not meet.
+
+    Identical views count as one; they sum to at most 1 / `correlation`.
+    """
+    apart = np.abs(wrap_azimuth(headings[:, None] - headings))
+    overlap = np.maximum(1.0 - apart / max(width, SECTOR), 0.0)
+    alike = correlation + (ALIKE - correlation) * overlap
+    np.fill_diagonal(alike, 1.0)
+    return np.asarray(np.maximum(np.linalg.solve(alike, np.ones(len(headings))), 0.0))
+
+
+def _on_cells(look: Look) -> Floats:
+    """Log densities (N,) over the cells of a camera at azimuth 0."""
+    p = look.prediction
+    return np.asarray(np.log(np.maximum(seen_from(p.sun_probability, -look.heading, p.spec.sun_grid), _LOWEST)))
+
+
+def _on_rings(look: Look) -> Floats:
+    """Log densities (K, 360) of each candidate's sun by the heading of azimuth 0."""
+    candidates = np.array(look.evidence.candidates, dtype=np.float64).reshape(-1, 2)
+    if not len(candidates):
+        return np.zeros((0, 360))
+    seen = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
+    density = ring_density(look.prediction, seen)
+    density[candidates[:, 0] < 0.0] = 0.0
+    log = np.log(np.maximum(density, _LOWEST))
+    return np.stack([np.interp(HEADINGS + look.heading, HEADINGS, row, period=360.0) for row in log])
+
+
+def _numbers(look: Look) -> Floats:
+    p = look.prediction
+    exposure = math.log(max(p.exposure, _LOWEST) / max(look.gain, _LOWEST))
+    return np.array([math.log(max(p.turbidity, _LOWEST)), exposure, math.log(p.vertical_fov), p.sun_visibility])
