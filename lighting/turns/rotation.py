@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.turns.match import Features, Matches, match
+from lighting.turns.parallax import epipolar_inliers, motion
 from lighting.turns.rays import focal_of, project, rays, rotation_about, vertical_fov_of
 from lighting.turns.refine import Fit, minimise
 from lighting.turns.search import TOLERANCE, search
@@ -19,6 +20,8 @@ DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is un
 LEAST_INLIERS = 12  # matches that agree, below which nothing is said
 LEAST_SHARE = 0.15  # of the matches in the common part of both photos
 LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
+PARALLAX = 1.25  # times as many matches must obey some fundamental matrix before the camera counts as moved
+LEAST_MOVED = 24  # matches that agree on a motion, which has more freedom
 
 Floats = NDArray[np.floating[Any]]
 
@@ -89,7 +92,7 @@ class Lens:
         """The zooms to try."""
         if np.isinf(self.spread):
             return [float(z) for z in 1.0 / np.tan(np.radians(DIAGONAL_FOVS) / 2.0)]
-        return [1.0] if self.spread == 0.0 else [float(np.exp(k * self.spread)) for k in (-2, -1, 0, 1, 2)]
+        return [1.0] if self.spread < 0.01 else [float(np.exp(k * self.spread)) for k in (-2, -1, 0, 1, 2)]
 
     def fovs(self, zoom: float) -> tuple[float, float]:
         """Vertical fields of view [deg] of both photos."""
@@ -102,18 +105,52 @@ class Lens:
 
 
 def _turn(matches: Matches, lens: Lens) -> Turn | None:
+    still = _rotated(matches, lens)
+    obeying = epipolar_inliers(matches)
+    agreed = 0 if still is None else still.inliers
+    if np.count_nonzero(obeying) < max(PARALLAX * agreed, agreed + LEAST_INLIERS, LEAST_MOVED):
+        return still
+    return _moved(matches, obeying, lens) or still
+
+
+def _rotated(matches: Matches, lens: Lens) -> Turn | None:
+    """The turn of a camera that stayed where it was, or looks at far things only."""
     found = search(matches, lens.focal, lens.zooms())
     rotation, zoom = found.rotation, found.zoom
     scale = TOLERANCE * matches.pixel
     for _ in range(2):
-        apart = distances(matches, rotation, zoom, lens.focal)
-        near = apart < 2.0 * scale
+        near = distances(matches, rotation, zoom, lens.focal) < 2.0 * scale
         if np.count_nonzero(near) < LEAST_INLIERS:
             return None
         fit = _refined(matches, near, rotation, zoom, lens)
         rotation, zoom = rotation_about(fit.parameters[:3]) @ rotation, zoom * float(np.exp(fit.parameters[3]))
-    inliers = distances(matches, rotation, zoom, lens.focal) < scale
-    return _believed(matches, inliers, rotation, zoom, fit, lens)
+    count = int(np.count_nonzero(distances(matches, rotation, zoom, lens.focal) < scale))
+    common = int(np.count_nonzero(_in_common(matches, rotation, zoom, lens)))
+    if count < max(LEAST_INLIERS, LEAST_SHARE * common):
+        return None
+    covariance = 2.0 * fit.covariance  # each match counts in both photos
+    return _sure_enough(Turn(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
+
+
+def _moved(matches: Matches, obeying: NDArray[np.bool_], lens: Lens) -> Turn | None:
+    """The turn of a camera that walked."""
+    kept = Matches(matches.a[obeying], matches.b[obeying], matches.pixel)
+    found = motion(kept, lens.focal, lens.zooms(), lens.prior())
+    if found is None or (count := int(np.count_nonzero(found.inliers))) < LEAST_MOVED:
+        return None
+    uncertainty = _uncertainty(found.covariance, found.zoom, lens)
+    return _sure_enough(Turn(found.rotation, *uncertainty, count, len(matches), translates=True))
+
+
+def _uncertainty(covariance: Floats, zoom: float, lens: Lens) -> tuple[Floats, tuple[float, float], float]:
+    """Covariance [deg^2], fields of view [deg] and their standard deviation, by the covariance (4, 4) of a fit."""
+    fovs = lens.fovs(zoom)
+    sigma = float(np.sqrt(covariance[3, 3]) * np.degrees(np.sin(np.radians(fovs[0]))))
+    return np.degrees(np.degrees(covariance[:3, :3])), fovs, sigma
+
+
+def _sure_enough(turn: Turn) -> Turn | None:
+    return turn if turn.sigma <= LARGEST_SIGMA else None
 
 
 def distances(matches: Matches, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
@@ -138,21 +175,6 @@ def _refined(matches: Matches, near: NDArray[np.bool_], rotation: Floats, zoom: 
     scale = TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])
     return minimise(residuals, np.zeros(4), scale, prior)
-
-
-def _believed(
-    matches: Matches, inliers: NDArray[np.bool_], rotation: Floats, zoom: float, fit: Fit, lens: Lens
-) -> Turn | None:
-    """The turn, unless chance could have found it."""
-    count = int(np.count_nonzero(inliers))
-    common = max(1, int(np.count_nonzero(_in_common(matches, rotation, zoom, lens))))
-    fovs = lens.fovs(zoom)
-    sigma = float(np.sqrt(fit.covariance[3, 3])) * float(np.degrees(np.sin(np.radians(fovs[0]))))
-    covariance = 2.0 * np.degrees(np.degrees(fit.covariance[:3, :3]))  # each match counts in both photos
-    turn = Turn(rotation, covariance, fovs, sigma, count, len(matches))
-    if count < LEAST_INLIERS or count < LEAST_SHARE * common or turn.sigma > LARGEST_SIGMA:
-        return None
-    return turn
 
 
 def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: Lens) -> NDArray[np.bool_]:
