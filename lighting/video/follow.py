@@ -56,6 +56,7 @@ class Step:
     matches: Matches  # of the keyframe's points, to the frame's; none in the keyframe that begins a stretch
     gain: Floats  # (3,) of linear values, the frame's by the keyframe's
     begins: bool  # whether it is the keyframe that begins a stretch
+    makes: int | None = None  # number of the keyframe that the frame became, another one than `key`
 
 
 class Follower:
@@ -68,23 +69,26 @@ class Follower:
         self._grey = self._key_grey = np.empty((0, 0), np.uint8)
         self._corners = self._at = np.empty((0, 2), np.float32)
         self._colours = np.empty((0, 3), np.float32)
-        self._gain = np.ones(3)
-        self.new_key: Key | None = None  # made of the last frame, if it was
+        self._sought = 1
+        self._unproven: Frame | None = None  # the keyframe while no frame was followed from it
+        self.new_key: Key | None = None  # from which the last frame was the first to be followed
 
     def follow(self, frame: Frame) -> Step:
         """What the frame shares with the last keyframe; it may be the next one itself."""
         grey, self.new_key = self._even(frame.pixels), None
         found = self._followed(grey) if grey.shape == self._grey.shape else np.zeros(0, bool)
-        lost = np.count_nonzero(found) < FEWEST
+        lost = bool(np.count_nonzero(found) < FEWEST)
         if lost:
-            self._begin(frame, grey)
+            self._stretch += 1
+            self._make_key(frame, grey)
         else:
+            self._prove()
             self._corners, self._at, self._colours = (v[found] for v in (self._corners, self._at, self._colours))
         self._grey = grey
-        step = Step(
-            frame.index, frame.time, self._number, self._stretch, self._matches(), self._gained(frame.pixels), lost
-        )
-        if not lost and self._is_far():
+        makes = self._number + 1 if not lost and self._is_far() else None
+        at = (frame.index, frame.time, self._number, self._stretch)
+        step = Step(*at, self._matches(), self._gained(frame.pixels), lost, makes)
+        if makes is not None:
             self._make_key(frame, grey)
         return step
 
@@ -115,19 +119,22 @@ class Follower:
         inside = np.all((fine > 2) & (fine < np.array(grey.shape[::-1]) - 3), axis=1)
         return np.asarray((ok.ravel() > 0) & (ok_fine.ravel() > 0) & alike & inside)
 
-    def _begin(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
-        self._stretch += 1
-        self._make_key(frame, grey)
+    def _prove(self) -> None:
+        """Describe the keyframe, once: what nothing can be followed from is not worth it."""
+        if self._unproven is not None:
+            frame, self._unproven = self._unproven, None
+            own = features(frame.pixels, FEATURE_SIDE, FEATURES)
+            self.new_key = Key(self._number, self._stretch, frame.index, frame.time, own)
 
     def _make_key(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
+        """Seek corners in the frame, to be followed from now on."""
         self._number += 1
         self._key_grey = grey
         found = self._cv2.goodFeaturesToTrack(grey, POINTS, 0.005, max(6, max(grey.shape) // 64), blockSize=5)
         self._corners = np.empty((0, 2), np.float32) if found is None else found.reshape(-1, 2).astype(np.float32)
         self._at, self._sought = self._corners.copy(), max(len(self._corners), 1)
         self._colours = self._sampled(frame.pixels)
-        own = features(frame.pixels, FEATURE_SIDE, FEATURES)
-        self.new_key = Key(self._number, self._stretch, frame.index, frame.time, own)
+        self._unproven = frame
 
     def _is_far(self) -> bool:
         half = 0.5 * float(np.hypot(*self._grey.shape))
@@ -137,7 +144,8 @@ class Follower:
     def _matches(self) -> Matches:
         height, width = self._grey.shape
         pixel = 2.0 / float(np.hypot(width, height))
-        return Matches(centred(self._corners, width, height), centred(self._at, width, height), pixel)
+        a, b = (centred(v, width, height).astype(np.float32) for v in (self._corners, self._at))
+        return Matches(a, b, pixel)
 
     def _sampled(self, pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Coded values (N, 3) around the points, averaged over 9 x 9 pixels."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS
-from lighting.evidence.fusion import Evidence, Fused, compass_prior, daylight, on_grid, on_rings, ring_density
+from lighting.evidence.fusion import USED, Evidence, Fused, compass_prior, fuse, on_rings, ring_density
 from lighting.evidence.together import AZIMUTH_CORRELATION, CORRELATION, seen_from
 from lighting.geometry import wrap_azimuth
 from lighting.records import Prediction
@@ -84,17 +84,23 @@ class ShotLight:
         """
         if self._last is None:
             raise ValueError("There was no look yet.")
-        prediction = self._averaged(self._last)
-        up = [elevation >= 0.0 for elevation, _ in evidence.candidates]
-        rings = np.stack([s.log_rings for s in self._sectors.values()]) if evidence.candidates else np.zeros((0, 0, 0))
-        if evidence.candidates and rings.shape[1] == len(up):
-            daylight(evidence)
-            log = np.einsum("s,skh->kh", self._powers(AZIMUTH_CORRELATION), rings)[up]
-            weight = np.exp(log - log.max()) * compass_prior(evidence)
-            return on_rings(prediction, evidence, weight)
         log = self._powers(CORRELATION) @ np.stack([s.log_cells for s in self._sectors.values()])
         weight = np.exp(log - log.max())
-        return on_grid(prediction, evidence, weight / weight.sum())
+        by_pixels = replace(self._averaged(self._last), sun_probability=(weight / weight.sum()).astype(np.float32))
+        fused = fuse(by_pixels, evidence)
+        if evidence.candidates and (rings := self._rings(evidence)) is not None:
+            fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
+        looks = sum(sector.count for sector in self._sectors.values())
+        return replace(fused, used=fused.used if looks == 1 else (*fused.used, USED[-1]))
+
+    def _rings(self, evidence: Evidence) -> Floats | None:
+        """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
+        up = [elevation >= 0.0 for elevation, _ in evidence.candidates]
+        rings = [sector.log_rings for sector in self._sectors.values()]
+        if any(len(ring) != len(up) for ring in rings):
+            return None
+        log = np.einsum("s,skh->kh", self._powers(AZIMUTH_CORRELATION), np.stack(rings))[up]
+        return np.asarray(np.exp(log - log.max()) * compass_prior(evidence))
 
     def _powers(self, correlation: float) -> Floats:
         """Exponents (S,) of the sectors, none below 0."""

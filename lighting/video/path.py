@@ -62,12 +62,11 @@ def level(up: Floats) -> Floats:
 def angles_of(orientations: Floats, levelled: Floats) -> tuple[Floats, Floats, Floats]:
     """Headings, elevations and rolls (N,) [deg] of cameras (N, 3, 3) in the shot's frame."""
     axes = orientations @ levelled.T
-    right, up, forward = axes[:, 0], axes[:, 1], -axes[:, 2]
+    right, forward = axes[:, 0], -axes[:, 2]
     heading, elevation = angles(forward)
     level_right = direction(heading + 90.0, 0.0)
     level_up = np.cross(level_right, forward)
     cosine, sine = np.sum(right * level_right, axis=1), -np.sum(right * level_up, axis=1)
-    del up
     return heading, elevation, np.asarray(np.degrees(np.arctan2(sine, cosine)))
 
 
@@ -78,8 +77,9 @@ def path_of(time: Floats, orientations: Floats, known: NDArray[np.bool_], levell
     turned[known] = np.degrees(np.unwrap(np.radians(heading[known])))
     rolled = np.empty_like(roll)
     rolled[known] = np.degrees(np.unwrap(np.radians(roll[known])))
-    bridged = [np.interp(time, time[known], v[known]) for v in (turned, elevation, rolled)]
-    return Path(time, *(smoothed(time, v) for v in bridged), ~known)
+    bridged = (np.interp(time, time[known], v[known]) for v in (turned, elevation, rolled))
+    heading, elevation, roll = (smoothed(time, v) for v in bridged)
+    return Path(time, heading, elevation, roll, ~known)
 
 
 def smoothed(time: Floats, values: Floats, window: int = WINDOW) -> Floats:

@@ -147,8 +147,13 @@ def _entry(block: str) -> dict[str, Any]:
     hours, minutes, seconds, thousandths = map(int, start.groups())
     numbers["start"] = 3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0
     if clock := _CLOCK.search(block):
-        numbers["clock"] = _read(lambda parts: datetime(*map(int, parts)), clock.groups())
+        numbers["clock"] = _read(_local_time, clock[0])
     return numbers
+
+
+def _local_time(text: str) -> datetime:
+    year, month, day, hour, minute, second = map(int, re.findall(r"\d+", text))
+    return datetime(year, month, day, hour, minute, second)
 
 
 def _entry_facts(entries: list[dict[str, Any]], width: int, height: int) -> PhotoFacts:
@@ -183,9 +188,7 @@ def merged_facts(first: PhotoFacts, second: PhotoFacts) -> PhotoFacts:
     """`first`, with `second` where it says nothing; a time or a place is taken whole."""
     merged = second
     if first.local_time is not None or first.utc_time is not None:
-        merged = replace(
-            merged, local_time=first.local_time, utc_offset=first.utc_offset, utc_time=first.utc_time
-        )
+        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset, utc_time=first.utc_time)
     if first.latitude is not None:
         merged = replace(merged, latitude=first.latitude, longitude=first.longitude)
     if first.heading is not None:

@@ -2,7 +2,7 @@
 
 The curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perceptual quantiser (PQ, also SMPTE ST
 2084). Diffuse white, which is 1 in a photo, is where Report ITU-R BT.2408 puts it: 75 % of HLG's signal, 203 cd/m2 of
-PQ. What is brighter is clipped, as photos clip it. The primaries go from BT.2020 to BT.709 by the matrix of Rec. BT.2087.
+PQ. What is brighter is clipped, as photos clip it. Primaries go from BT.2020 to BT.709 by the matrix of Rec. BT.2087.
 """
 
 import math
