@@ -5,12 +5,11 @@ from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_R
 from lighting.evidence.declination import magnetic_declination
 from lighting.evidence.ephemeris import SUNSET, sun_position
 from lighting.evidence.facts import zones
+from lighting.evidence.frames import check_heading, check_headings
 from lighting.evidence.fusion import Evidence, Fused, fuse
 from lighting.evidence.given import SHORT_NAMES, Given
 from lighting.evidence.metadata import Known, known, known_together
 from lighting.evidence.together import (
-    check_heading,
-    check_headings,
     elevation_density,
     fuse_together,
     power,

@@ -2,5 +2,18 @@
 
 from lighting.turns.match import Features, Matches, features, has_opencv, match
 from lighting.turns.rotation import Turn, relative_rotation, rotation_of
+from lighting.turns.sets import Placed, Shot, place
 
-__all__ = ["Features", "Matches", "Turn", "features", "has_opencv", "match", "relative_rotation", "rotation_of"]
+__all__ = [
+    "Features",
+    "Matches",
+    "Placed",
+    "Shot",
+    "Turn",
+    "features",
+    "has_opencv",
+    "match",
+    "place",
+    "relative_rotation",
+    "rotation_of",
+]
