@@ -199,13 +199,13 @@ def _photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: _Box) -> Ima
     scale = min(box.width / width, box.height / height)
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
-    _horizon(picture, lighting)
-    _sun_in_photo(picture, lighting)
+    draw_horizon(picture, lighting)
+    draw_sun(picture, lighting)
     panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
     return panel
 
 
-def _horizon(picture: Image.Image, lighting: Lighting) -> None:
+def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
     """The horizon as a thin line with a soft shadow; nothing where it is out of view."""
     azimuth = np.linspace(-80.0, 80.0, 65)
     line = _camera_pixels(picture, direction(azimuth, 0.0), lighting)
@@ -227,7 +227,7 @@ def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting)
     return pixels[~np.isnan(pixels[:, 0])]
 
 
-def _sun_in_photo(picture: Image.Image, lighting: Lighting) -> None:
+def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     """The sun where it is in the picture, else an arrow at the edge that one would follow to find it."""
     colour = SUN if lighting.sun_shines else PALE
     seen = _camera_pixels(picture, lighting.sun_direction[None], lighting)
@@ -312,7 +312,7 @@ def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
 
 
 def _map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: _Box) -> Image.Image:
-    picture = Image.fromarray(_display(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
+    picture = Image.fromarray(display(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
 
     def pixels(directions: Floats) -> Floats:
         return latlong_pixel(directions, box.height)
@@ -331,10 +331,10 @@ def _map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, b
 
 def _spheres_panel(envmap: NDArray[np.float32], lighting: Lighting, box: _Box) -> Image.Image:
     linear = render_spheres(envmap, lighting, box.width, box.height, supersampling=2)
-    return Image.fromarray(_display(linear)).reduce(2)
+    return Image.fromarray(display(linear)).reduce(2)
 
 
-def _display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+def display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     """8-bit sRGB of the photo's linear values, with a shoulder in place of a hard clip."""
     over = np.maximum(linear - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
     return tone_map(np.minimum(linear, _SHOULDER) + (1 - _SHOULDER) * (1 - np.exp(-over)))

@@ -5,7 +5,7 @@ and each frame has its own time, so that a rate may vary. A damaged part is left
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
@@ -70,8 +70,8 @@ class Clip:
     def __exit__(self, *_: object) -> None:
         self._container.close()
 
-    def frames(self) -> Iterator[Frame]:
-        """The frames in the order in which they are shown; may be read once."""
+    def frames(self, only: Container[int] | None = None) -> Iterator[Frame]:
+        """The frames in the order in which they are shown, or only those of some indices; may be read once."""
         start, last, lost = float(self._first.time or 0.0), -1.0, 0
         for index, picture in enumerate(self._decoded()):
             time = float(picture.time) - start if picture.time is not None else last + self._interval()
@@ -79,6 +79,8 @@ class Clip:
                 lost += 1
                 continue
             last = time
+            if only is not None and index not in only:
+                continue
             yield Frame(index, time, upright(picture, self.side, self._stretch))
         self._tell(last, lost)
 

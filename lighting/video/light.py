@@ -1,8 +1,7 @@
 """One sun for a shot: what the network says of many frames, turned into one frame and multiplied.
 
 Frames that look the same way see the same evidence, so they are averaged in sectors of the camera's heading; memory
-does not grow with the shot. Sectors that overlap are alike in part: with C the correlations of their errors, each is
-raised to the power that C^-1 gives it (generalised least squares). For equal correlations this is `together.power`.
+does not grow with the shot. Sectors that overlap are alike in part and count as evidence/overlap.py has it.
 """
 
 import math
@@ -13,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS
-from lighting.evidence.fusion import USED, Evidence, Fused, compass_prior, fuse, on_rings, ring_density
-from lighting.evidence.together import AZIMUTH_CORRELATION, CORRELATION, seen_from
-from lighting.geometry import wrap_azimuth
+from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density
+from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts
+from lighting.evidence.together import seen_from
+from lighting.geometry import direction
 from lighting.records import Prediction
+from lighting.sun_grid import grid_solid_angle
 
 SECTOR = 15.0  # deg of heading
 REMEMBERED = 60  # looks in a sector; older ones fade, so that a stream follows sun and clouds
-ALIKE = 0.95  # correlation of the errors of two sectors that would overlap wholly
 _LOWEST = 1e-12  # density that stands for none
 
 Floats = NDArray[np.floating[Any]]
@@ -32,7 +32,7 @@ class Look:
 
     prediction: Prediction
     heading: float  # deg clockwise from the shot's azimuth 0
-    width: float  # deg, horizontal field of view
+    vertical_fov: float  # deg
     gain: float = 1.0  # of the frame's linear values, by the first frame's
     evidence: Evidence = field(default_factory=Evidence)  # at the frame's time; its candidates alone count here
 
@@ -63,7 +63,7 @@ class ShotLight:
 
     def __init__(self) -> None:
         self._sectors: dict[int, _Sector] = {}
-        self._width = 60.0
+        self._vertical_fov = 50.0
         self._last: Prediction | None = None
 
     def __bool__(self) -> bool:
@@ -72,7 +72,7 @@ class ShotLight:
 
     def add(self, look: Look) -> None:
         """Count a look."""
-        self._last, self._width = look.prediction, look.width
+        self._last, self._vertical_fov = look.prediction, look.vertical_fov
         sector = self._sectors.setdefault(round(look.heading % 360.0 / SECTOR) % round(360.0 / SECTOR), _Sector())
         sector.add(_on_cells(look), _on_rings(look), _numbers(look))
 
@@ -84,14 +84,14 @@ class ShotLight:
         """
         if self._last is None:
             raise ValueError("There was no look yet.")
-        log = self._powers(CORRELATION) @ np.stack([s.log_cells for s in self._sectors.values()])
-        weight = np.exp(log - log.max())
+        log = self._counts(SUN) @ np.stack([s.log_cells for s in self._sectors.values()])
+        weight = np.exp(log - log.max()) * grid_solid_angle(self._last.spec.sun_grid)
         by_pixels = replace(self._averaged(self._last), sun_probability=(weight / weight.sum()).astype(np.float32))
         fused = fuse(by_pixels, evidence)
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
             fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
         looks = sum(sector.count for sector in self._sectors.values())
-        return replace(fused, used=fused.used if looks == 1 else (*fused.used, USED[-1]))
+        return replace(fused, used=fused.used if looks == 1 else (*fused.used, "turns", "other photos"))
 
     def _rings(self, evidence: Evidence) -> Floats | None:
         """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
@@ -99,13 +99,13 @@ class ShotLight:
         rings = [sector.log_rings for sector in self._sectors.values()]
         if any(len(ring) != len(up) for ring in rings):
             return None
-        log = np.einsum("s,skh->kh", self._powers(AZIMUTH_CORRELATION), np.stack(rings))[up]
+        log = np.einsum("s,skh->kh", self._counts(AZIMUTH), np.stack(rings))[up]
         return np.asarray(np.exp(log - log.max()) * compass_prior(evidence))
 
-    def _powers(self, correlation: float) -> Floats:
-        """Exponents (S,) of the sectors, none below 0."""
-        headings = SECTOR * np.array(list(self._sectors))
-        return powers(headings, self._width, correlation)
+    def _counts(self, correlation: Correlation) -> Floats:
+        """How much each sector (S,) counts."""
+        ahead = direction(SECTOR * np.array(list(self._sectors)), 0.0)
+        return counts(ahead, np.full(len(ahead), self._vertical_fov), correlation)
 
     def _averaged(self, last: Prediction) -> Prediction:
         """The numbers of all sectors, each counted once however many looks it has."""
@@ -118,18 +118,6 @@ class ShotLight:
             vertical_fov=float(fov),
             sun_visibility=float(mean[3]),
         )
-
-
-def powers(headings: Floats, width: float, correlation: float) -> Floats:
-    """Exponents (S,) of views at headings (S,) [deg] that are `width` [deg] wide and correlate though they do not meet.
-
-    Identical views count as one; they sum to at most 1 / `correlation`.
-    """
-    apart = np.abs(wrap_azimuth(headings[:, None] - headings))
-    overlap = np.maximum(1.0 - apart / max(width, SECTOR), 0.0)
-    alike = correlation + (ALIKE - correlation) * overlap
-    np.fill_diagonal(alike, 1.0)
-    return np.asarray(np.maximum(np.linalg.solve(alike, np.ones(len(headings))), 0.0))
 
 
 def _on_cells(look: Look) -> Floats:

@@ -269,19 +269,14 @@ def _gains(steps: Sequence[Step]) -> Floats:
     return np.asarray(gains / gains[0])
 
 
-def horizontal_fov(vertical_fov: float, size: tuple[int, int]) -> float:
-    """Degrees, of pictures of `size` (width, height)."""
-    return 2.0 * math.degrees(math.atan(math.tan(math.radians(vertical_fov / 2.0)) * size[0] / size[1]))
-
-
 def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, lens: tuple[float, float]) -> Shot:
     fov, sigma = lens
-    width, light = horizontal_fov(fov, watched.size), ShotLight()
+    light = ShotLight()
     position = {step.frame: i for i, step in enumerate(watched.steps)}
     for frame, prediction in watched.looks.items():
         i = position[frame]
         evidence = around.known_at(float(path.time[i])).evidence
-        light.add(Look(prediction, float(path.heading[i]), width, luminance_gain(gains[i]), evidence))
+        light.add(Look(prediction, float(path.heading[i]), fov, luminance_gain(gains[i]), evidence))
     compass = _compass(path, around.gimbal)
     there = around.known_at(float(path.time[0]), compass)
     fused = light.answer(there.evidence)

@@ -27,7 +27,6 @@ from lighting.video.shot import (
     LENS_FLOOR,
     LENS_SPREAD,
     Circumstances,
-    horizontal_fov,
     is_believed,
     luminance_gain,
     north_of,
@@ -91,7 +90,7 @@ class Tracker:
         if (key := self._follower.new_key) is not None:
             self._recognise(key)
         if time >= self._due and followed and not is_dark(frame.pixels):
-            self._look(frame, size)
+            self._look(frame)
         return self._answer(time, followed)
 
     def _turn(self, step: Step, size: tuple[int, int]) -> bool:
@@ -128,7 +127,7 @@ class Tracker:
             self._lens.learn(before, key)
         self._bank.add(key, orientation)
 
-    def _look(self, frame: Frame, size: tuple[int, int]) -> None:
+    def _look(self, frame: Frame) -> None:
         self._due = frame.time + self._look_every - 1e-6
         said = see(self._model, frame.pixels)
         self._lens.see(said.vertical_fov)
@@ -139,8 +138,7 @@ class Tracker:
         self._up = np.asarray(mean / np.linalg.norm(mean))
         heading = self._angles()[0]
         evidence = self._around.known_at(frame.time).evidence
-        width = horizontal_fov(self._lens.fov, size)
-        self._light.add(Look(said, heading, width, luminance_gain(self._gain), evidence))
+        self._light.add(Look(said, heading, self._lens.fov, luminance_gain(self._gain), evidence))
         self._fused = self._light.answer(self._evidence(frame.time))
 
     def _evidence(self, time: float) -> Evidence:

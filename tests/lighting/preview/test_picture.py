@@ -210,7 +210,7 @@ def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, 
 
 def test_shoulder_keeps_dark_values_and_order() -> None:
     ramp = np.repeat(np.linspace(0, 4, 400, dtype=np.float32)[None, :, None], 3, axis=-1)
-    shown = preview._display(ramp)[0, :, 0].astype(int)
+    shown = preview.display(ramp)[0, :, 0].astype(int)
     assert (np.diff(shown) >= 0).all()
     np.testing.assert_allclose(shown[1:50], 255 * (1.055 * ramp[0, 1:50, 0] ** (1 / 2.4) - 0.055), atol=1)
     assert shown[100] < 255
