@@ -11,7 +11,7 @@ from lighting.cli.group import cli
 from lighting.cli.options import height_option, model_option, quiet_option, sun_option
 
 if TYPE_CHECKING:
-    from lighting.evidence.metadata import Given
+    from lighting.evidence import Given
     from lighting.video.output import Done
     from lighting.video.shot import Shot
 

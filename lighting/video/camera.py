@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import camera_axes
-from lighting.photo.read import Photo
+from lighting.geometry import Floats, camera_axes
+from lighting.photo import Photo
 from lighting.scene.common import Scene, make_scene, to_z_up
 from lighting.scene.files import write_scene
 from lighting.video.records import light_of
@@ -22,8 +22,6 @@ from lighting.video.shot import Shot
 
 TOOLS = ("blender", "usd")
 STAGE, SCRIPT, NUMBERS = "shot.usda", "shot.py", "shot.json"
-
-Floats = NDArray[np.floating[Any]]
 
 
 def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float) -> None:

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import MissingExtraError, VideoError
-from lighting.photo.exif import PhotoFacts
-from lighting.photo.read import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
+from lighting.photo import MAX_PIXELS, MIN_SIDE, PhotoFacts
 from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
 from lighting.video.transfer import CURVES, to_srgb
 
 SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 THREADS = 2
+MAX_ASPECT = 8  # longer side / shorter side
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 _END = 0.75  # s that may be missing at the end of a whole clip
 

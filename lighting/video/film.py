@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.envmap import render
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.preview.ink import rounded, write
 from lighting.preview.picture import SUN, WHITE, display, draw_horizon, draw_sun
 from lighting.preview.spheres import render_spheres

@@ -7,12 +7,12 @@ decided by who asks.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import srgb_decode
+from lighting.geometry import Floats
 from lighting.turns.match import Features, Matches, centred, features, opencv
 from lighting.video.clip import Frame
 
@@ -30,8 +30,6 @@ _ALIKE = 12.0  # grey values by which a point's surroundings may differ from tho
 _SPREAD = 50.0  # grey values, the standard deviation to which every frame is brought: gains do not disturb
 _CODED = (8, 247)  # coded values between which a gain is measured
 _LINEAR: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,11 @@ averaging; Chatterji and Govindu 2013 describe the steps taken here), turns far 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.turns.match import match
 from lighting.turns.rays import rotation_about, rotation_vector
 from lighting.turns.rotation import Turn, rotation_of
@@ -22,8 +22,6 @@ NEAR_ENOUGH = 0.6  # of the diagonal field of view, up to which two keyframes ar
 MOST_KEYS = 1200  # beyond which the chain is left as it is: the graph would take too much memory
 _STEPS = 12
 _WRONG = 0.5  # deg, beyond which a turn counts for ever less
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

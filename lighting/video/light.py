@@ -6,24 +6,20 @@ does not grow with the shot. Sectors that overlap are alike in part and count as
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS
+from lighting.evidence import seen_from
 from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density
 from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts
-from lighting.evidence.together import seen_from
-from lighting.geometry import direction
+from lighting.geometry import Floats, direction
 from lighting.records import Prediction
 from lighting.sun_grid import grid_solid_angle
 
 SECTOR = 15.0  # deg of heading
 REMEMBERED = 60  # looks in a sector; older ones fade, so that a stream follows sun and clouds
 _LOWEST = 1e-12  # density that stands for none
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

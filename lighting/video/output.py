@@ -4,6 +4,7 @@ Records are written as shots end, under the name lighting.jsonl.part, which beco
 over: what was done before an interruption stays.
 """
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,9 +12,8 @@ from typing import Any, TextIO
 
 from lighting.envmap import render
 from lighting.errors import VideoError
-from lighting.evidence.metadata import Given
-from lighting.files.formats import write_envmap
-from lighting.files.jsonl import json_line
+from lighting.evidence import Given
+from lighting.files import write_envmap
 from lighting.model import Model
 from lighting.video.clip import Clip
 from lighting.video.records import FrameLight, frame_lights, world_map
@@ -103,7 +103,7 @@ def _write(job: Job, shot: Shot | VideoError, number: int, lines: TextIO) -> lis
     """The lines and maps of one shot."""
     name = str(job.source)
     if isinstance(shot, VideoError):
-        lines.write(json_line(name, shot=number, error=str(shot)) + "\n")
+        lines.write(json.dumps({"file": name, "shot": number, "error": str(shot)}) + "\n")
         return []
     lights = list(frame_lights(shot, number))
     lines.writelines(light.to_line(name) + "\n" for light in lights)

@@ -5,16 +5,13 @@ of a later one.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import angles, camera_axes, direction
+from lighting.geometry import Floats, angles, camera_axes, direction
 
 WINDOW = 5  # frames over which a parabola is fitted; tracking trembles from frame to frame, hands do more slowly
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

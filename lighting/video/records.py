@@ -1,13 +1,14 @@
 """The record of each frame: the shot's one light, as that frame's camera sees it."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lighting.envmap import Image, view
-from lighting.evidence.metadata import lighting_of
-from lighting.files.jsonl import json_line
+from lighting.evidence import estimate_of
+from lighting.files import full_record
 from lighting.geometry import wrap_azimuth
 from lighting.records import RANGES, Lighting
 from lighting.video.shot import Shot, luminance_gain
@@ -26,13 +27,14 @@ class FrameLight:
 
     def to_line(self, name: str) -> str:
         """One line of JSON about the frame of the clip `name`."""
-        told = {"shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
-        return json_line(name, **told, gain=list(self.gain), bridged=self.bridged, lighting=self.lighting.to_dict())
+        told = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
+        told |= {"gain": list(self.gain), "bridged": self.bridged, "lighting": full_record(self.lighting)}
+        return json.dumps(told, allow_nan=False)
 
 
 def light_of(shot: Shot) -> Lighting:
     """The shot's light as its first camera sees it, its tilt removed."""
-    return lighting_of(shot.fused, shot.known)
+    return estimate_of(shot.fused, shot.known).lighting
 
 
 def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from lighting.errors import VideoError
-from lighting.evidence.metadata import Given
+from lighting.evidence import Given
 from lighting.model import Model
 from lighting.video.clip import Clip
 from lighting.video.shot import Circumstances, Shot, solve

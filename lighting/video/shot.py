@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import VideoError
-from lighting.evidence.fusion import Fused
-from lighting.evidence.metadata import Given, Known, known
-from lighting.photo.exif import PhotoFacts
+from lighting.evidence import Fused, Given, Known, known
+from lighting.geometry import Floats
+from lighting.photo import PhotoFacts
 from lighting.records import Prediction
 from lighting.turns.rays import focal_of
 from lighting.video.follow import Key, Step
@@ -36,8 +35,6 @@ LENS_SPREAD = 5.0  # deg, one standard deviation of the network's field of view
 STATED_LENS_SPREAD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
 LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
 GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

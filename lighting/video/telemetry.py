@@ -12,12 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.photo.clock import YEARS
-from lighting.photo.exif import PhotoFacts, vertical_fov
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
+from lighting.photo import YEARS, PhotoFacts, vertical_fov
 
 APPLE = "com.apple.quicktime."
 PLACES = (f"{APPLE}location.ISO6709", "location", "location-eng", "\xa9xyz")

@@ -7,14 +7,12 @@ by its features, which takes back the drift; the sun does so too where time and 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.evidence.fusion import Evidence, Fused
-from lighting.evidence.metadata import Given, lighting_of
-from lighting.geometry import angle_between, wrap_azimuth
+from lighting.evidence import Evidence, Fused, Given, estimate_of
+from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
@@ -41,8 +39,6 @@ RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is tak
 RECENT = 3  # keyframes; those just before are no news
 COMPARED = 3  # keyframes of the bank, with a new one
 UPS = 64  # looks whose gravity counts; older ones fade
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -155,7 +151,7 @@ class Tracker:
             return None
         heading, elevation, roll = self._angles()
         known = self._around.known_at(time)
-        base, north = lighting_of(self._fused, known), north_of(self._fused, known)
+        base, north = estimate_of(self._fused, known).lighting, north_of(self._fused, known)
         lighting = replace(
             base,
             sun_azimuth=float(wrap_azimuth(base.sun_azimuth - heading)),

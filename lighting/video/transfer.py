@@ -7,14 +7,12 @@ PQ. What is brighter is clipped, as photos clip it. Primaries go from BT.2020 to
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.colour import srgb_encode
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
 
 CURVES = {16: "pq", 18: "hlg"}  # the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
 WIDE = 9  # H.273's number of the primaries of BT.2020

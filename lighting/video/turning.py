@@ -1,11 +1,10 @@
 """How a frame is turned against its keyframe, quickly: a rotation that most followed points obey."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.turns.match import Matches
 from lighting.turns.rays import nearest_rotation, rays
 from lighting.turns.search import search
@@ -13,8 +12,6 @@ from lighting.turns.search import search
 TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
 AGREEING = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
 _ROUNDS = 6
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

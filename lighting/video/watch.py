@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance, srgb_decode
 from lighting.model import Model
-from lighting.photo.read import fit_size, place
+from lighting.photo import Photo, to_tensor
 from lighting.records import Prediction
 from lighting.video.clip import Frame
 from lighting.video.follow import Follower, Key, Step
@@ -81,11 +81,8 @@ def shots_watched(
 
 def see(model: Model, pixels: Pixels) -> Prediction:
     """What the network says of a frame (h, w, 3), upright sRGB."""
-    from PIL import Image
-
-    size = fit_size(pixels.shape[1], pixels.shape[0], model.spec)
-    small = Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0)
-    return model.predict(place(np.asarray(small), model.spec)[None])[0]
+    photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
+    return model.predict(to_tensor(photo, model.spec))[0]
 
 
 def is_dark(pixels: Pixels) -> bool:
