@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from export.crops.crops import Camera
 from export.towns.llvm import find_llvm
 from export.towns.mesh import Mesh
 from export.towns.place import EYE, place
@@ -33,6 +34,10 @@ class Standpoint:
     elevation: float
     roll: float
     vertical_fov: float
+
+    def camera(self, aspect: float) -> Camera:
+        """The camera alone, of a photo of this width over height."""
+        return Camera(self.azimuth, self.elevation, self.roll, self.vertical_fov, aspect)
 
 
 class Walk:

@@ -24,8 +24,8 @@ from lighting.evidence.fusion import (
     ring_density,
 )
 from lighting.evidence.overlap import AZIMUTH, SUN, axes, counts
-from lighting.geometry import Floats, angles, direction
-from lighting.records import EVIDENCE, Prediction, check_range
+from lighting.geometry import Floats, angles, direction, wrap_azimuth
+from lighting.records import EVIDENCE, Prediction, SunEstimate, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 from lighting.turns.sets import Placed
 
@@ -129,10 +129,18 @@ def _on_cells(predictions: Sequence[Prediction], evidence: Sequence[Evidence], t
         found = _in_one_frame([predictions[i] for i in own], turns.turn[own], turns.noise[own])
         weights |= dict(zip(own.tolist(), found, strict=True))
     in_order = _share_elevation(predictions, [weights[i] for i in range(len(predictions))], turns)
-    answers = [on_grid(p, e, w) for p, e, w in zip(predictions, evidence, in_order, strict=True)]
+    apart = [on_grid(p, e, w) for p, e, w in zip(predictions, evidence, in_order, strict=True)]
+    answers = [replace(a, sun=_sun_of_group(i, apart, turns)) for i, a in enumerate(apart)]
     if turns.source != "turns" and not turns.group.any():
         return answers
     return [replace(a, relative_heading=_relative(i, answers, turns)) for i, a in enumerate(answers)]
+
+
+def _sun_of_group(photo: int, answers: Sequence[Fused], turns: Frames) -> SunEstimate:
+    """The sun of the group's first photo as this one sees it: cells that lie otherwise would put it a little aside."""
+    first = int(np.flatnonzero(turns.group == turns.group[photo])[0])
+    sun = answers[first].sun
+    return replace(sun, azimuth=float(wrap_azimuth(sun.azimuth + turns.turn[first] - turns.turn[photo])))
 
 
 def _share_elevation(predictions: Sequence[Prediction], weights: Sequence[Floats], turns: Frames) -> list[Floats]:
