@@ -18,7 +18,7 @@ from lighting.preview.spheres import render_spheres
 from lighting.video.clip import Clip
 from lighting.video.records import FrameLight
 
-SIDE = 960  # pixels of the longer side
+SIDE = 768  # pixels of the longer side
 STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
 _MAP_HEIGHT = 128
 _CLOCK = 90_000  # 1/s, of the film's times
@@ -84,7 +84,8 @@ def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: Any) -> NDArray[n
     draw_sun(picture, light.lighting)
     panel = Image.fromarray(display(balls.at(light) * np.float32(_gain(light))))
     picture.paste(panel, (12, picture.height - panel.height - 12), rounded(panel.size, 10))
-    write(picture, (14, 10), _words(light), 18, SUN if light.lighting.sun_shines else WHITE, shaded=True)
+    corner = (picture.width - 14.0, picture.height - 12.0)
+    write(picture, corner, _words(light), 17, SUN if light.lighting.sun_shines else WHITE, anchor="rs", shaded=True)
     return np.asarray(picture)
 
 

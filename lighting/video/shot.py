@@ -56,7 +56,7 @@ class Circumstances:
     given: Given = field(default_factory=Given)
 
     def known_at(self, seconds: float, heading: float | None = None) -> Known:
-        """What is known of a frame at a time [s]; its compass heading is that given, and else that of the facts."""
+        """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north."""
         later = timedelta(seconds=seconds)
         moved = {
             name: moment + later
@@ -64,8 +64,11 @@ class Circumstances:
             if (moment := getattr(self.facts, name)) is not None
         }
         facts = replace(self.facts, **moved)
-        facts = facts if heading is None else replace(facts, heading=heading, heading_reference="true")
         given = self.given if self.given.time is None else replace(self.given, time=self.given.time + later)
+        if heading is not None:
+            facts = replace(facts, heading=heading, heading_reference="true")
+        elif seconds > 0.0:  # the one that is known is of the clip's first frame
+            facts, given = replace(facts, heading=None), replace(given, heading=None)
         return known(facts, given)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.evidence import Evidence, Fused, Given, estimate_of
+from lighting.evidence import Fused, Given, Known, estimate_of
 from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.model import Model
 from lighting.records import Lighting
@@ -135,10 +135,13 @@ class Tracker:
         heading = self._angles()[0]
         evidence = self._around.known_at(frame.time).evidence
         self._light.add(Look(said, heading, self._lens.fov, luminance_gain(self._gain), evidence))
-        self._fused = self._light.answer(self._evidence(frame.time))
+        self._fused = self._light.answer(self._known_at(frame.time).evidence)
 
-    def _evidence(self, time: float) -> Evidence:
-        return self._around.known_at(time).evidence
+    def _known_at(self, time: float) -> Known:
+        """What is known of a moment, the heading being that of the first frame."""
+        known, first = self._around.known_at(time), self._around.known_at(0.0).evidence
+        compass = replace(known.evidence, heading=first.heading, heading_spread=first.heading_spread)
+        return replace(known, evidence=compass)
 
     def _angles(self) -> tuple[float, float, float]:
         """Heading, elevation and roll [deg] of the camera now."""
@@ -150,7 +153,7 @@ class Tracker:
         if self._fused is None:
             return None
         heading, elevation, roll = self._angles()
-        known = self._around.known_at(time)
+        known = self._known_at(time)
         base, north = estimate_of(self._fused, known).lighting, north_of(self._fused, known)
         lighting = replace(
             base,
