@@ -38,7 +38,7 @@ def sweep(panorama: Panorama, count: int, purpose: str) -> list[Taken]:
     for _ in range(count):
         cameras.append(Camera(float(azimuth), rng.uniform(-10, 15), rng.normal(0, 2), fov, WIDTH / HEIGHT))
         azimuth = azimuth + side * across(fov) * (1 - rng.uniform(*OVERLAPS))
-    picture = _exposed(panorama)
+    picture = exposed(panorama)
     return [Taken(photo(picture, camera, rng.uniform(*GAINS, 3)), camera) for camera in cameras]
 
 
@@ -47,7 +47,7 @@ def across(vertical_fov: float) -> float:
     return float(2 * np.degrees(np.arctan(np.tan(np.radians(vertical_fov / 2)) * WIDTH / HEIGHT)))
 
 
-def _exposed(panorama: Panorama) -> NDArray[np.float32]:
+def exposed(panorama: Panorama) -> NDArray[np.float32]:
     """Linear values (H, 2H, 3) of which the bright parts are near white."""
     linear = linear_of(panorama, read_picture(panorama))
     if panorama.kind == "ldr":

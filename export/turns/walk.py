@@ -1,7 +1,7 @@
 """Photos of one rendered place from several standpoints: exact turns with parallax.
 
-One ray a sample finds what is seen; sunlight with its shadows, a sky that is brighter above, and a grain fixed to the
-things shade it. It is not light transport, and has no noise that would differ from photo to photo.
+One ray a sample finds what is seen; sunlight with its shadows, skylight from above, both of Hosek and Wilkie's model, and
+a grain fixed to the things shade it. It is not light transport, and has no noise that would differ from photo to photo.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,15 @@ from export.crops.crops import Camera
 from export.towns.llvm import find_llvm
 from export.towns.mesh import Mesh
 from export.towns.place import EYE, place
-from lighting.colour import tone_map
-from lighting.geometry import camera_directions, direction
+from lighting.colour import luminance, tone_map
+from lighting.envmap import render
+from lighting.geometry import camera_directions, latlong_directions, latlong_solid_angle, sample_latlong
+from lighting.records import Lighting
+from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
 
 SAMPLES = 4  # rays per pixel, 2 x 2
-SKY, SUN = 0.35, 0.9  # brightness of a white plane under each
+DOME = 128  # rows of the map of the sky
+WHITE = 0.7  # what the brighter parts of a photo are exposed to
 GRAIN = ((0.05, 0.25), (0.25, 0.35), (1.2, 0.3), (6.0, 0.3))  # m and contrast of the layers
 REPEATS = 64  # cells after which a layer of grain repeats
 
@@ -40,17 +44,37 @@ class Standpoint:
         return Camera(self.azimuth, self.elevation, self.roll, self.vertical_fov, aspect)
 
 
-class Walk:
-    """A rendered place to walk through, the same for one number."""
+@dataclass(frozen=True, eq=False)
+class Daylight:
+    """The light of a clear sky."""
 
-    def __init__(self, number: int) -> None:
+    sun: Floats  # (3,) direction
+    beam: Floats  # (3,) irradiance of a plane that faces the sun
+    ambient: Floats  # (3,) irradiance of a horizontal plane by the sky
+    dome: NDArray[np.float32]  # (DOME, 2 DOME, 3) radiance
+
+    @classmethod
+    def of(cls, light: Lighting) -> "Daylight":
+        """That of a record."""
+        dome = render(light, DOME, sun=False)
+        upwards = latlong_directions(DOME)[..., 1:]
+        share = np.maximum(upwards, 0.0) * latlong_solid_angle(DOME)[:, None, None]
+        beam = sun_radiance(light.sun_direction, light.turbidity) * (SUN_SOLID_ANGLE * light.exposure)
+        return cls(light.sun_direction, np.asarray(beam), np.sum(dome * share, axis=(0, 1)), dome)
+
+
+class Walk:
+    """A rendered place to walk through, the same for one number, under a light of its own or one that is given."""
+
+    def __init__(self, number: int, light: Lighting | None = None) -> None:
         find_llvm()
         import mitsuba as mi
 
         mi.set_variant("llvm_ad_rgb")
         rng = np.random.default_rng([21, number])
         meshes = place(rng)
-        self.sun = direction(rng.uniform(-180, 180), rng.uniform(15, 60))
+        own = Lighting(float(rng.uniform(-180, 180)), float(rng.uniform(15, 60)), turbidity=3.0, exposure=0.02)
+        self.light = Daylight.of(light or own)
         self.lattice = rng.random((REPEATS, REPEATS, REPEATS)).astype(np.float32)
         self.colours = np.concatenate([mesh.albedo for mesh in meshes])
         self.scene = mi.load_dict({"type": "scene", "things": _mesh(mi, meshes)})
@@ -59,7 +83,8 @@ class Walk:
         """What is seen from there: (height, width, 3) sRGB."""
         towards = camera_directions(2 * width, 2 * height, at.vertical_fov, at.azimuth, at.elevation, at.roll)
         linear = self._radiance(towards.reshape(-1, 3), (at.position[0], EYE, at.position[1]))
-        return np.asarray(tone_map(linear.reshape(height, 2, width, 2, 3).mean(axis=(1, 3))))
+        mean = linear.reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
+        return np.asarray(tone_map(mean * (WHITE / max(float(np.percentile(luminance(mean), 80)), 1e-6))))
 
     def is_clear(self, at: Standpoint, arm: float = 1.5) -> bool:
         """Whether nothing in view is nearer than an arm [m], but for a tenth of the picture."""
@@ -70,12 +95,12 @@ class Walk:
     def _radiance(self, towards: Floats, origin: tuple[float, float, float]) -> NDArray[np.float32]:
         distance, face, normal = self._meet(towards, origin)
         seen = np.isfinite(distance)
-        colour = np.array([0.35, 0.5, 0.8]) * (1.2 - 0.6 * np.clip(towards[:, 1:2], 0, 1))
+        colour = sample_latlong(self.light.dome, towards).astype(np.float64)
         point = np.array(origin) + towards[seen] * distance[seen, None]
         facing = normal[seen] * -np.sign(np.sum(normal[seen] * towards[seen], axis=1, keepdims=True))
-        lit = np.maximum(facing @ self.sun, 0.0) * self._sunlit(point + 0.01 * facing)
-        light = SUN * lit + SKY * (0.6 + 0.4 * facing[:, 1])
-        colour[seen] = self.colours[face[seen]] * (2.0 * light * self._grain(point))[:, None]
+        lit = np.maximum(facing @ self.light.sun, 0.0) * self._sunlit(point + 0.01 * facing)
+        light = self.light.beam * lit[:, None] + self.light.ambient * (0.6 + 0.4 * facing[:, 1:2])
+        colour[seen] = self.colours[face[seen]] / np.pi * light * self._grain(point)[:, None]
         return np.asarray(colour, dtype=np.float32)
 
     def _meet(self, towards: Floats, origin: tuple[float, float, float]) -> tuple[Floats, NDArray[np.intp], Floats]:
@@ -90,7 +115,7 @@ class Walk:
     def _sunlit(self, point: Floats) -> Floats:
         import mitsuba as mi
 
-        ray = mi.Ray3f(mi.Point3f(*point.T.astype(np.float32)), mi.Vector3f(*(float(v) for v in self.sun)))
+        ray = mi.Ray3f(mi.Point3f(*point.T.astype(np.float32)), mi.Vector3f(*(float(v) for v in self.light.sun)))
         return 1.0 - np.array(self.scene.ray_test(ray)).astype(np.float64)
 
     def _grain(self, point: Floats) -> Floats:

@@ -14,6 +14,7 @@ from lighting.geometry import Floats, angle_between, direction
 from lighting.records import Prediction
 
 REACH = 1.25  # vertical fields of view between two optical axes from which views share nothing
+UNLIKE = 30.0  # deg of the sun's motion after which the same view is another witness
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,13 @@ SUN = Correlation(0.1, 1.0)  # of the sun's distribution in one frame
 AZIMUTH = Correlation(0.1, 1.0)  # of its azimuth at a known elevation
 
 
-def counts(ahead: Floats, vertical_fov: Floats, correlation: Correlation) -> Floats:
-    """How much each of n views counts (n,), 0 to 1, by their optical axes (n, 3) and fields of view (n,) [deg]."""
-    matrix = correlation.far + (correlation.near - correlation.far) * overlap(ahead, vertical_fov)
+def counts(ahead: Floats, vertical_fov: Floats, correlation: Correlation, likeness: Floats | float = 1.0) -> Floats:
+    """How much each of n views counts (n,), 0 to 1, by their optical axes (n, 3) and fields of view (n,) [deg].
+
+    `likeness` (n, n) is how alike their light is, 0 to 1: the same view under another sun is another witness.
+    """
+    shared = overlap(ahead, vertical_fov) * likeness
+    matrix = correlation.far + (correlation.near - correlation.far) * shared
     np.fill_diagonal(matrix, 1.0)
     return np.asarray(1.0 / matrix.sum(axis=1))
 

@@ -23,8 +23,8 @@ from lighting.evidence.fusion import (
     on_rings,
     ring_density,
 )
-from lighting.evidence.overlap import AZIMUTH, SUN, axes, counts
-from lighting.geometry import Floats, angles, direction, wrap_azimuth
+from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import EVIDENCE, Prediction, SunEstimate, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 from lighting.turns.sets import Placed
@@ -204,11 +204,18 @@ def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Evidence], t
     weights: dict[int, Floats] = {}
     for own in turns.members():
         noisy = [_with_noise(density[i], float(turns.noise[i])) for i in own]
-        exponent = counts(*axes([predictions[i] for i in own], turns.turn[own]), AZIMUTH)
+        alike = _likeness([evidence[i] for i in own])
+        exponent = counts(*axes([predictions[i] for i in own], turns.turn[own]), AZIMUTH, alike)
         found = _share_heading(noisy, [prior[i] for i in own], turns.turn[own], exponent)
         weights |= dict(zip(own.tolist(), found, strict=True))
     in_order = _share_zone([weights[i] for i in range(len(weights))], turns)
     return [on_rings(p, e, w) for p, e, w in zip(predictions, evidence, in_order, strict=True)]
+
+
+def _likeness(evidence: Sequence[Evidence]) -> Floats:
+    """How alike the light of photos is (n, n), by how far their suns lie apart."""
+    suns = direction([e.candidates[0][1] for e in evidence], [e.candidates[0][0] for e in evidence])
+    return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / UNLIKE))
 
 
 def _share_zone(weights: Sequence[Floats], turns: Frames) -> list[Floats]:

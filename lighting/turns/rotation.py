@@ -21,6 +21,7 @@ LEAST_INLIERS = 12  # matches that agree, below which nothing is said
 LEAST_SHARE = 0.15  # of the matches in the common part of both photos
 LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
 PARALLAX = 1.25  # times as many matches must obey some fundamental matrix before the camera counts as moved
+STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # by which errors exceed what the scatter of the matches says (`export turns`)
 LEAST_MOVED = 24  # matches that agree on a motion, which has more freedom
 
 Floats = NDArray[np.floating[Any]]
@@ -128,7 +129,7 @@ def _rotated(matches: Matches, lens: Lens) -> Turn | None:
     common = int(np.count_nonzero(_in_common(matches, rotation, zoom, lens)))
     if count < max(LEAST_INLIERS, LEAST_SHARE * common):
         return None
-    covariance = 2.0 * fit.covariance  # each match counts in both photos
+    covariance = 2.0 * STILL_SPREAD**2 * fit.covariance  # each match counts in both photos
     return _sure_enough(Turn(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
 
 
@@ -138,7 +139,7 @@ def _moved(matches: Matches, obeying: NDArray[np.bool_], lens: Lens) -> Turn | N
     found = motion(kept, lens.focal, lens.zooms(), lens.prior())
     if found is None or (count := int(np.count_nonzero(found.inliers))) < LEAST_MOVED:
         return None
-    uncertainty = _uncertainty(found.covariance, found.zoom, lens)
+    uncertainty = _uncertainty(MOVED_SPREAD**2 * found.covariance, found.zoom, lens)
     return _sure_enough(Turn(found.rotation, *uncertainty, count, len(matches), translates=True))
 
 
