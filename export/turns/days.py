@@ -1,10 +1,11 @@
-"""A day at one rendered place, hour by hour, from a tripod: the sun's path with exact truth, and what is fitted to it."""
+"""Days at rendered places, hour by hour from a tripod: the sun's path with exact truth, and what is fitted to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from export.turns.groups import predictions
@@ -92,18 +93,16 @@ def _headings(days: Sequence[Day], found: Sequence[Fit]) -> dict[str, float]:
 def _ranges(found: Sequence[Range], truth: Floats, by_declination: bool) -> dict[str, float]:
     best = np.array([r.best for r in found])
     error = np.abs(_declination(best) - _declination(truth)) if by_declination else np.abs(best - truth)
-    half, most = (
-        np.array([_holds(getattr(r, name), t) for r, t in zip(found, truth, strict=True)])
-        for name in ("in_50", "in_90")
-    )
+    half, most = (_held([getattr(r, name) for r in found], truth) for name in ("in_50", "in_90"))
     return _row(error, half, most)
 
 
-def _holds(intervals: Sequence[tuple[float, float]], value: float) -> bool:
-    return any(low <= value <= high for low, high in intervals)
+def _held(intervals: Sequence[tuple[tuple[float, float], ...]], truth: Floats) -> NDArray[np.bool_]:
+    """Whether each truth lies in one of its intervals."""
+    return np.array([any(low <= t <= high for low, high in own) for own, t in zip(intervals, truth, strict=True)])
 
 
-def _row(error: Floats, half: Floats, most: Floats) -> dict[str, float]:
+def _row(error: Floats, half: NDArray[np.bool_], most: NDArray[np.bool_]) -> dict[str, float]:
     return {
         "error, 50 %": float(np.median(error)),
         "90 %": float(np.quantile(error, 0.9)),

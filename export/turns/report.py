@@ -10,7 +10,7 @@ from lighting.model import Model
 
 PARTS = ("pairs", "walks", "sets", "overlap", "days")
 WALKS, DAYS = 40, 12
-PER_PLACE = 3  # panoramas for the correlation
+PER_PLACE = 1  # panoramas for the correlation
 
 
 def report(data: Path, split: str, parts: Sequence[str], last: int | None = None) -> str:

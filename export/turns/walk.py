@@ -1,7 +1,7 @@
 """Photos of one rendered place from several standpoints: exact turns with parallax.
 
-One ray a sample finds what is seen; sunlight with its shadows, skylight from above, both of Hosek and Wilkie's model, and
-a grain fixed to the things shade it. It is not light transport, and has no noise that would differ from photo to photo.
+One ray a sample finds what is seen; sunlight with its shadows, skylight from above, both of Hosek and Wilkie's model,
+and a grain fixed to the things shade it. It is not light transport, and no noise differs from photo to photo.
 """
 
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ class Daylight:
     def of(cls, light: Lighting) -> "Daylight":
         """That of a record."""
         dome = render(light, DOME, sun=False)
-        upwards = latlong_directions(DOME)[..., 1:]
+        upwards = latlong_directions(DOME)[..., 1:2]
         share = np.maximum(upwards, 0.0) * latlong_solid_angle(DOME)[:, None, None]
         beam = sun_radiance(light.sun_direction, light.turbidity) * (SUN_SOLID_ANGLE * light.exposure)
         return cls(light.sun_direction, np.asarray(beam), np.sum(dome * share, axis=(0, 1)), dome)
