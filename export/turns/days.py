@@ -1,6 +1,6 @@
 """Days at rendered places, hour by hour from a tripod: the sun's path with exact truth, and what is fitted to it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from export.turns.groups import predictions
 from export.turns.sets import HEIGHT, WIDTH, Taken
-from export.turns.walk import Standpoint, Walk
+from export.turns.walk import Daylight, Standpoint, Walk
 from lighting.evidence import Evidence, sun_position
 from lighting.evidence.fit import KINDS, Fit, Range, Series, fit
 from lighting.geometry import Floats, wrap_azimuth
@@ -21,6 +21,7 @@ from lighting.records import Lighting
 LOWEST = 6.0  # deg, of a sun whose light is rendered
 PHOTOS = 6  # over the day
 EXPOSURE = 0.02
+FIRST_PLACE = 100  # number of the first day's place
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ def day(model: Model, number: int) -> Day:
         Lighting(float(wrap_azimuth(azimuth)), elevation, turbidity=turbidity, exposure=EXPOSURE)
         for azimuth, elevation in suns
     ]
-    photos = [Taken(Walk(100 + number, light).photo(at, WIDTH // 2, HEIGHT // 2), at.camera(4 / 3)) for light in lights]
+    photos = [Taken(pixels, at.camera(4 / 3)) for pixels in _photos(Walk(FIRST_PLACE + number), at, lights)]
     facts = [
         PhotoFacts(
             local_time=t.replace(tzinfo=None), utc_offset=0.0, utc_time=t, latitude=latitude, longitude=longitude
@@ -54,6 +55,13 @@ def day(model: Model, number: int) -> Day:
     evidence = [Evidence(((elevation, azimuth),)) for azimuth, elevation in suns]
     series = Series(predictions(model, photos), facts, evidence, np.zeros(PHOTOS))
     return Day(series, at.azimuth % 360.0, latitude, times[0].timetuple().tm_yday)
+
+
+def _photos(walk: Walk, at: Standpoint, lights: Sequence[Lighting]) -> Iterator[NDArray[np.uint8]]:
+    """The place under one light after the other."""
+    for light in lights:
+        walk.light = Daylight.of(light)
+        yield walk.photo(at, WIDTH // 2, HEIGHT // 2)
 
 
 def _daylight(rng: np.random.Generator, latitude: float, longitude: float) -> list[datetime]:

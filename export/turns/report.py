@@ -9,7 +9,7 @@ from export.turns.sets import one_each
 from lighting.model import Model
 
 PARTS = ("pairs", "walks", "sets", "overlap", "days")
-WALKS, DAYS = 40, 12
+WALKS, DAYS = 40, 10
 PER_PLACE = 1  # panoramas for the correlation
 
 

@@ -64,9 +64,9 @@ class Daylight:
 
 
 class Walk:
-    """A rendered place to walk through, the same for one number, under a light of its own or one that is given."""
+    """A rendered place to walk through, the same for one number, under a light of its own that may be replaced."""
 
-    def __init__(self, number: int, light: Lighting | None = None) -> None:
+    def __init__(self, number: int) -> None:
         find_llvm()
         import mitsuba as mi
 
@@ -74,7 +74,7 @@ class Walk:
         rng = np.random.default_rng([21, number])
         meshes = place(rng)
         own = Lighting(float(rng.uniform(-180, 180)), float(rng.uniform(15, 60)), turbidity=3.0, exposure=0.02)
-        self.light = Daylight.of(light or own)
+        self.light = Daylight.of(own)
         self.lattice = rng.random((REPEATS, REPEATS, REPEATS)).astype(np.float32)
         self.colours = np.concatenate([mesh.albedo for mesh in meshes])
         self.scene = mi.load_dict({"type": "scene", "things": _mesh(mi, meshes)})

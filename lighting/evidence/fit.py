@@ -9,12 +9,16 @@ import numpy as np
 
 from lighting.errors import ParameterError
 from lighting.evidence.ephemeris import sun_position
-from lighting.evidence.facts import ZONE_LEAD, place_of
+from lighting.evidence.facts import ZONE_LEAD, merge, of_one_place, place_of
+from lighting.evidence.frames import frames
 from lighting.evidence.fusion import Evidence
+from lighting.evidence.given import Given
 from lighting.evidence.path import Paths, follow
+from lighting.evidence.sun import suns
 from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
+from lighting.turns import Placed
 
 KINDS = ("heading", "latitude", "time")
 LATITUDES = np.arange(-70.0, 71.0)  # deg, tried
@@ -63,6 +67,25 @@ class Series:
     turns: Floats  # (n,) deg clockwise from the first photo
 
 
+def series_of(
+    predictions: Sequence[Prediction],
+    facts: Sequence[PhotoFacts],
+    given: Given,
+    headings: Sequence[float] | None = None,
+    placed: Sequence[Placed] | None = None,
+) -> Series:
+    """Photos of one place brought into one frame by `headings` [deg] or matches; ParameterError where neither does."""
+    merged = [merge(fact, given) for fact in of_one_place(facts)]
+    evidence = [Evidence(tuple(suns(f)), vertical_fov=f.vertical_fov) for f in merged]
+    turned = frames(evidence, headings, placed)
+    apart = np.flatnonzero(turned.group != turned.group[0])
+    if len(apart):
+        raise ParameterError(
+            f"Photo {apart[0] + 1} shows nothing that the first one shows: its heading must be stated."
+        )
+    return Series(predictions, merged, evidence, turned.turn - turned.turn[0])
+
+
 def fit(series: Series, kind: str) -> Fit:
     """One of KINDS; ParameterError where the photos do not say what it needs."""
     if kind == "heading":
@@ -71,9 +94,10 @@ def fit(series: Series, kind: str) -> Fit:
 
 
 def _heading(series: Series) -> Fit:
-    candidates = np.array([e.candidates for e in series.evidence], dtype=np.float64)
-    if candidates.ndim != 3 or not candidates.shape[1]:
+    counts = {len(e.candidates) for e in series.evidence}
+    if len(counts) > 1 or not counts.pop():
         raise ParameterError("A heading is fitted to photos that all say when and where they were taken.")
+    candidates = np.array([e.candidates for e in series.evidence], dtype=np.float64)
     paths = Paths(candidates[..., 0].T, candidates[..., 1].T, np.ones(candidates.shape[1]))
     return _fitted(series, _utc(series) or _local(series), paths)[0]
 

@@ -45,7 +45,7 @@ def check_headings(photos: int, headings: Sequence[float] | None) -> None:
 def check_heading(photos: int, heading: float | None) -> None:
     """Raise ParameterError where the one heading is given for several photos."""
     if heading is not None and photos > 1:
-        raise ParameterError("heading is that of one photo; several photos have headings.")
+        raise ParameterError("heading is that of one photo; photos taken together have headings.")
 
 
 def frames(
