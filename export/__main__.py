@@ -176,14 +176,16 @@ def evaluate(
 @cli.command()
 @data_option
 @click.option("--count", type=click.IntRange(1), default=8, show_default=True, help="Clips of each kind.")
-@click.option("--kind", "kinds", multiple=True, help="Only clips of these kinds.  [all]")
+@click.option("--kind", "kinds", multiple=True, help="Only clips of these kinds. [all]")
+@click.option("--only", type=click.Choice(("clips", "streams", "speed")), help="One part of the report. [all]")
 @click.option("--model", type=FOLDER, default=None, help="Network to ask. [the one in the package]")
-def video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -> None:
+def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
     """Print how well clips are followed, and how fast, by cameras moved in `val` panoramas and rendered places."""
     from export.video.evaluate import KINDS, evaluate
     from lighting.model import Model
 
-    click.echo(evaluate(data, count, kinds or KINDS, Model.load(model)))
+    for part in evaluate(data, count, kinds or KINDS, Model.load(model), only):
+        click.echo(part + "\n")
 
 
 @cli.command()

@@ -1,1 +1,1 @@
-"""What `python -m export video` measures of clips: accuracy, trembling, drift and speed, by sequences with exact truth."""
+"""What `python -m export video` measures of clips: accuracy, trembling, drift and speed, with exact truth."""

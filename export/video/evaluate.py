@@ -1,6 +1,6 @@
 """The figures of `python -m export video`."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +19,15 @@ from lighting.video.path import smoothed
 from lighting.video.shot import Circumstances, Shot, luminance_gain, solve
 from lighting.video.watch import see, shots_watched
 
+PARTS = ("clips", "streams", "speed")
 BEST_EVERY = 6  # frames between those that the best answer sees
 SMOOTH = 1.0  # s of the smooth curve that trembling is measured against
 EXPLAINED = (
     "Medians over the clips, angles in deg. `heading`: error of the camera's heading against the first frame, in the "
     "median and at 90 % of a clip's frames. `trembling`: of the sun's azimuth in each frame, the standard deviation of "
     "its error against a smooth curve (a parabola through one second). `to best`: from the clip's sun to what the "
-    "network says of every sixth frame, turned by true rotations. `sun`, `best's sun`: errors of both. `gain`: error of "
-    "the exposure against the first frame [%]. `bridged`: frames in which nothing could be followed [%]. `split`: "
+    "network says of every sixth frame, turned by true rotations. `sun`, `best's sun`: errors of both. `gain`: error "
+    "of the exposure against the first frame [%]. `bridged`: frames in which nothing could be followed [%]. `split`: "
     "clips that were taken for several shots."
 )
 MEDIANS = (
@@ -43,13 +44,22 @@ MEDIANS = (
 )
 
 
-def evaluate(data: Path, count: int, kinds: Sequence[str], model: Model) -> str:
-    """The report on clips of `count` `val` panoramas each, streams, and speed."""
+def evaluate(data: Path, count: int, kinds: Sequence[str], model: Model, only: str | None = None) -> Iterator[str]:
+    """The report's parts: clips of `count` `val` panoramas each, streams, and speed, or `only` one of PARTS."""
     panoramas = chosen(data, count)
+    if only in (None, "clips"):
+        yield clip_report(panoramas, kinds, model)
+    if only in (None, "streams"):
+        yield stream_report(panoramas, model)
+    if only in (None, "speed"):
+        yield speed_report(panoramas[0], model)
+
+
+def clip_report(panoramas: Sequence[Panorama], kinds: Sequence[str], model: Model) -> str:
+    """The table of clips, a row a kind."""
     rows = {kind: figures([measured(s, model) for s in sequences(panoramas, kind)]) for kind in kinds}
-    title = f"## Clips of 6 s, 640 x 360 pixels, {count} of each kind, in places that training never saw"
-    parts = [title, EXPLAINED, shown(rows), stream_report(panoramas, model), speed_report(panoramas[0], model)]
-    return "\n\n".join(parts)
+    title = f"## Clips of 6 s, 640 x 360 pixels, {len(panoramas)} of each kind, in places that training never saw"
+    return f"{title}\n\n{EXPLAINED}\n\n{shown(rows)}"
 
 
 def shown(rows: dict[str, dict[str, float]]) -> str:
@@ -120,10 +130,9 @@ def _true_sun(truth: Sequenced, shot: Shot) -> Floats:
 def best_sun(truth: Sequenced, first: int, model: Model) -> SunEstimate:
     """The sun that many frames give with true rotations, as frame `first` sees it."""
     light, azimuth = ShotLight(), truth.path[0]
-    for frame in truth.frames():
-        if frame.index % BEST_EVERY == 0:
-            turn = float(azimuth[frame.index] - azimuth[first])
-            light.add(Look(see(model, frame.pixels), turn, truth.vertical_fov))
+    for frame in truth.frames(BEST_EVERY):
+        turn = float(azimuth[frame.index] - azimuth[first])
+        light.add(Look(see(model, frame.pixels), turn, truth.vertical_fov))
     return light.answer(Evidence()).sun
 
 
@@ -144,4 +153,4 @@ def figures(clips: Iterable[dict[str, float]]) -> dict[str, float]:
     return {**found, **worst, **means, "split": float(every["split"].sum())}
 
 
-__all__ = ["KINDS", "evaluate"]
+__all__ = ["KINDS", "PARTS", "evaluate"]

@@ -42,9 +42,9 @@ class Sequenced:
     sun: tuple[float, float]  # azimuth in the panorama and elevation, deg
     picture: Callable[[int], Pixels]  # a frame by its index, its gain not yet applied
 
-    def frames(self) -> Iterator[Frame]:
-        """The clip."""
-        for i in range(len(self.time)):
+    def frames(self, every: int = 1) -> Iterator[Frame]:
+        """The clip, or one of `every` so many frames of it."""
+        for i in range(0, len(self.time), every):
             yield Frame(i, float(self.time[i]), gained(self.picture(i), self.gain[i]))
 
 
@@ -141,10 +141,8 @@ def look(
 def _blurred(picture: Pixels, moment: float, time: Floats, path: Angles, fov: float) -> Pixels:
     """What is seen while the shutter is open, averaged in linear light."""
     near = moment + (np.arange(BLURRED) / BLURRED - 0.5) * 0.5 / RATE
-    azimuth, elevation, roll = (np.interp(near, time, p) for p in path)
-    seen = [
-        look(picture, (float(a), float(e), float(r)), fov) for a, e, r in zip(azimuth, elevation, roll, strict=True)
-    ]
+    moved: Angles = (np.interp(near, time, path[0]), np.interp(near, time, path[1]), np.interp(near, time, path[2]))
+    seen = [look(picture, held(moved, i), fov) for i in range(BLURRED)]
     return tone_map(np.mean([srgb_decode(s / 255.0) for s in seen], axis=0))
 
 

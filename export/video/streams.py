@@ -16,18 +16,18 @@ from lighting.geometry import Floats, wrap_azimuth
 from lighting.model import Model
 from lighting.video.tracker import Tracker
 
-SECONDS, RATE = 120.0, 10.0
+SECONDS, RATE = 90.0, 10.0
 SIZE = (640, 480)
 FOV = 50.0  # deg
 ROUNDS = 2.0  # to the right, and as many back
-STREAMS = 4
+STREAMS = 3
 
 EXPLAINED = (
     f"A camera of {SIZE[0]} x {SIZE[1]} pixels, {FOV:g}° high, {SECONDS:g} s at {RATE:g} frames a second: {ROUNDS:g} "
     "rounds to the right and as many back. `heading` is against the first frame, in the median, at the worst, and at "
     "the end, where the camera is where it began; `absolute` by sun, time and place (simulated as `evaluate "
-    "--with-metadata` does), after a sixth of the stream and at its end. `CPU` and `wall` are ms a frame, `slowest` the "
-    "longest of all; `growth` is that of the process's peak memory [MB] over the last two thirds."
+    "--with-metadata` does), after a sixth of the stream and at its end. `CPU` and `wall` are ms a frame, `slowest` "
+    "the longest of all; `growth` is that of the process's peak memory [MB] over the last two thirds."
 )
 
 
