@@ -60,7 +60,7 @@ def fuse_together(
     known = _share_time(evidence)
     answers = _on_rings(shared, known, turns) if known[0].candidates else _on_cells(shared, known, turns)
     return tuple(
-        replace(a, warnings=(*single.warnings, *_unmatched(i, turns)), used=_used(a, turns.source))
+        replace(a, warnings=(*single.warnings, *_unmatched(i, turns, placed)), used=_used(a, turns.source))
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
 
@@ -75,8 +75,9 @@ def _as_matched(predictions: Sequence[Prediction], placed: Sequence[Placed]) -> 
     ]
 
 
-def _unmatched(photo: int, turns: Frames) -> tuple[str, ...]:
-    if turns.source != "turns" or turns.group.max() == 0 or np.count_nonzero(turns.group == turns.group[photo]) > 1:
+def _unmatched(photo: int, turns: Frames, placed: Sequence[Placed] | None) -> tuple[str, ...]:
+    """A warning where matching was tried and this photo is left alone."""
+    if placed is None or np.count_nonzero(turns.group == turns.group[photo]) > 1:
         return ()
     return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
 

@@ -1,10 +1,10 @@
 """Rotation averaging: the orientations of many cameras from the turns of some pairs (Hartley et al. 2013).
 
-Gauss-Newton on the rotation vectors, each turn weighted by its covariance and by Cauchy's weight, which takes from a
-turn that contradicts the others what it says.
+Gauss-Newton on the rotation vectors, each turn weighted by its covariance. Sums of distances are minimised first, which
+a turn that contradicts the others cannot hold; then Cauchy's weight takes from such a turn most of what it says.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ OUTLYING = 5.0  # standard deviations from which a turn counts for half
 LEAST_SIGMA = 0.02  # deg, under which no turn is believed: lenses are not perfect pinholes
 STEPS = 20
 
+Weight = Callable[[float], float]
 Floats = NDArray[np.floating[Any]]
 
 
@@ -46,13 +47,20 @@ def average(members: tuple[int, ...], pairs: Pairs) -> Oriented:
     inside = {pair: turn for pair, turn in pairs.items() if pair[0] in members}
     place = {number: k for k, number in enumerate(members)}
     rotations = _along_the_surest(members, inside)
-    for _ in range(STEPS if len(members) > 1 else 0):
-        normal, pull = _normal_equations(inside, place, rotations)
+    for weight in (_by_distance, _by_cauchy) if len(members) > 1 else ():
+        rotations = _settled(inside, place, rotations, weight)
+    return Oriented(members, nearest_rotation(rotations), _covariances(inside, place, rotations))
+
+
+def _settled(pairs: Pairs, place: Mapping[int, int], rotations: Floats, weight: Weight) -> Floats:
+    """The orientations after as many steps as change anything."""
+    for _ in range(STEPS):
+        normal, pull = _normal_equations(pairs, place, rotations, weight)
         step = np.linalg.solve(normal, pull).reshape(-1, 3)
-        rotations[1:] = rotation_about(step) @ rotations[1:]
+        rotations = np.concatenate([rotations[:1], rotation_about(step) @ rotations[1:]])
         if np.abs(step).max() < 1e-9:
             break
-    return Oriented(members, nearest_rotation(rotations), _covariances(inside, place, rotations))
+    return rotations
 
 
 def _along_the_surest(members: tuple[int, ...], pairs: Pairs) -> Floats:
@@ -66,7 +74,9 @@ def _along_the_surest(members: tuple[int, ...], pairs: Pairs) -> Floats:
     return np.array([known[number] for number in members])
 
 
-def _normal_equations(pairs: Pairs, place: Mapping[int, int], rotations: Floats) -> tuple[Floats, Floats]:
+def _normal_equations(
+    pairs: Pairs, place: Mapping[int, int], rotations: Floats, weigh: Weight
+) -> tuple[Floats, Floats]:
     """Matrix (3(n-1), 3(n-1)) and right side of the corrections [rad] of all orientations but the first."""
     size = 3 * len(rotations)
     normal, pull = np.zeros((size, size)), np.zeros(size)
@@ -76,21 +86,29 @@ def _normal_equations(pairs: Pairs, place: Mapping[int, int], rotations: Floats)
         off = rotation_vector(turn.rotation @ expected.T)
         slope = np.zeros((3, size))
         slope[:, 3 * j : 3 * j + 3], slope[:, 3 * i : 3 * i + 3] = np.eye(3), -expected
-        weight = _weight(turn, off)
+        weight = _inverse(turn) * weigh(float(off @ _inverse(turn) @ off))
         normal += slope.T @ weight @ slope
         pull += slope.T @ weight @ off
     return normal[3:, 3:], pull[3:]
 
 
-def _weight(turn: Turn, off: Floats) -> Floats:
-    """Inverse covariance (3, 3) [1/rad^2] of a turn that is `off` [rad] the others."""
-    inverse = np.linalg.inv(np.radians(np.radians(turn.covariance + LEAST_SIGMA**2 * np.eye(3))))
-    return np.asarray(inverse / (1.0 + float(off @ inverse @ off) / OUTLYING**2))
+def _inverse(turn: Turn) -> Floats:
+    """Inverse covariance (3, 3) [1/rad^2]."""
+    return np.asarray(np.linalg.inv(np.radians(np.radians(turn.covariance + LEAST_SIGMA**2 * np.eye(3)))))
+
+
+def _by_distance(square: float) -> float:
+    """The weight of a turn this many squared standard deviations off, for the least sum of distances."""
+    return 1.0 / max(float(np.sqrt(square)), 0.1)
+
+
+def _by_cauchy(square: float) -> float:
+    return 1.0 / (1.0 + square / OUTLYING**2)
 
 
 def _covariances(pairs: Pairs, place: Mapping[int, int], rotations: Floats) -> Floats:
     if len(rotations) == 1:
         return np.zeros((1, 3, 3))
-    inverse = np.linalg.inv(_normal_equations(pairs, place, rotations)[0])
+    inverse = np.linalg.inv(_normal_equations(pairs, place, rotations, _by_cauchy)[0])
     own = [inverse[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(rotations) - 1)]
     return np.concatenate([np.zeros((1, 3, 3)), np.degrees(np.degrees(np.array(own)))])

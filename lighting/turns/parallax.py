@@ -38,7 +38,10 @@ def epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
     """Which matches (M,) obey the best fundamental matrix, whatever the lens."""
     cv2 = opencv()
     unit = 1.0 / matches.pixel  # OpenCV's thresholds suit pixels
-    _, mask = cv2.findFundamentalMat(matches.a * unit, matches.b * unit, cv2.USAC_MAGSAC, TOLERANCE, _SURE, 5000)
+    try:
+        _, mask = cv2.findFundamentalMat(matches.a * unit, matches.b * unit, cv2.USAC_MAGSAC, TOLERANCE, _SURE, 5000)
+    except cv2.error:  # its way of saying that no model fits
+        mask = None
     return np.zeros(len(matches), dtype=bool) if mask is None else np.asarray(mask).ravel().astype(bool)
 
 
@@ -63,10 +66,13 @@ def _essential(matches: Matches, focal: tuple[float, float], zoom: float) -> tup
     cv2 = opencv()
     a, b = (p * [1.0, -1.0] / (zoom * f) for p, f in zip((matches.a, matches.b), focal, strict=True))
     tolerance = TOLERANCE * matches.pixel / (zoom * max(focal))
-    matrix, mask = cv2.findEssentialMat(a, b, np.eye(3), cv2.USAC_MAGSAC, _SURE, tolerance)
-    if matrix is None or np.shape(matrix) != (3, 3):
+    try:
+        matrix, mask = cv2.findEssentialMat(a, b, np.eye(3), cv2.USAC_MAGSAC, _SURE, tolerance)
+        if matrix is None or np.shape(matrix) != (3, 3):
+            return None
+        _, rotation, towards, _ = cv2.recoverPose(matrix, a, b, np.eye(3), mask=mask.copy())
+    except cv2.error:
         return None
-    _, rotation, towards, _ = cv2.recoverPose(matrix, a, b, np.eye(3), mask=mask.copy())
     return np.asarray(_FLIP @ rotation @ _FLIP), np.asarray(_FLIP @ towards.ravel())
 
 
