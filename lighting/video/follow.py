@@ -7,6 +7,7 @@ decided by who asks.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ FEWEST = 24  # followed, below which a frame counts as lost
 LEAST_KEPT = 0.4  # share of a keyframe's points, below which the next keyframe is due
 FARTHEST = 0.35  # half diagonals that points move in the median before the next keyframe is due
 FEATURES = 800  # of a keyframe, to be found again by
-FEATURE_SIDE = 512  # pixels of the longer side in which those are sought
+FEATURE_SIDE = 400  # pixels of the longer side in which those are sought
 
 _WINDOW = (15, 15)
 _LEVELS = 4  # of the pyramid: a point may move by a fifth of the picture from one frame to the next
@@ -40,7 +41,12 @@ class Key:
     stretch: int  # the number of frames lost before it: within one stretch all keyframes are linked
     frame: int
     time: float  # s
-    features: Features
+    picture: NDArray[np.uint8]  # (h, w) grey, FEATURE_SIDE pixels along its longer side at most
+
+    @cached_property
+    def features(self) -> Features:
+        """What it can be found again by; sought when it is first asked for, since that takes a tenth of a second."""
+        return features(self.picture, FEATURE_SIDE, FEATURES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +124,14 @@ class Follower:
         return np.asarray((ok.ravel() > 0) & (ok_fine.ravel() > 0) & alike & inside)
 
     def _prove(self) -> None:
-        """Describe the keyframe, once: what nothing can be followed from is not worth it."""
+        """Hand out the keyframe, once: what nothing can be followed from is not worth keeping."""
         if self._unproven is not None:
             frame, self._unproven = self._unproven, None
-            own = features(frame.pixels, FEATURE_SIDE, FEATURES)
-            self.new_key = Key(self._number, self._stretch, frame.index, frame.time, own)
+            grey = self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY)
+            scale = min(1.0, FEATURE_SIDE / max(grey.shape))
+            size = (round(grey.shape[1] * scale), round(grey.shape[0] * scale))
+            small = self._cv2.resize(grey, size, interpolation=self._cv2.INTER_AREA)
+            self.new_key = Key(self._number, self._stretch, frame.index, frame.time, np.asarray(small))
 
     def _make_key(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
         """Seek corners in the frame, to be followed from now on."""

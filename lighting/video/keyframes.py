@@ -5,20 +5,22 @@ the loop is closed. Orientations then are those with the least sum of squared di
 averaging; Chatterji and Govindu 2013 describe the steps taken here), turns far off counting little.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import Floats
+from lighting.geometry import Floats, angle_between
 from lighting.turns.match import match
 from lighting.turns.rays import rotation_about, rotation_vector
 from lighting.turns.rotation import Turn, rotation_of
 from lighting.video.follow import Key
 
-LOOPS_EACH = 2  # older keyframes that a keyframe is compared with
-NEAR_ENOUGH = 0.6  # of the diagonal field of view, up to which two keyframes are compared
+NEIGHBOURS = 5  # keyframes; those nearer in time need no loop
+NEAR_ENOUGH = 0.5  # of the vertical field of view, up to which two keyframes are compared
+MOST_LOOPS = 60  # compared in a shot
 MOST_KEYS = 1200  # beyond which the chain is left as it is: the graph would take too much memory
 _STEPS = 12
 _WRONG = 0.5  # deg, beyond which a turn counts for ever less
@@ -39,9 +41,9 @@ def turn_between(a: Key, b: Key, vertical_fov: float | None) -> Turn | None:
 
     The lens is given [deg], or unknown.
     """
-    size = (a.features.width, a.features.height)
-    if size != (b.features.width, b.features.height):
+    if a.picture.shape != b.picture.shape:
         return None
+    size = (a.picture.shape[1], a.picture.shape[0])
     return rotation_of(match(a.features, b.features), size, size, (vertical_fov, vertical_fov))
 
 
@@ -106,15 +108,20 @@ def _corrections(
 
 def loops(keys: Sequence[Key], orientation: Floats, part: NDArray[np.intp], vertical_fov: float) -> list[Link]:
     """Turns by features between keyframes that look nearly the same way and are not neighbours."""
-    ahead = -orientation[:, 2]
-    first = keys[0].features
-    diagonal = np.degrees(2 * np.arctan(np.tan(np.radians(vertical_fov / 2)) * np.hypot(1, first.width / first.height)))
-    found = []
-    for j in range(len(keys)):
-        older = np.flatnonzero((part[:j] == part[j]) & (np.arange(j) < j - 2))
-        apart = np.degrees(np.arccos(np.clip(ahead[older] @ ahead[j], -1.0, 1.0)))
-        for i in older[np.argsort(apart, kind="stable")][:LOOPS_EACH]:
-            if np.degrees(np.arccos(np.clip(ahead[i] @ ahead[j], -1.0, 1.0))) < NEAR_ENOUGH * diagonal:
-                turn = turn_between(keys[i], keys[j], vertical_fov)
-                found += [] if turn is None else [Link(int(i), j, turn.rotation, 0.5)]
-    return found
+    pairs = _near_pairs(orientation, part, NEAR_ENOUGH * vertical_fov)
+    step = max(1, math.ceil(len(pairs) / MOST_LOOPS))
+    found = [(i, j, turn_between(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
+    return [Link(i, j, turn.rotation, 0.5) for i, j, turn in found if turn is not None]
+
+
+def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> list[tuple[int, int]]:
+    """Pairs of keyframes that look the same way to an angle [deg], each with the nearest of those long before it."""
+    pairs = []
+    for j in range(NEIGHBOURS, len(orientation)):
+        older = np.flatnonzero(part[: j - NEIGHBOURS + 1] == part[j])
+        if not len(older):
+            continue
+        apart = angle_between(orientation[older, 2], orientation[j, 2])
+        if apart.min() < within:
+            pairs.append((int(older[int(np.argmin(apart))]), j))
+    return pairs
