@@ -5,7 +5,7 @@ frames. All else follows from it once a shot's end is known.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from itertools import pairwise
@@ -19,6 +19,7 @@ from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
 from lighting.turns.rays import focal_of
+from lighting.turns.rotation import Turn, rotation_of
 from lighting.video.follow import Key, Step
 from lighting.video.keyframes import Link, averaged, chained, loops, turn_between
 from lighting.video.light import Look, ShotLight
@@ -31,6 +32,7 @@ JOINS = 2  # keyframes to either side of a gap that are compared
 BELIEVED = 0.3  # share of followed points that must agree with a turn
 FEWEST_AGREEING = 12
 LENS_PAIRS = 10  # of keyframes, from which the lens is learnt
+FEW_PAIRS = 4  # fewer keyframes tell too little of the lens
 LENS_SPREAD = 5.0  # deg, one standard deviation of the network's field of view
 STATED_LENS_SPREAD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
 LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
@@ -147,8 +149,7 @@ def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
     seen = math.exp(float(np.mean([math.log(p.vertical_fov) for p in watched.looks.values()])))
     stated = around.facts.vertical_fov if around.given.use_exif else None
     values, spreads = [stated or seen], [STATED_LENS_SPREAD if stated else LENS_SPREAD]
-    for a, b in _lens_pairs(list(watched.keys.values())):
-        turn = turn_between(a, b, None)
+    for turn in _lens_turns(watched):
         if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
             values.append(turn.vertical_fov[0])
             spreads.append(math.hypot(turn.fov_sigma, LENS_FLOOR))
@@ -157,6 +158,17 @@ def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
         mean = float(weight @ values / weight.sum())
         weight = 1.0 / (np.square(spreads) + np.square(np.array(values) - mean) / 4.0)
     return mean, float(1.0 / math.sqrt(weight.sum()))
+
+
+def _lens_turns(watched: Watched) -> Iterator[Turn | None]:
+    """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
+    pairs = _lens_pairs(list(watched.keys.values()))
+    for a, b in pairs:
+        yield turn_between(a, b, None)
+    if len(pairs) < FEW_PAIRS:
+        far = [step for step in watched.steps if step.makes is not None] + [watched.steps[-1]]
+        for step in far[-FEW_PAIRS:]:
+            yield rotation_of(step.matches, watched.size, watched.size)
 
 
 def _lens_pairs(keys: Sequence[Key]) -> list[tuple[Key, Key]]:
