@@ -16,8 +16,9 @@ from lighting.model import Model
 from lighting.records import SunEstimate
 from lighting.video.light import Look, ShotLight
 from lighting.video.path import smoothed
-from lighting.video.shot import Circumstances, Shot, luminance_gain, solve
+from lighting.video.shot import Shot, luminance_gain, solve
 from lighting.video.watch import see, shots_watched
+from lighting.video.watched import Circumstances
 
 PARTS = ("clips", "streams", "speed")
 BEST_EVERY = 6  # frames between those that the best answer sees

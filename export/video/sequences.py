@@ -194,7 +194,7 @@ def walked(number: int, rng: np.random.Generator) -> Sequenced:
     def shot(i: int) -> Pixels:
         return walk.photo(_stand(points[i], path, i, fov), WIDTH, HEIGHT)
 
-    azimuth, elevation = angles(walk.sun)
+    azimuth, elevation = angles(walk.light.sun)
     sun = (float(azimuth), float(elevation))
     return Sequenced(f"place {number}", time, path, np.ones((len(time), 3)), fov, sun, shot)
 

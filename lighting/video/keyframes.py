@@ -18,6 +18,7 @@ from lighting.turns.rays import rotation_about, rotation_vector
 from lighting.turns.rotation import Turn, rotation_of
 from lighting.video.follow import Key
 
+JOINS = 2  # keyframes to either side of a gap that are compared
 NEIGHBOURS = 5  # keyframes; those nearer in time need no loop
 NEAR_ENOUGH = 0.5  # of the vertical field of view, up to which two keyframes are compared
 MOST_LOOPS = 60  # compared in a shot

@@ -7,8 +7,9 @@ from lighting.errors import VideoError
 from lighting.evidence import Given
 from lighting.model import Model
 from lighting.video.clip import Clip
-from lighting.video.shot import Circumstances, Shot, solve
+from lighting.video.shot import Shot, solve
 from lighting.video.watch import EVERY, shots_watched
+from lighting.video.watched import Circumstances
 
 NOTHING_GIVEN = Given()
 

@@ -1,77 +1,28 @@
-"""A clip taken apart into shots, and each shot solved: its lens, the camera's path, its one sun.
+"""A shot solved, once its end is known: its lens, the camera's path, its one sun."""
 
-What `watch` gathers of a clip is small: followed points, features of keyframes, and what the network said of some
-frames. All else follows from it once a shot's end is known.
-"""
-
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from datetime import timedelta
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import VideoError
-from lighting.evidence import Fused, Given, Known, known
+from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
-from lighting.photo import PhotoFacts
-from lighting.records import Prediction
 from lighting.turns.rays import focal_of
-from lighting.turns.rotation import Turn, rotation_of
-from lighting.video.follow import Key, Step
-from lighting.video.keyframes import Link, averaged, chained, loops, turn_between
+from lighting.video.follow import Step
+from lighting.video.keyframes import JOINS, Link, averaged, chained, loops, turn_between
+from lighting.video.lens import lens_of
 from lighting.video.light import Look, ShotLight
 from lighting.video.path import Path, common_up, level, path_of, up_in_camera
 from lighting.video.telemetry import Gimbal
 from lighting.video.turning import Turning, turning
+from lighting.video.watched import Circumstances, Watched
 
-SHORT = 5  # frames, fewer than which are no shot but a gap in one
-JOINS = 2  # keyframes to either side of a gap that are compared
 BELIEVED = 0.3  # share of followed points that must agree with a turn
 FEWEST_AGREEING = 12
-LENS_PAIRS = 10  # of keyframes, from which the lens is learnt
-FEW_PAIRS = 4  # fewer keyframes tell too little of the lens
-LENS_SPREAD = 5.0  # deg, one standard deviation of the network's field of view
-STATED_LENS_SPREAD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
-LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
 GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
-
-
-@dataclass(frozen=True, eq=False)
-class Watched:
-    """What was gathered of a clip, or of one shot of it."""
-
-    size: tuple[int, int]  # width and height of the frames, pixels
-    steps: Sequence[Step]  # one a frame
-    keys: dict[int, Key]  # by number
-    looks: dict[int, Prediction]  # by the frame's index
-
-
-@dataclass(frozen=True, eq=False)
-class Circumstances:
-    """What is known of a clip beside its pixels."""
-
-    facts: PhotoFacts = field(default_factory=PhotoFacts)  # of the clip's first moment
-    gimbal: Gimbal = field(default_factory=Gimbal)
-    given: Given = field(default_factory=Given)
-
-    def known_at(self, seconds: float, heading: float | None = None) -> Known:
-        """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north."""
-        later = timedelta(seconds=seconds)
-        moved = {
-            name: moment + later
-            for name in ("local_time", "utc_time")
-            if (moment := getattr(self.facts, name)) is not None
-        }
-        facts = replace(self.facts, **moved)
-        given = self.given if self.given.time is None else replace(self.given, time=self.given.time + later)
-        if heading is not None:
-            facts = replace(facts, heading=heading, heading_reference="true")
-        elif seconds > 0.0:  # the one that is known is of the clip's first frame
-            facts, given = replace(facts, heading=None), replace(given, heading=None)
-        return known(facts, given)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,40 +37,6 @@ class Shot:
     fused: Fused  # the sun, as the shot's first camera sees it, its tilt removed
     known: Known
     north: float | None  # deg clockwise from true north, where azimuth 0 points; None unknown
-
-
-def split(watched: Watched) -> list[Watched]:
-    """The shots of a clip, in order; frames in which nothing can be followed belong to the shot before them."""
-    long = _long_stretches(watched.steps)
-    keys = {s: sorted((k for k in watched.keys.values() if k.stretch == s), key=lambda k: k.number) for s in long}
-    shot_of, number = {}, 0
-    for before, after in zip([None, *long[:-1]], long, strict=True):
-        if before is not None and not _is_joined(keys[before], keys[after]):
-            number += 1
-        shot_of[after] = number
-    current, members = 0, []
-    for step in watched.steps:
-        current = shot_of.get(step.stretch, current)
-        members.append(current)
-    return [_part(watched, [i for i, m in enumerate(members) if m == n]) for n in range(number + 1)]
-
-
-def _long_stretches(steps: Sequence[Step]) -> list[int]:
-    stretches, counts = np.unique([step.stretch for step in steps], return_counts=True)
-    long = stretches[counts >= SHORT]
-    return [int(s) for s in (long if len(long) else stretches[[int(np.argmax(counts))]])]
-
-
-def _is_joined(before: Sequence[Key], after: Sequence[Key]) -> bool:
-    """Whether keyframes to both sides of a gap show the same things."""
-    return any(turn_between(a, b, None) is not None for a in before[-JOINS:] for b in after[:JOINS])
-
-
-def _part(watched: Watched, positions: Sequence[int]) -> Watched:
-    steps = [watched.steps[i] for i in positions]
-    frames = {step.frame for step in steps}
-    keys = {n: k for n, k in watched.keys.items() if k.frame in frames}
-    return Watched(watched.size, steps, keys, {f: p for f, p in watched.looks.items() if f in frames})
 
 
 def solve(watched: Watched, around: Circumstances) -> Shot:
@@ -137,50 +54,6 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
     path = path_of(time, orientation, believed, level(up))
     gains = _gains(watched.steps)
     return _lit(watched, around, path, gains, (fov, sigma))
-
-
-# --- lens
-
-
-def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
-    """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
-    if around.given.vertical_fov is not None:
-        return around.given.vertical_fov, 0.0
-    seen = math.exp(float(np.mean([math.log(p.vertical_fov) for p in watched.looks.values()])))
-    stated = around.facts.vertical_fov if around.given.use_exif else None
-    values, spreads = [stated or seen], [STATED_LENS_SPREAD if stated else LENS_SPREAD]
-    for turn in _lens_turns(watched):
-        if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
-            values.append(turn.vertical_fov[0])
-            spreads.append(math.hypot(turn.fov_sigma, LENS_FLOOR))
-    weight = np.square(1.0 / np.array(spreads))
-    for _ in range(5):
-        mean = float(weight @ values / weight.sum())
-        weight = 1.0 / (np.square(spreads) + np.square(np.array(values) - mean) / 4.0)
-    return mean, float(1.0 / math.sqrt(weight.sum()))
-
-
-def _lens_turns(watched: Watched) -> Iterator[Turn | None]:
-    """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
-    pairs = _lens_pairs(list(watched.keys.values()))
-    for a, b in pairs:
-        yield turn_between(a, b, None)
-    if len(pairs) < FEW_PAIRS:
-        far = [step for step in watched.steps if step.makes is not None] + [watched.steps[-1]]
-        for step in far[-FEW_PAIRS:]:
-            yield rotation_of(step.matches, watched.size, watched.size)
-
-
-def _lens_pairs(keys: Sequence[Key]) -> list[tuple[Key, Key]]:
-    """Keyframes two apart: they overlap by half or more and are turned far enough to tell the lens."""
-    pairs = [
-        (a, keys[i + gap])
-        for gap in (2, 1)
-        for i, a in enumerate(keys)
-        if i + gap < len(keys) and keys[i + gap].stretch == a.stretch
-    ]
-    step = max(1, math.ceil(len(pairs) / LENS_PAIRS))
-    return pairs[::step]
 
 
 # --- orientations

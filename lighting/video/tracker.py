@@ -19,18 +19,13 @@ from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rota
 from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
+from lighting.video.lens import LENS_FLOOR, LENS_SPREAD
 from lighting.video.light import Look, ShotLight
 from lighting.video.path import angles_of, level, up_in_camera
-from lighting.video.shot import (
-    LENS_FLOOR,
-    LENS_SPREAD,
-    Circumstances,
-    is_believed,
-    luminance_gain,
-    north_of,
-)
+from lighting.video.shot import is_believed, luminance_gain, north_of
 from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
+from lighting.video.watched import Circumstances
 
 LOOK_EVERY = 2.0  # s between the frames that the network sees
 BANK = 32  # keyframes that are remembered

@@ -11,8 +11,9 @@ from lighting.model import Model
 from lighting.photo import Photo, to_tensor
 from lighting.records import Prediction
 from lighting.video.clip import Frame
+from lighting.video.cuts import split
 from lighting.video.follow import Follower, Key, Step
-from lighting.video.shot import Watched, split
+from lighting.video.watched import Watched
 
 EVERY = 1.0  # s between the frames that the network sees
 JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before

@@ -8,9 +8,10 @@ import pytest
 from lighting.errors import VideoError
 from lighting.evidence import Given
 from lighting.model import Model
-from lighting.video.shot import Circumstances, Shot, solve
+from lighting.video.shot import Shot, solve
 from lighting.video.telemetry import Gimbal
 from lighting.video.watch import shots_watched
+from lighting.video.watched import Circumstances
 from tests.lighting.video.clips import FOV, Pixels, frames, look, pan
 
 BLACK = np.zeros((180, 320, 3), np.uint8)
