@@ -28,7 +28,7 @@ def speed_report(panorama: Panorama, model: Model) -> str:
         size = clip.stat().st_size / 1e6
     return (
         f"## Speed\n\n{SECONDS} s of 1080p at {RATE} frames a second (H.264, {size:.0f} MB), records and map: "
-        f"{wall:.1f} s, of which {cpu:.1f} s of CPU, on {available_cpus()} CPUs with a load of {os.getloadavg()[0]:.1f}."
+        f"{wall:.1f} s, {cpu:.1f} s of CPU, on {available_cpus()} CPUs under a load of {os.getloadavg()[0]:.1f}."
     )
 
 

@@ -17,7 +17,7 @@ from lighting.files import write_envmap
 from lighting.model import Model
 from lighting.video.clip import Clip
 from lighting.video.records import FrameLight, frame_lights, world_map
-from lighting.video.run import shots_of
+from lighting.video.run import around, shots_of
 from lighting.video.shot import Shot
 from lighting.video.watch import EVERY
 
@@ -82,6 +82,7 @@ def process(job: Job, model: Model, progress: Callable[[float], Any] | None = No
     """
     done, lights = Done(), list[FrameLight]()
     with Clip(job.source) as clip:
+        around(clip, job.given).known_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PART).open("w", encoding="utf-8") as lines:
             for shot in shots_of(clip, model, job.given, job.every, progress):

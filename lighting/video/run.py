@@ -14,6 +14,11 @@ from lighting.video.watched import Circumstances
 NOTHING_GIVEN = Given()
 
 
+def around(clip: Clip, given: Given) -> Circumstances:
+    """What is known of an open clip beside its pixels."""
+    return Circumstances(clip.info.facts, clip.info.gimbal, given)
+
+
 def shots_of(
     clip: Clip,
     model: Model,
@@ -25,10 +30,10 @@ def shots_of(
 
     Raises MissingExtraError, ModelError, and ParameterError where the user's own time and place are of night.
     """
-    around = Circumstances(clip.info.facts, clip.info.gimbal, given)
+    circumstances = around(clip, given)
     for watched in shots_watched(clip.frames(), model, every, progress):
         try:
-            yield solve(watched, around)
+            yield solve(watched, circumstances)
         except VideoError as error:
             first, last = watched.steps[0].time, watched.steps[-1].time
             yield VideoError(f"From {first:.1f} to {last:.1f} s: {error}")

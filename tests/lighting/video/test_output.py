@@ -11,7 +11,10 @@ from click.testing import CliRunner, Result
 
 from lighting import Lighting, read_exr
 from lighting.cli import cli
+from lighting.files import write_envmap
 from lighting.geometry import camera_axes
+from lighting.model import Model
+from lighting.video import output
 from tests.lighting.video.clips import pan, write_clip
 
 
@@ -59,7 +62,8 @@ def test_a_map_a_frame_and_a_film(network: Path, tmp_path: Path) -> None:
     assert np.abs(drawn[0].astype(int) - pan(4, 3.0)[0]).max() > 60  # something is drawn in
 
 
-def test_a_heading_makes_the_map_look_north(clip: Path, network: Path, tmp_path: Path) -> None:
+def test_a_heading_makes_the_map_look_north(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "short.mp4", pan(8, 3.0))
     for name, more in (("a", []), ("b", ["--heading", 90])):
         assert run(clip, "-o", tmp_path / name, "--model", network, "--height", 32, *more).exit_code == 0
     (_, plain), (_, north) = (read_exr(tmp_path / name / "shot-1.exr") for name in "ab")
@@ -85,12 +89,13 @@ def test_usd_has_a_camera_with_time_samples(clip: Path, network: Path, tmp_path:
     assert stage.GetPrimAtPath("/World/Sun").IsValid()
 
 
-def test_blender_gets_key_frames(clip: Path, network: Path, tmp_path: Path) -> None:
+def test_blender_gets_key_frames(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "short.mp4", pan(10, 4.0))
     assert run(clip, "-o", tmp_path / "o", "--model", network, "--height", 32, "--for", "blender").exit_code == 0
     folder = tmp_path / "o" / "shot-1-blender"
     numbers = json.loads((folder / "shot.json").read_text())
     still = json.loads((folder / "scene.json").read_text())
-    assert numbers["frames"] == [float(i) for i in range(1, 31)]
+    assert numbers["frames"] == [float(i) for i in range(1, 11)]
     np.testing.assert_allclose(numbers["matrices"][0], still["camera"]["matrix"], atol=2e-3)
     compile((folder / "shot.py").read_text(), "shot.py", "exec")
     assert (folder / numbers["clip"]).resolve() == clip.resolve()
@@ -106,7 +111,7 @@ def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
 
 
 def test_what_can_be_read_of_a_damaged_clip_is_kept(network: Path, tmp_path: Path) -> None:
-    data = write_clip(tmp_path / "a.mkv", pan(90, 40.0)).read_bytes()
+    data = write_clip(tmp_path / "a.mkv", pan(70, 30.0)).read_bytes()
     (tmp_path / "b.mkv").write_bytes(data[: len(data) // 2])
     done = run(tmp_path / "b.mkv", "-o", tmp_path / "out", "--model", network, "--height", 32)
     assert done.exit_code == 1
@@ -138,3 +143,31 @@ def test_a_photo_of_night_by_its_own_time_is_refused(clip: Path, network: Path, 
     done = run(clip, "-o", tmp_path / "out", "--model", network, *night)
     assert done.exit_code == 1
     assert "below the horizon" in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_no_clip_leaves_nothing_behind(network: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").write_bytes(b"not a clip" * 100)
+    done = run(tmp_path / "a.mp4", "-o", tmp_path / "out", "--model", network)
+    assert done.exit_code == 1
+    assert "not a clip that can be read" in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_was_done_before_an_interruption_stays(
+    network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second shot's map cannot be written: the first one's records are there."""
+    path = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
+
+    def fail(target: Path, *rest: Any) -> None:
+        if target.name == "shot-2.exr":
+            raise KeyboardInterrupt
+        write_envmap(target, *rest)
+
+    monkeypatch.setattr(output, "write_envmap", fail)
+    with pytest.raises(KeyboardInterrupt):
+        output.process(output.Job(path, tmp_path / "out", wanted=output.Wanted(height=32)), Model.load(network))
+    lines = (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()
+    assert len(lines) >= 25
+    assert not (tmp_path / "out" / "lighting.jsonl").exists()
