@@ -13,6 +13,8 @@ from lighting.errors import MissingExtraError
 
 MAX_SIDE = 1024  # pixels of the longer side in which features are sought
 MAX_FEATURES = 3000  # kept of a photo, the strongest
+CONTRAST = 3.0  # limit of the local equalisation before features are sought
+FAINTEST = 0.005  # contrast of a feature, in SIFT's unit
 RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
 
 Floats = NDArray[np.floating[Any]]
@@ -68,7 +70,8 @@ def features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: 
     cv2 = opencv()
     grey = _shrunk(cv2, pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
     height, width = grey.shape
-    found, described = cv2.SIFT_create(max_features, contrastThreshold=0.02).detectAndCompute(grey, None)
+    even = cv2.createCLAHE(CONTRAST, (8, 8)).apply(grey)  # shade has features too
+    found, described = cv2.SIFT_create(max_features, contrastThreshold=FAINTEST).detectAndCompute(even, None)
     if described is None:
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
     corner = np.array([k.pt for k in found], dtype=np.float64)
