@@ -5,15 +5,16 @@ Each is decided by its panorama's name and its kind alone.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from export.crops.crops import generator
-from export.data.panoramas import Panorama, read_picture
+from export.data.panoramas import Panorama, decode, read_picture
 from export.turns.walk import Standpoint, Walk
 from lighting.colour import luminance, srgb_decode, tone_map
-from lighting.geometry import Floats, angles, camera_directions, latlong_pixel
+from lighting.geometry import Floats, angles, camera_axes, camera_directions
 from lighting.video.clip import Frame
 
 WIDTH, HEIGHT = 640, 360  # pixels
@@ -133,9 +134,17 @@ def look(
     """What a camera with these angles sees of a panorama (H, 2H, 3): (height, width, 3) sRGB."""
     import cv2
 
-    pixel = (latlong_pixel(camera_directions(*size, fov, *at), picture.shape[0]) - 0.5).astype(np.float32)
-    seen = cv2.remap(picture, pixel[..., 0], pixel[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    x, y, z = np.moveaxis(_rays(size, fov) @ camera_axes(*at).astype(np.float32), -1, 0)
+    column = (np.arctan2(x, -z) / np.float32(2 * np.pi) + np.float32(0.5)) * picture.shape[1] - np.float32(0.5)
+    row = (np.float32(0.5) - np.arcsin(np.clip(y, -1, 1)) / np.float32(np.pi)) * picture.shape[0] - np.float32(0.5)
+    seen = cv2.remap(picture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     return np.asarray(seen, dtype=np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _rays(size: tuple[int, int], fov: float) -> NDArray[np.float32]:
+    """Unit vectors (h, w, 3) along a camera's right, up and forward; as `camera_directions`, in single precision."""
+    return (camera_directions(*size, fov) * [1, 1, -1]).astype(np.float32)
 
 
 def _blurred(picture: Pixels, moment: float, time: Floats, path: Angles, fov: float) -> Pixels:
@@ -143,7 +152,7 @@ def _blurred(picture: Pixels, moment: float, time: Floats, path: Angles, fov: fl
     near = moment + (np.arange(BLURRED) / BLURRED - 0.5) * 0.5 / RATE
     moved: Angles = (np.interp(near, time, path[0]), np.interp(near, time, path[1]), np.interp(near, time, path[2]))
     seen = [look(picture, held(moved, i), fov) for i in range(BLURRED)]
-    return tone_map(np.mean([srgb_decode(s / 255.0) for s in seen], axis=0))
+    return tone_map(np.mean([decode(s) for s in seen], axis=0))
 
 
 @dataclass(frozen=True, eq=False)

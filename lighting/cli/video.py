@@ -100,6 +100,7 @@ def in_words(number: int, shot: "Shot") -> str:
     return (
         f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {len(shot.frames)} frames{bridged}: "
         f"sun {sun.elevation:.1f}° high and {abs(sun.azimuth):.1f}° {'right' if sun.azimuth >= 0 else 'left'} of the "
-        f"first frame (50 % within {sun.radius_50:.1f}°, 90 % within {sun.radius_90:.1f}°); "
+        f"first frame (50 % within {sun.radius_50:.1f}°, 90 % within {sun.radius_90:.1f}°), "
+        f"direct sunlight {100 * shot.fused.prediction.sun_visibility:.0f} %; "
         f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_sigma:.1f}°{north}"
     )

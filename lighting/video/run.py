@@ -16,6 +16,8 @@ NOTHING_GIVEN = Given()
 
 def around(clip: Clip, given: Given) -> Circumstances:
     """What is known of an open clip beside its pixels."""
+    if not given.use_exif:
+        return Circumstances(given=given)
     return Circumstances(clip.info.facts, clip.info.gimbal, given)
 
 

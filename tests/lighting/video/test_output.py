@@ -171,3 +171,19 @@ def test_what_was_done_before_an_interruption_stays(
     lines = (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()
     assert len(lines) >= 25
     assert not (tmp_path / "out" / "lighting.jsonl").exists()
+
+
+def test_metadata_tell_time_and_place_unless_told_not_to(network: Path, tmp_path: Path) -> None:
+    noted = {
+        "com.apple.quicktime.location.ISO6709": "+48.1375+011.5750/",
+        "com.apple.quicktime.creationdate": "2024-06-01T12:00:00+0200",
+    }
+    clip = write_clip(tmp_path / "phone.mov", pan(8, 3.0), metadata=noted)
+    for name, more in (("a", []), ("b", ["--no-exif"])):
+        assert run(clip, "-o", tmp_path / name, "--model", network, "--height", 32, *more).exit_code == 0
+    told, untold = (records(tmp_path / name)[0]["lighting"] for name in "ab")
+    assert "time+place" in told["evidence"]
+    assert told["sun"]["elevation"] == pytest.approx(60.34, abs=0.05)  # by pvlib's SPA
+    assert "heading" in told["camera"]
+    assert "time+place" not in untold["evidence"]
+    assert "place" not in told  # only with --keep-location
