@@ -25,6 +25,7 @@ from lighting.records import Prediction, SunEstimate
 from lighting.sun_grid import grid_directions, grid_solid_angle
 
 VIEWS = 30  # of each panorama
+ROWS = 240  # of each photo, as the network takes
 SIZES = (1, 2, 4, 8, 30)
 KINDS = ("dealt at random", "neighbours")
 FARS, NEARS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3), (0.5, 0.8, 1.0)  # tried
@@ -72,7 +73,7 @@ def _around(panorama: Panorama) -> list[Taken]:
     cameras = [
         Camera(rng.uniform(-180, 180), rng.normal(2, 6), rng.normal(0, 2), fov, WIDTH / HEIGHT) for _ in range(VIEWS)
     ]
-    return [Taken(photo(linear, camera, rng.uniform(0.85, 1.15, 3)), camera) for camera in cameras]
+    return [Taken(photo(linear, camera, rng.uniform(0.85, 1.15, 3), ROWS), camera) for camera in cameras]
 
 
 def parts(views: Sequence[Views], size: int, kind: str) -> list[tuple[Views, Indices]]:

@@ -55,9 +55,10 @@ def exposed(panorama: Panorama) -> NDArray[np.float32]:
     return np.asarray(linear * (WHITE / max(float(np.percentile(luminance(linear), 80)), 1e-6)), dtype=np.float32)
 
 
-def photo(linear: NDArray[np.float32], camera: Camera, gain: Floats) -> NDArray[np.uint8]:
-    """What a camera takes of a panorama in linear values (H, 2H, 3)."""
-    rays = camera_directions(WIDTH, HEIGHT, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll)
+def photo(linear: NDArray[np.float32], camera: Camera, gain: Floats, rows: int = HEIGHT) -> NDArray[np.uint8]:
+    """What a camera takes of a panorama in linear values (H, 2H, 3): `rows` of pixels."""
+    columns = round(rows * camera.aspect)
+    rays = camera_directions(columns, rows, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll)
     return np.asarray(tone_map(sample_latlong(linear, rays.astype(np.float32)) * gain))
 
 
