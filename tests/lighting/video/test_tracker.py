@@ -61,8 +61,8 @@ def test_in_the_dark_there_is_no_answer(model: Model) -> None:
 
 def test_memory_does_not_grow(model: Model) -> None:
     tracker = Tracker(model, Given(vertical_fov=FOV), look_every=2.0)
-    for i in range(45):
-        tracker(look(12.0 * i % 360.0), 0.1 * i)
+    for i in range(33):
+        tracker(look(15.0 * i % 360.0), 0.1 * i)
     assert len(tracker._bank._kept) <= 32
     assert len(tracker._of_key) <= 2
     assert len(tracker._light._sectors) <= 24
