@@ -19,7 +19,7 @@ STEPS = (0.3, 3.0)  # m between two standpoints
 WALKED_OVERLAPS = (0.4, 0.9)
 ELEVATIONS = 8.0  # deg, of a walker's camera, up or down
 WRONG = 2.0  # deg of heading from which a turn is wrong
-GUESS = 5.0  # deg, median-like error of a network's field of view, drawn for walks
+GUESS = 5.0  # deg, standard deviation of the field of view that a network would guess
 
 
 @dataclass(frozen=True)

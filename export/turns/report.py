@@ -9,7 +9,7 @@ from export.turns.sets import one_each
 from lighting.model import Model
 
 PARTS = ("pairs", "walks", "sets", "overlap", "days")
-WALKS, DAYS = 24, 8
+WALKS, DAYS = 24, 6
 SETS = 36  # places
 PER_PLACE = 1  # panoramas for the correlation
 
