@@ -39,20 +39,21 @@ def _pictures(panorama: Panorama) -> Iterator[NDArray[np.uint8]]:
     for i in range(SECONDS * RATE):
         time = i / RATE
         turn = (40.0 * float(np.sin(time / 5.0)), 4.0 + 3.0 * float(np.sin(time)), float(np.sin(1.7 * time)))
-        half = look(picture, turn, FOV, (SIZE[0] // 2, SIZE[1] // 2))  # finer than the panorama is
-        yield np.asarray(cv2.resize(half, SIZE, interpolation=cv2.INTER_CUBIC))
+        small = look(picture, turn, FOV, (SIZE[0] // 3, SIZE[1] // 3))  # as fine as the panorama is
+        yield np.asarray(cv2.resize(small, SIZE, interpolation=cv2.INTER_CUBIC))
 
 
 def write_clip(path: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
     """Pictures (h, w, 3) as H.264, with the grain that cameras have."""
     import av
+    import cv2
 
     rng = np.random.default_rng(0)
-    grain = rng.integers(-3, 4, (8, SIZE[1], SIZE[0], 3), dtype=np.int8)
+    grain = rng.integers(-3, 4, (8, SIZE[1], SIZE[0], 3), dtype=np.int16)
     with av.open(str(path), "w") as film:
         stream = film.add_stream("libx264", rate=RATE, options={"preset": "veryfast", "crf": "20"})
         stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
         for i, picture in enumerate(pictures):
-            noisy = np.clip(picture.astype(np.int16) + grain[i % 8], 0, 255).astype(np.uint8)
+            noisy = np.asarray(cv2.add(picture, grain[i % 8], dtype=cv2.CV_8U))
             film.mux(stream.encode(av.VideoFrame.from_ndarray(noisy, format="rgb24")))
         film.mux(stream.encode())

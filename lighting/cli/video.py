@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option(
     "--every",
     type=click.FloatRange(0.04, 60.0),
-    default=0.5,
+    default=0.2,
     show_default=True,
     metavar="SECONDS",
     help="The network sees a frame this often; all are followed and get a record.",

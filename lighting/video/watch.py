@@ -15,7 +15,7 @@ from lighting.video.cuts import split
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.watched import Watched
 
-EVERY = 0.5  # s between the frames that the network sees
+EVERY = 0.2  # s between the frames that the network sees
 JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before
 DARK = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
 
