@@ -54,6 +54,6 @@ def write_clip(path: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
         stream = film.add_stream("libx264", rate=RATE, options={"preset": "veryfast", "crf": "20"})
         stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
         for i, picture in enumerate(pictures):
-            noisy = np.asarray(cv2.add(picture, grain[i % 8], dtype=cv2.CV_8U))
+            noisy = np.asarray(cv2.add(picture, grain[i % 8], dtype=cv2.CV_8U), dtype=np.uint8)
             film.mux(stream.encode(av.VideoFrame.from_ndarray(noisy, format="rgb24")))
         film.mux(stream.encode())
