@@ -166,6 +166,33 @@ def probe(stack: Path | None) -> None:
         click.echo(line)
 
 
+@cli.command()
+@data
+@click.option("--count", type=click.IntRange(1), default=8, show_default=True, help="Clips of each kind.")
+@click.option("--kind", "kinds", multiple=True, help="Only clips of these kinds. [all]")
+@click.option("--only", type=click.Choice(("clips", "streams", "speed")), help="One part of the report. [all]")
+@click.option("--model", type=FOLDER, default=None, help="Network to ask. [the one in the package]")
+def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
+    """Print how well clips are followed, and how fast, by cameras moved in `val` panoramas and rendered places."""
+    from export.video.evaluate import KINDS, evaluate
+    from lighting.model import Model
+
+    for part in evaluate(data, count, kinds or KINDS, Model.load(model), only):
+        click.echo(part + "\n")
+
+
+@cli.command()
+@data
+@click.option("--split", type=click.Choice(["train", "val"]), default="val", show_default=True)
+@click.option("--last", type=click.IntRange(1), help="Only the last rows of the index, which a network did not see.")
+@click.argument("parts", nargs=-1, type=click.Choice(["pairs", "walks", "sets", "overlap", "days"]))
+def turns(data: Path, split: str, last: int | None, parts: tuple[str, ...]) -> None:
+    """Print how well turns between photos are found, and what they are worth."""
+    from export.turns.report import PARTS, report
+
+    click.echo(report(data, split, parts or PARTS, last))
+
+
 def main() -> None:
     """Run the command line; expected errors end it with one sentence."""
     try:

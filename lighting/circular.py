@@ -43,6 +43,12 @@ def correlate(a: Floats, b: Floats) -> Floats:
     return np.maximum(np.fft.irfft(product, a.shape[-1]), 0.0)
 
 
+def mean_angle(angle: ArrayLike) -> float:
+    """The direction [deg, -180 to 180] of the sum of unit vectors at angles (N,) [deg]."""
+    towards = np.exp(1j * np.radians(np.asarray(angle, dtype=np.float64)))
+    return float(np.degrees(np.angle(towards.sum())))
+
+
 def best_angle(angle: Floats, probability: Floats) -> float:
     """The strongest mode [deg, -180 to 180] of probabilities (N,) of angles (N,): the mean around the peak."""
     histogram = np.bincount(np.round(angle).astype(int) % 360, probability, 360).astype(np.float64)

@@ -40,6 +40,14 @@ class BatchError(LightingError):
     """A batch of photos cannot start or continue; finished results stay."""
 
 
+class MissingExtraError(LightingError):
+    """An optional package, which one of this package's extras installs, is missing."""
+
+
+class VideoError(LightingError):
+    """A file is not a clip that can be read, or nothing in it can be followed."""
+
+
 def reason(error: Exception) -> str:
     """An error as one sentence, without the name of the file that an OSError carries."""
     return f"{error.strerror or error}." if isinstance(error, OSError) else str(error)

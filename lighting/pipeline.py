@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from functools import lru_cache
 
-from lighting.evidence import Given, estimate_of, fuse, fuse_together, known, known_together
+from lighting.evidence import Fit, Given, estimate_of, fit, fuse, fuse_together, known, known_together, series_of
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo, to_tensor
 from lighting.records import Estimate, Prediction
+from lighting.turns import Placed, Shot, features, place
 
 NOTHING_GIVEN = Given()
 
@@ -31,15 +32,54 @@ class Estimator:
         return estimate_of(fuse(self.predict(photo), facts.evidence), facts)
 
     def together(
-        self, photos: Sequence[Photo], given: Given = NOTHING_GIVEN, headings: Sequence[float] | None = None
+        self,
+        photos: Sequence[Photo],
+        given: Given = NOTHING_GIVEN,
+        headings: Sequence[float] | None = None,
+        *,
+        match: bool = False,
     ) -> list[Estimate]:
         """The light of photos of one place and time; one Estimate each, in its own camera's frame.
 
-        `headings` [deg, clockwise from any common direction] say where each camera points. Raises as a call does.
+        `headings` [deg, clockwise from any common direction] say where each camera points; without them `match` finds
+        it from what the photos show in common, by OpenCV of the extra `video`. Raises as a call does, and
+        MissingExtraError without OpenCV.
         """
         facts = known_together([photo.facts for photo in photos], given)
-        fused = fuse_together([self.predict(photo) for photo in photos], [fact.evidence for fact in facts], headings)
+        evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
+        placed = (
+            _placed(photos, said, [e.vertical_fov for e in evidence])
+            if match and headings is None and len(photos) > 1
+            else None
+        )
+        fused = fuse_together(said, evidence, headings, placed)
         return [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)]
+
+    def follow(
+        self,
+        photos: Sequence[Photo],
+        kind: str,
+        given: Given = NOTHING_GIVEN,
+        headings: Sequence[float] | None = None,
+    ) -> Fit:
+        """The heading, the latitude, or date and clock (`kind` "heading", "latitude" or "time") by the sun's path.
+
+        The photos are of one place over hours; without headings they are matched as `together` does. ParameterError
+        where they do not say what it needs; MissingExtraError without OpenCV.
+        """
+        said = [self.predict(photo) for photo in photos]
+        fovs = [given.vertical_fov or photo.facts.vertical_fov for photo in photos]
+        placed = _placed(photos, said, fovs) if headings is None and len(photos) > 1 else None
+        return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
+
+
+def _placed(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> tuple[Placed, ...]:
+    """Where the photos look, by what they show in common."""
+    shots = [
+        Shot(features(photo.pixels), p.camera_elevation, p.camera_roll, p.vertical_fov, fov)
+        for photo, p, fov in zip(photos, said, fovs, strict=True)
+    ]
+    return place(shots)
 
 
 def estimate(source: Source, given: Given = NOTHING_GIVEN) -> Estimate:

@@ -17,7 +17,7 @@ from lighting.errors import ModelError, ParameterError
 from lighting.geometry import Floats, direction
 
 SKY_MODEL = "hosek-wilkie"
-EVIDENCE = ("pixels", "time+place", "heading", "focal length", "other photos")  # what an answer may rest on
+EVIDENCE = ("pixels", "time+place", "heading", "focal length", "turns", "other photos")  # what an answer may rest on
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 
 RANGES: dict[str, tuple[float, float]] = {

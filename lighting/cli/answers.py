@@ -36,15 +36,21 @@ def answers(
 def _together(
     estimator: "Estimator", names: Iterable[str], given: "Given", headings: Sequence[float] | None
 ) -> Iterator[Answer]:
-    """First the errors, then the estimates of the photos that could be read, taken together."""
+    """First the errors, then the estimates of the photos that could be read, taken together.
+
+    Without headings they are matched with each other where OpenCV is installed.
+    """
+    from lighting.turns import MAX_SIDE, has_opencv
+
+    match = headings is None and has_opencv()
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, open_photo(name)
+            read[i] = name, open_photo(name, MAX_SIDE if match else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:
         return
     turns = None if headings is None else [headings[i] for i in read]
-    found = estimator.together([photo for _, photo in read.values()], given, turns)
+    found = estimator.together([photo for _, photo in read.values()], given, turns, match=match)
     yield from zip((name for name, _ in read.values()), found, strict=True)

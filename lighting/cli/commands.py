@@ -16,10 +16,11 @@ from lighting.cli.files import (
     write_map,
     write_preview,
 )
-from lighting.cli.given import check_together, given_options, headings_option, together_option
+from lighting.cli.fit import print_fit
+from lighting.cli.given import check_together, fit_option, given_options, headings_option, together_option
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
-from lighting.cli.words import in_words, progress_over, report, report_failure, report_warnings
+from lighting.cli.words import in_words, progress_over, report, report_failure, report_unmatched, report_warnings
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line instead of words.")
 @together_option
 @headings_option
+@fit_option
 @given_options
 @model_option
 @quiet_option
@@ -42,6 +44,7 @@ def estimate(
     given: "Given",
     model: str | None,
     quiet: bool,
+    fit: str | None,
     **taken_together: Any,
 ) -> None:
     """Print the light of each PHOTO.
@@ -49,8 +52,12 @@ def estimate(
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
-    check_together(len(photos), given, **taken_together)
+    check_together(len(photos), given, fit=fit, **taken_together)
     estimator = load_estimator(model)
+    if fit is not None:
+        print_fit(estimator, photos, given, taken_together["headings"], fit, as_json)
+        return
+    report_unmatched(quiet, **taken_together)
     failed = 0
     with progress_over(photos, quiet) as progress:
         for name, answer in answers(estimator, progress, given, **taken_together):

@@ -40,10 +40,12 @@ def naming(photo: str) -> Iterator[None]:
         raise PhotoError(f"{shown(photo)}: {error}") from error
 
 
-def open_photo(name: str) -> "Photo":
+def open_photo(name: str, target: int | None = None) -> "Photo":
+    """The photo in a file; `target` pixels of its longer side are kept where the network's own need is not enough."""
     from lighting.photo import read_photo
 
-    return read_photo(photo_bytes(name))
+    data = photo_bytes(name)
+    return read_photo(data) if target is None else read_photo(data, target=target)
 
 
 def stdin() -> BinaryIO:

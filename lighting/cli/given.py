@@ -63,6 +63,10 @@ headings_option = click.option(
     "--headings", metavar="DEG,DEG,...", callback=_headings, help="Where each points, clockwise, from any direction."
 )
 
+fit_option = click.option(
+    "--fit", type=click.Choice(["heading", "latitude", "time"]), help="Say that instead, by the sun's path over hours."
+)
+
 
 def _options(*names: str) -> Decorator:
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -93,8 +97,12 @@ def _given(**options: Any) -> "Given":
         raise click.UsageError(str(error)) from error
 
 
-def check_together(photos: int, given: "Given", together: bool, headings: list[float] | None) -> None:
+def check_together(
+    photos: int, given: "Given", together: bool, headings: list[float] | None, fit: str | None = None
+) -> None:
     """Raise UsageError where what is said of several photos does not fit their number."""
+    if fit is not None and not together:
+        raise click.UsageError("--fit needs --together.")
     if together and photos < 2:
         raise click.UsageError("--together needs two photos or more.")
     if headings is not None and not together:

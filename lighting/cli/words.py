@@ -73,6 +73,18 @@ def report_warnings(name: str, warnings: Sequence[str], quiet: bool = False) -> 
         click.echo(f"Warning: {shown(name)}: {warning}", err=True)
 
 
+def report_unmatched(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:
+    """Say on stderr where photos taken together could have been matched, and what is missing for it."""
+    from lighting.turns import has_opencv
+
+    if together and headings is None and not quiet and not has_opencv():
+        click.echo(
+            "Warning: The photos were not matched with each other, because OpenCV is not installed: "
+            "pip install 'outdoor-lighting[video]'.",
+            err=True,
+        )
+
+
 def shown(name: str) -> str:
     return "stdin" if name == "-" else click.format_filename(name)
 

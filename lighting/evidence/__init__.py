@@ -5,12 +5,12 @@ from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_R
 from lighting.evidence.declination import magnetic_declination
 from lighting.evidence.ephemeris import SUNSET, sun_position
 from lighting.evidence.facts import zones
+from lighting.evidence.fit import KINDS, Fit, Range, fit, series_of
+from lighting.evidence.frames import check_heading, check_headings
 from lighting.evidence.fusion import Evidence, Fused, fuse
 from lighting.evidence.given import SHORT_NAMES, Given
 from lighting.evidence.metadata import Known, known, known_together
 from lighting.evidence.together import (
-    check_heading,
-    check_headings,
     elevation_density,
     fuse_together,
     power,
@@ -22,17 +22,21 @@ from lighting.evidence.together import (
 __all__ = [
     "ELEVATION_TAIL",
     "HEADING_TAIL",
+    "KINDS",
     "LENS_RATIO",
     "SHORT_NAMES",
     "SUNSET",
     "Evidence",
+    "Fit",
     "Fused",
     "Given",
     "Known",
+    "Range",
     "check_heading",
     "check_headings",
     "elevation_density",
     "estimate_of",
+    "fit",
     "fuse",
     "fuse_together",
     "known",
@@ -42,6 +46,7 @@ __all__ = [
     "read_headings",
     "ring_of",
     "seen_from",
+    "series_of",
     "sun_position",
     "zones",
 ]

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lighting.circular import HEADINGS, Heading, blur, correlate, heading
+from lighting.circular import HEADINGS, Heading, blur, correlate, heading, von_mises
 from lighting.errors import ParameterError
+from lighting.evidence.frames import Frames, frames
 from lighting.evidence.fusion import (
     GROSS_ERRORS,
     Evidence,
@@ -22,53 +23,68 @@ from lighting.evidence.fusion import (
     on_rings,
     ring_density,
 )
-from lighting.geometry import Floats, angles, direction
-from lighting.records import EVIDENCE, Prediction, check_range
+from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
+from lighting.records import EVIDENCE, Prediction, SunEstimate, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
+from lighting.turns.sets import Placed
 
-# learnt by `python -m export evaluate --with-metadata` on places that training never saw
-CORRELATION = 0.3  # of the sun's distribution in one frame
-AZIMUTH_CORRELATION = 0.1  # of its azimuth at a known elevation
-ELEVATION_CORRELATION = 0.6  # of its elevation alone
-
-TURN_NOISE = 10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
+CORRELATION = SUN.far  # of views that share nothing: of the sun's distribution in one frame
+AZIMUTH_CORRELATION = AZIMUTH.far  # of its azimuth at a known elevation
+ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 
 _BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # in spreads, over which a noisy heading is averaged on the grid
 _ELEVATION_SPREAD = 4.0  # deg, kernel of an elevation's density
 _LOWEST = 1e-12  # density that stands for none
+_BIN_SPREAD = 0.5  # deg, least spread of a heading over whole degrees
 
 
 def fuse_together(
-    predictions: Sequence[Prediction], evidence: Sequence[Evidence], headings: Sequence[float] | None = None
+    predictions: Sequence[Prediction],
+    evidence: Sequence[Evidence],
+    headings: Sequence[float] | None = None,
+    placed: Sequence[Placed] | None = None,
 ) -> tuple[Fused, ...]:
     """One answer a photo, in its own camera's frame, for photos of one place and light.
 
-    `headings` [deg, clockwise from any common direction] are exact; without them the compass headings are used where
-    all photos have one, and else relative headings are unknown. A photo without time takes the candidates of the first
-    that has one. Times may differ (a time-lapse): then candidate k of each photo is the sun in the same zone k.
+    `headings` [deg, clockwise from any common direction] are exact; without them `placed` says how matches turn the
+    photos, compass headings are used where all have one, and else relative headings are unknown. A photo without time
+    takes the candidates of the first that has one. Times may differ (a time-lapse): then candidate k of each photo is
+    the sun in the same zone k.
     """
     alone = [fuse(p, e) for p, e in zip(predictions, evidence, strict=True)]
     if len(alone) == 1:
         return tuple(alone)
-    shared = _share_sky(predictions)
+    turns = frames(evidence, headings, placed)
+    shared = _share_sky(_as_matched(predictions, placed) if placed else predictions)
     known = _share_time(evidence)
-    turns, noise = _relative_headings(known, headings)
-    if known[0].candidates:
-        answers = _on_rings(shared, known, turns, noise)
-    elif turns is not None:
-        answers = [on_grid(p, e, q) for p, e, q in zip(shared, known, _in_one_frame(shared, turns, noise), strict=True)]
-    else:
-        answers = _with_unknown_headings(shared, known)
-    by_compass = turns is not None and headings is None
+    answers = _on_rings(shared, known, turns) if known[0].candidates else _on_cells(shared, known, turns)
     return tuple(
-        replace(a, warnings=single.warnings, used=_used(a, by_compass))
-        for a, single in zip(answers, alone, strict=True)
+        replace(a, warnings=(*single.warnings, *_unmatched(i, turns, placed)), used=_used(a, turns.source))
+        for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
 
 
-def _used(fused: Fused, by_compass: bool) -> tuple[str, ...]:
+def _as_matched(predictions: Sequence[Prediction], placed: Sequence[Placed]) -> list[Prediction]:
+    """The predictions with the lens and the levels that matches reveal."""
+    return [
+        p
+        if m.vertical_fov is None
+        else replace(p, vertical_fov=m.vertical_fov, camera_elevation=m.camera_elevation, camera_roll=m.camera_roll)
+        for p, m in zip(predictions, placed, strict=True)
+    ]
+
+
+def _unmatched(photo: int, turns: Frames, placed: Sequence[Placed] | None) -> tuple[str, ...]:
+    """A warning where matching was tried and this photo is left alone."""
+    if placed is None or np.count_nonzero(turns.group == turns.group[photo]) > 1:
+        return ()
+    return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
+
+
+def _used(fused: Fused, source: str) -> tuple[str, ...]:
     """What counts for the answer; compass headings also where they only say how the photos lie to each other."""
-    used = {*fused.used, "other photos", *(["heading"] if by_compass else [])}
+    used = {*fused.used, "other photos", source}
     return tuple(name for name in EVIDENCE if name in used)
 
 
@@ -81,20 +97,6 @@ def read_headings(text: str) -> list[float]:
     for angle in headings:
         check_range("heading", angle, -360.0, 360.0)
     return headings
-
-
-def check_headings(photos: int, headings: Sequence[float] | None) -> None:
-    """Raise ParameterError unless there is one heading for each of several photos, or none at all."""
-    if headings is not None and photos == 1:
-        raise ParameterError("headings are those of several photos; one photo has a heading.")
-    if headings is not None and len(headings) != photos:
-        raise ParameterError(f"There are {len(headings)} headings for {photos} photos.")
-
-
-def check_heading(photos: int, heading: float | None) -> None:
-    """Raise ParameterError where the one heading is given for several photos."""
-    if heading is not None and photos > 1:
-        raise ParameterError("heading is that of one photo; photos taken together have headings.")
 
 
 def power(count: int, correlation: float) -> float:
@@ -121,24 +123,51 @@ def _share_time(evidence: Sequence[Evidence]) -> list[Evidence]:
     return [replace(e, candidates=tuple(c[k] for k in up)) for e, c in zip(evidence, given, strict=True)]
 
 
-def _relative_headings(evidence: Sequence[Evidence], headings: Sequence[float] | None) -> tuple[Floats | None, float]:
-    """Headings (n,) in one frame, or None, and their noise [deg]."""
-    if headings is not None:
-        check_headings(len(evidence), headings)
-        return np.array(headings, dtype=np.float64), 0.0
-    compass = [e.heading for e in evidence if e.heading is not None]
-    return (np.array(compass), TURN_NOISE) if len(compass) == len(evidence) else (None, 0.0)
+def _on_cells(predictions: Sequence[Prediction], evidence: Sequence[Evidence], turns: Frames) -> list[Fused]:
+    """The answers where no time is known: each group in its frame, and one elevation for all groups."""
+    weights: dict[int, Floats] = {}
+    for own in turns.members():
+        found = _in_one_frame([predictions[i] for i in own], turns.turn[own], turns.noise[own])
+        weights |= dict(zip(own.tolist(), found, strict=True))
+    in_order = _share_elevation(predictions, [weights[i] for i in range(len(predictions))], turns)
+    apart = [on_grid(p, e, w) for p, e, w in zip(predictions, evidence, in_order, strict=True)]
+    answers = [replace(a, sun=_sun_of_group(i, apart, turns)) for i, a in enumerate(apart)]
+    if turns.source != "turns" and not turns.group.any():
+        return answers
+    return [replace(a, relative_heading=_relative(i, answers, turns)) for i, a in enumerate(answers)]
 
 
-def _in_one_frame(predictions: Sequence[Prediction], turns: Floats, noise: float) -> list[Floats]:
+def _sun_of_group(photo: int, answers: Sequence[Fused], turns: Frames) -> SunEstimate:
+    """The sun of the group's first photo as this one sees it: cells that lie otherwise would put it a little aside."""
+    first = int(np.flatnonzero(turns.group == turns.group[photo])[0])
+    sun = answers[first].sun
+    return replace(sun, azimuth=float(wrap_azimuth(sun.azimuth + turns.turn[first] - turns.turn[photo])))
+
+
+def _share_elevation(predictions: Sequence[Prediction], weights: Sequence[Floats], turns: Frames) -> list[Floats]:
+    """The probabilities (N,) of all photos with the elevation that every group says something of."""
+    if not turns.group.any():
+        return list(weights)
+    cells = angles(grid_directions(predictions[0].spec.sun_grid))[1]
+    firsts = [int(own[0]) for own in turns.members()]
+    said = [replace(predictions[i], sun_probability=weights[i]) for i in firsts]
+    own = {turns.group[i]: np.maximum(elevation_density(p, cells), _LOWEST) for i, p in zip(firsts, said, strict=True)}
+    common = np.exp(power(len(own), ELEVATION_CORRELATION) * np.sum(np.log(list(own.values())), axis=0))
+    shared = [w * common / own[g] for w, g in zip(weights, turns.group, strict=True)]
+    return [w / w.sum() for w in shared]
+
+
+def _in_one_frame(predictions: Sequence[Prediction], turns: Floats, noise: Floats) -> list[Floats]:
     """Probabilities (N,) of each photo over its own cells, all photos counted."""
+    if len(predictions) == 1:
+        return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
-    exponent = power(len(predictions), CORRELATION)
-    blurred = [_with_noise_on_grid(p, noise) for p in predictions]
+    exponent = counts(*axes(predictions, turns), SUN)
+    blurred = [_with_noise_on_grid(p, float(n)) for p, n in zip(predictions, noise, strict=True)]
     answers = []
     for own in turns:
         seen = [seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns, strict=True)]
-        log = exponent * np.sum(np.log(np.maximum(seen, _LOWEST)), axis=0)
+        log = exponent @ np.log(np.maximum(seen, _LOWEST))
         weight = np.exp(log - log.max()) * grid_solid_angle(layout)
         answers.append(weight / weight.sum())
     return answers
@@ -169,25 +198,33 @@ def ring_of(prediction: Prediction, elevation: float, turn: float) -> Floats:
     return smooth_density(prediction.sun_probability, suns, prediction.spec.sun_grid)
 
 
-def _on_rings(
-    predictions: Sequence[Prediction], evidence: Sequence[Evidence], turns: Floats | None, noise: float
-) -> list[Fused]:
-    """The answers where time and place are known."""
+def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Evidence], turns: Frames) -> list[Fused]:
+    """The answers where time and place are known: each group in its frame, and one zone for all groups."""
     density = [ring_density(p, daylight(e)) for p, e in zip(predictions, evidence, strict=True)]
     prior = [compass_prior(e) for e in evidence]
-    if turns is None:
-        weights = _share_zone(density, prior)
-    else:
-        weights = _share_heading([_with_noise(d, noise) for d in density], prior, turns)
-    return [on_rings(p, e, w) for p, e, w in zip(predictions, evidence, weights, strict=True)]
+    weights: dict[int, Floats] = {}
+    for own in turns.members():
+        noisy = [_with_noise(density[i], float(turns.noise[i])) for i in own]
+        alike = _likeness([evidence[i] for i in own])
+        exponent = counts(*axes([predictions[i] for i in own], turns.turn[own]), AZIMUTH, alike)
+        found = _share_heading(noisy, [prior[i] for i in own], turns.turn[own], exponent)
+        weights |= dict(zip(own.tolist(), found, strict=True))
+    in_order = _share_zone([weights[i] for i in range(len(weights))], turns)
+    return [on_rings(p, e, w) for p, e, w in zip(predictions, evidence, in_order, strict=True)]
 
 
-def _share_zone(density: Sequence[Floats], prior: Sequence[Floats]) -> list[Floats]:
-    """Weights (K, 360) of each photo when only the candidates are common."""
-    joint = [d * p for d, p in zip(density, prior, strict=True)]
-    mass = [np.maximum(j.sum(axis=1, keepdims=True), _LOWEST) for j in joint]
-    zone = np.exp(power(len(joint), ELEVATION_CORRELATION) * np.sum(np.log(mass), axis=0))
-    return [j / m * zone for j, m in zip(joint, mass, strict=True)]
+def _likeness(evidence: Sequence[Evidence]) -> Floats:
+    """How alike the light of photos is (n, n), by how far their suns lie apart."""
+    suns = direction([e.candidates[0][1] for e in evidence], [e.candidates[0][0] for e in evidence])
+    return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / UNLIKE))
+
+
+def _share_zone(weights: Sequence[Floats], turns: Frames) -> list[Floats]:
+    """Weights (K, 360) of each photo when the groups have no more than the candidates in common."""
+    mass = [np.maximum(w.sum(axis=1, keepdims=True), _LOWEST) for w in weights]
+    firsts = [int(own[0]) for own in turns.members()]
+    zone = np.exp(power(len(firsts), ELEVATION_CORRELATION) * np.sum(np.log([mass[i] for i in firsts]), axis=0))
+    return [w / m * zone for w, m in zip(weights, mass, strict=True)]
 
 
 def _with_noise(density: Floats, noise: float) -> Floats:
@@ -198,14 +235,13 @@ def _with_noise(density: Floats, noise: float) -> Floats:
     return np.asarray((1 - GROSS_ERRORS) * blur(density, noise) + GROSS_ERRORS * anywhere)
 
 
-def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Floats) -> list[Floats]:
+def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Floats, exponent: Floats) -> list[Floats]:
     """Weights (K, 360) of each photo when one heading gives all; compass errors are shared, so priors are averaged."""
-    exponent = power(len(turns), AZIMUTH_CORRELATION)
     compasses = max(1, sum(p.min() < p.max() for p in prior))
     log = np.sum(
         [
-            _turned(exponent * np.log(np.maximum(d, _LOWEST)) + np.log(p) / compasses, turn)
-            for d, p, turn in zip(density, prior, turns, strict=True)
+            _turned(share * np.log(np.maximum(d, _LOWEST)) + np.log(p) / compasses, turn)
+            for d, p, turn, share in zip(density, prior, turns, exponent, strict=True)
         ],
         axis=0,
     )
@@ -221,17 +257,6 @@ def _turned(value: Floats, turn: float) -> Floats:
     return np.asarray((1 - share) * value[..., low % 360] + share * value[..., (low + 1) % 360])
 
 
-def _with_unknown_headings(predictions: Sequence[Prediction], evidence: Sequence[Evidence]) -> list[Fused]:
-    """The answers where no more than the sun's elevation is common; headings relative to the first photo follow."""
-    layout = predictions[0].spec.sun_grid
-    cells = angles(grid_directions(layout))[1]
-    own = [np.maximum(elevation_density(p, cells), _LOWEST) for p in predictions]
-    common = np.exp(power(len(own), ELEVATION_CORRELATION) * np.sum(np.log(own), axis=0))
-    weights = [p.sun_probability * common / m for p, m in zip(predictions, own, strict=True)]
-    answers = [on_grid(p, e, w / w.sum()) for p, e, w in zip(predictions, evidence, weights, strict=True)]
-    return [replace(a, relative_heading=_relative(answers[0], a)) for a in answers]
-
-
 def elevation_density(prediction: Prediction, elevation: Floats) -> Floats:
     """Density [1/sr] (N,) at elevations (N,) [deg], averaged over azimuth."""
     layout = prediction.spec.sun_grid
@@ -240,10 +265,13 @@ def elevation_density(prediction: Prediction, elevation: Floats) -> Floats:
     return np.asarray(weight @ prediction.sun_probability / (weight @ grid_solid_angle(layout)))
 
 
-def _relative(first: Fused, other: Fused) -> Heading:
-    """How far the other camera is turned from the first, from where both see the one sun."""
-    azimuths = [_azimuths(fused) for fused in (first, other)]
-    return heading(correlate(*azimuths))
+def _relative(photo: int, answers: Sequence[Fused], turns: Frames) -> Heading:
+    """How far a camera is turned from the first: as matched, or from where both see the one sun."""
+    turn = turns.heading_of_first(photo) if turns.source == "turns" else None
+    if turn is None:
+        return heading(correlate(_azimuths(answers[0]), _azimuths(answers[photo])))
+    bell = von_mises(HEADINGS - turn, max(float(turns.noise[photo]), _BIN_SPREAD))
+    return replace(heading(bell / bell.sum()), best=turn % 360.0)
 
 
 def _azimuths(fused: Fused) -> Floats:

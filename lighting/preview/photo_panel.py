@@ -17,13 +17,13 @@ def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box) -> Image
     scale = min(box.width / width, box.height / height)
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
-    _horizon(picture, lighting)
-    _sun_in_photo(picture, lighting)
+    draw_horizon(picture, lighting)
+    draw_sun(picture, lighting)
     panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
     return panel
 
 
-def _horizon(picture: Image.Image, lighting: Lighting) -> None:
+def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
     """Draw the horizon as a thin line with a soft shadow, if it is in view."""
     azimuth = np.linspace(-80.0, 80.0, 65)
     line = _camera_pixels(picture, direction(azimuth, 0.0), lighting)
@@ -47,7 +47,7 @@ def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting)
     return pixels[~np.isnan(pixels[:, 0])]
 
 
-def _sun_in_photo(picture: Image.Image, lighting: Lighting) -> None:
+def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
     colour = sun_colour(lighting)
     seen = _camera_pixels(picture, lighting.sun_direction[None], lighting)

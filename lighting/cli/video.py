@@ -1,0 +1,106 @@
+"""The command about a clip."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli.given import given_options
+from lighting.cli.group import cli
+from lighting.cli.options import height_option, model_option, quiet_option, sun_option
+
+if TYPE_CHECKING:
+    from lighting.evidence import Given
+    from lighting.video.output import Done
+    from lighting.video.shot import Shot
+
+
+@cli.command()
+@click.argument("clip", metavar="SHOT.mp4")
+@click.option("-o", "--output", required=True, metavar="FOLDER", help="New or empty unless --overwrite.")
+@click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
+@click.option(
+    "--every",
+    type=click.FloatRange(0.04, 60.0),
+    default=0.2,
+    show_default=True,
+    metavar="SECONDS",
+    help="The network sees a frame this often; all are followed and get a record.",
+)
+@click.option("--for", "tool", type=click.Choice(("blender", "usd")), help="Also a scene, its camera with key frames.")
+@click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
+@click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
+@height_option
+@sun_option
+@given_options
+@model_option
+@quiet_option
+@click.pass_context
+def video(
+    ctx: click.Context,
+    /,
+    clip: str,
+    output: str,
+    overwrite: bool,
+    every: float,
+    given: "Given",
+    model: str | None,
+    quiet: bool,
+    **wanted: Any,
+) -> None:
+    """Estimate the light of a clip and follow its camera.
+
+    FOLDER gets lighting.jsonl, a record a frame, and shot-1.exr, the light in the world's axes: true north at its
+    centre if it is known, else the first frame's heading. A cut starts another shot. What --time and --heading say is
+    of the first frame. Time, place and lens are taken from the clip's metadata and from DJI's subtitles beside it,
+    unless stated here. The exit status is 1 where part of the clip has no answer.
+    """
+    from lighting.model import Model
+    from lighting.video.output import Job, Wanted, check_folder, process
+
+    job = Job(Path(clip), Path(output), given, every, Wanted(**wanted))
+    check_folder(job.folder, overwrite=overwrite)
+    with _progress(clip, quiet) as bar:
+        done = process(job, Model.load(model), lambda time: bar.update(round(time, 2) - bar.n))
+    _report(clip, done, quiet)
+    ctx.exit(1 if done.failed else 0)
+
+
+def _progress(clip: str, quiet: bool) -> Any:
+    """Seconds of the clip behind a bar, which only a terminal shows."""
+    from tqdm import tqdm
+
+    form = "{desc}: {n:.1f} s of the clip [{elapsed}]"
+    return tqdm(desc=click.format_filename(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
+
+
+def _report(clip: str, done: "Done", quiet: bool) -> None:
+    """A line a shot, and what went wrong."""
+    name = click.format_filename(clip)
+    if len(done.shots) > 1:
+        click.echo(f"{name}: {len(done.shots)} shots, for there are cuts.", err=True)
+    for number, shot in enumerate(done.shots, 1):
+        if isinstance(shot, Exception):
+            click.echo(f"Error: {name}: {shot}", err=True)
+        elif not quiet:
+            click.echo(f"{name}: {in_words(number, shot)}")
+            for warning in (*shot.known.warnings, *shot.fused.warnings):
+                click.echo(f"Warning: {name}: {warning}", err=True)
+    if done.damage:
+        click.echo(f"Error: {name}: {done.damage}", err=True)
+
+
+def in_words(number: int, shot: "Shot") -> str:
+    """One line for people about a shot."""
+    path, sun = shot.path, shot.fused.sun
+    turned = path.heading.max() - path.heading.min()
+    north = "" if shot.north is None else f", first heading {(shot.north + path.heading[0]) % 360.0:.0f}°"
+    bridged = f", {path.bridged.sum()} bridged" if path.bridged.any() else ""
+    return (
+        f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {len(shot.frames)} frames{bridged}: "
+        f"sun {sun.elevation:.1f}° high and {abs(sun.azimuth):.1f}° {'right' if sun.azimuth >= 0 else 'left'} of the "
+        f"first frame (50 % within {sun.radius_50:.1f}°, 90 % within {sun.radius_90:.1f}°), "
+        f"direct sunlight {100 * shot.fused.prediction.sun_visibility:.0f} %; "
+        f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_sigma:.1f}°{north}"
+    )

@@ -1,0 +1,83 @@
+"""Which photos taken together share a frame, and how they are turned in it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.circular import mean_angle
+from lighting.errors import ParameterError
+from lighting.evidence.fusion import Evidence
+from lighting.geometry import Floats, wrap_azimuth
+from lighting.turns.sets import Placed
+
+TURN_NOISE = 10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """How photos are turned: those of one group against each other, and nothing between the groups."""
+
+    group: NDArray[np.intp]  # (n,) number of each photo's group
+    turn: Floats  # (n,) deg clockwise from the group's zero
+    noise: Floats  # (n,) deg, one standard deviation of that
+    source: str = ""  # "heading" by compass, "turns" by matches
+
+    def members(self) -> list[NDArray[np.intp]]:
+        """The photos (m,) of each group."""
+        return [np.flatnonzero(self.group == number) for number in np.unique(self.group)]
+
+    def heading_of_first(self, photo: int) -> float | None:
+        """Deg clockwise from the first photo to this one; None where they are of two groups."""
+        same = self.group[photo] == self.group[0]
+        return float(self.turn[photo] - self.turn[0]) if same else None
+
+
+def check_headings(photos: int, headings: Sequence[float] | None) -> None:
+    """Raise ParameterError unless there is one heading for each of several photos, or none at all."""
+    if headings is not None and photos == 1:
+        raise ParameterError("headings are those of several photos; one photo has a heading.")
+    if headings is not None and len(headings) != photos:
+        raise ParameterError(f"There are {len(headings)} headings for {photos} photos.")
+
+
+def check_heading(photos: int, heading: float | None) -> None:
+    """Raise ParameterError where the one heading is given for several photos."""
+    if heading is not None and photos > 1:
+        raise ParameterError("heading is that of one photo; photos taken together have headings.")
+
+
+def frames(
+    evidence: Sequence[Evidence], headings: Sequence[float] | None, placed: Sequence[Placed] | None = None
+) -> Frames:
+    """By exact headings [deg] if given; else by matches, by compass headings where all have one, or unknown.
+
+    Compass headings bring groups that matches left apart into one frame.
+    """
+    count = len(evidence)
+    together = np.zeros(count, dtype=np.intp)
+    compass = [e.heading for e in evidence if e.heading is not None]
+    if headings is not None:
+        check_headings(count, headings)
+        return Frames(together, np.array(headings, dtype=np.float64), np.zeros(count))
+    if placed is not None and len({p.group for p in placed}) < count:
+        matched = _by_matches(placed)
+        return _joined(matched, np.array(compass)) if len(compass) == count and matched.group.any() else matched
+    if len(compass) == count:
+        return Frames(together, np.array(compass), np.full(count, TURN_NOISE), "heading")
+    return Frames(np.arange(count), np.zeros(count), np.zeros(count))
+
+
+def _by_matches(placed: Sequence[Placed]) -> Frames:
+    group, turn, noise = ([getattr(p, name) for p in placed] for name in ("group", "heading", "heading_sigma"))
+    return Frames(np.array(group, dtype=np.intp), np.array(turn), np.array(noise), "turns")
+
+
+def _joined(matched: Frames, compass: Floats) -> Frames:
+    """One frame of all groups: each is turned as its compasses say in the mean."""
+    turn, noise = matched.turn.copy(), matched.noise.copy()
+    for own in matched.members():
+        turn[own] += mean_angle(wrap_azimuth(compass[own] - matched.turn[own]))
+        noise[own] = np.hypot(noise[own], TURN_NOISE / np.sqrt(len(own)))
+    return Frames(np.zeros_like(matched.group), turn, noise, "turns")

@@ -1,0 +1,20 @@
+"""How the cameras of several photos are turned against each other, from what they see in common."""
+
+from lighting.turns.match import MAX_SIDE, Features, Matches, features, has_opencv, match
+from lighting.turns.rotation import Turn, relative_rotation, rotation_of
+from lighting.turns.sets import Placed, Shot, place
+
+__all__ = [
+    "MAX_SIDE",
+    "Features",
+    "Matches",
+    "Placed",
+    "Shot",
+    "Turn",
+    "features",
+    "has_opencv",
+    "match",
+    "place",
+    "relative_rotation",
+    "rotation_of",
+]

@@ -1,0 +1,115 @@
+"""Points that two photos share: SIFT features (Lowe 2004, as OpenCV computes them) and their matches.
+
+OpenCV is in the extra `video`; without it every function here that needs it raises MissingExtraError.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import MissingExtraError
+
+MAX_SIDE = 1024  # pixels of the longer side in which features are sought
+MAX_FEATURES = 3000  # kept of a photo, the strongest
+CONTRAST = 3.0  # limit of the local equalisation before features are sought
+FAINTEST = 0.005  # contrast of a feature, in SIFT's unit
+RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Where a photo has features, and what they look like."""
+
+    points: Floats  # (N, 2) from the photo's centre, x right, y up, in units of half its diagonal
+    descriptors: NDArray[np.float32]  # (N, 128) of length 1; roots of SIFT's values (Arandjelovic 2012)
+    width: int  # pixels in which they were found
+    height: int
+
+    @property
+    def pixel(self) -> float:
+        """One pixel in units of half the diagonal."""
+        return 2.0 / float(np.hypot(self.width, self.height))
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Pairs of points that look alike, the surest first."""
+
+    a: Floats  # (M, 2) in the first photo, as Features.points
+    b: Floats  # (M, 2) in the second
+    pixel: float  # the coarser photo's pixel in units of half its diagonal
+
+    def __len__(self) -> int:
+        return len(self.a)
+
+
+def opencv() -> Any:
+    """The module cv2; MissingExtraError where it is not installed."""
+    try:
+        import cv2
+    except ImportError as error:
+        raise MissingExtraError(
+            "Turns between photos need OpenCV, which is not installed: pip install 'outdoor-lighting[video]'."
+        ) from error
+    return cv2
+
+
+def has_opencv() -> bool:
+    """Whether the extra `video` is installed, without importing it."""
+    from importlib.util import find_spec
+
+    return find_spec("cv2") is not None
+
+
+def features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
+    """The features of a photo (H, W, 3) sRGB, or (H, W) grey, upright."""
+    cv2 = opencv()
+    grey = _shrunk(cv2, pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
+    height, width = grey.shape
+    even = cv2.createCLAHE(CONTRAST, (8, 8)).apply(grey)  # shade has features too
+    found, described = cv2.SIFT_create(max_features, contrastThreshold=FAINTEST).detectAndCompute(even, None)
+    if described is None:
+        return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
+    corner = np.array([k.pt for k in found], dtype=np.float64)
+    return Features(centred(corner, width, height), _rooted(described), width, height)
+
+
+def _shrunk(cv2: Any, grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
+    scale = max_side / max(grey.shape)
+    if scale >= 1.0:
+        return np.ascontiguousarray(grey)
+    size = (max(1, round(grey.shape[1] * scale)), max(1, round(grey.shape[0] * scale)))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA))
+
+
+def centred(corner: Floats, width: int, height: int) -> Floats:
+    """Points (N, 2) as Features has them, of OpenCV's pixels (N, 2), whose first has its centre at (0, 0)."""
+    offset = corner + 0.5 - np.array([0.5 * width, 0.5 * height])
+    return np.asarray(offset * np.array([1.0, -1.0]) * (2.0 / np.hypot(width, height)))
+
+
+def _rooted(described: NDArray[np.float32]) -> NDArray[np.float32]:
+    total = np.maximum(described.sum(axis=1, keepdims=True), 1e-12)
+    return np.asarray(np.sqrt(described / total), dtype=np.float32)
+
+
+def match(a: Features, b: Features, ratio: float = RATIO) -> Matches:
+    """The features that are each other's nearest, clearly nearer than the next."""
+    pixel = max(a.pixel, b.pixel)
+    if min(len(a.points), len(b.points)) < 2:
+        return Matches(np.empty((0, 2)), np.empty((0, 2)), pixel)
+    likeness = a.descriptors @ b.descriptors.T
+    there, back = np.argmax(likeness, axis=1), np.argmax(likeness, axis=0)
+    distance = np.sqrt(np.maximum(2.0 - 2.0 * np.partition(likeness, -2, axis=1)[:, -2:], 0.0))
+    quality = distance[:, 1] / np.maximum(distance[:, 0], 1e-9)
+    own = np.arange(len(a.points))
+    kept = own[(back[there] == own) & (quality < ratio)]
+    kept = kept[np.argsort(quality[kept], kind="stable")]
+    first, second = a.points[kept], b.points[there[kept]]
+    _, unlike = np.unique(np.round(np.hstack([first, second]) / pixel), axis=0, return_index=True)
+    unlike.sort()  # SIFT gives one point several orientations; they are one witness
+    return Matches(first[unlike], second[unlike], pixel)

@@ -1,0 +1,71 @@
+"""Rays of a pinhole camera and small rotations, in the camera's own frame: x right, y up, it looks along -z.
+
+A focal length here is in units of half the picture's diagonal, so that one lens has one number however it is held.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating[Any]]
+
+
+def focal_of(vertical_fov: float, width: float, height: float) -> float:
+    """Focal length [half diagonals] of a picture of `width` x `height` with this vertical field of view [deg]."""
+    return height / math.hypot(width, height) / math.tan(math.radians(vertical_fov) / 2.0)
+
+
+def vertical_fov_of(focal: float, width: float, height: float) -> float:
+    """Vertical field of view [deg] of a picture of `width` x `height` with this focal length [half diagonals]."""
+    return math.degrees(2.0 * math.atan(height / math.hypot(width, height) / focal))
+
+
+def rays(points: Floats, focal: float) -> Floats:
+    """Unit vectors (N, 3) through points (N, 2) [half diagonals]."""
+    through = np.column_stack([points, np.full(len(points), -focal)])
+    return np.asarray(through / np.linalg.norm(through, axis=1, keepdims=True))
+
+
+def project(vectors: Floats, focal: float) -> Floats:
+    """Points (N, 2) [half diagonals] where vectors (N, 3) meet the picture; far outside for those behind."""
+    ahead = np.maximum(-vectors[..., 2:], 1e-3)
+    return np.asarray(focal * vectors[..., :2] / ahead)
+
+
+def rotation_about(vector: Floats) -> Floats:
+    """Rotations (..., 3, 3) by the length [rad] of each vector (..., 3) about its direction (Rodrigues' formula)."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    cross = cross_matrix(vector)
+    return np.asarray(
+        np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
+    )
+
+
+def cross_matrix(vector: Floats) -> Floats:
+    """Matrices (..., 3, 3) that take w to the vector product of `vector` (..., 3) and w."""
+    x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
+    zero = np.zeros_like(x)
+    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
+    return np.stack(rows, axis=-2)
+
+
+def rotation_vector(rotation: Floats) -> Floats:
+    """The vector (3,) [rad] along a rotation's axis, as long as its angle (0 to pi)."""
+    skew = 0.5 * np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    sine, cosine = float(np.linalg.norm(skew)), 0.5 * (float(np.trace(rotation)) - 1.0)
+    if cosine > -0.999:
+        return np.asarray(skew * (math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0))
+    values, vectors = np.linalg.eigh(0.5 * (rotation + rotation.T))
+    axis = vectors[:, int(np.argmax(values))]
+    return np.asarray(axis * math.atan2(sine, cosine) * (1.0 if axis @ skew >= 0.0 else -1.0))
+
+
+def nearest_rotation(matrix: Floats) -> Floats:
+    """The rotations (..., 3, 3) nearest to matrices (..., 3, 3)."""
+    u, _, v = np.linalg.svd(matrix)
+    u[..., :, 2] *= np.sign(np.linalg.det(u @ v))[..., None]
+    return np.asarray(u @ v)

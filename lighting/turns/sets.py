@@ -1,0 +1,207 @@
+"""Where the photos of a set look: turns between the pairs that overlap, one lens for all, headings about the vertical.
+
+The vertical is the mean of what the network says of each camera's elevation and roll, carried into one frame.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.geometry import angles, camera_axes, wrap_azimuth
+from lighting.turns.averaging import Oriented, Pairs, average, components
+from lighting.turns.match import Features, Matches, match
+from lighting.turns.rays import focal_of, vertical_fov_of
+from lighting.turns.rotation import Turn, rotation_of
+
+GUESSED_FOV_SIGMA = 7.0  # deg, of what the network says of a field of view
+NOTED_FOV_SIGMA = 1.5  # deg, of what a photo's metadata say
+UP_SIGMA = 2.5  # deg, of the vertical by the network, about each horizontal axis
+ALL_PAIRS = 8  # photos up to which every pair is matched in full
+PARTNERS = 6  # the likeliest of each photo that are matched in larger sets
+COARSE = 400  # features, the first, by which they are found
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One photo of a set as far as it is known alone."""
+
+    features: Features
+    camera_elevation: float  # deg, by the network
+    camera_roll: float
+    guessed_fov: float  # deg, vertical, by the network
+    noted_fov: float | None = None  # by its metadata or its user
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) [pixels], of which the ratio counts."""
+        return self.features.width, self.features.height
+
+    def focal(self) -> tuple[float, float]:
+        """Focal length [half diagonals] and the standard deviation of its logarithm."""
+        fov = self.noted_fov or self.guessed_fov
+        sigma = GUESSED_FOV_SIGMA if self.noted_fov is None else NOTED_FOV_SIGMA
+        return focal_of(fov, *self.size), float(np.radians(sigma) / np.sin(np.radians(fov)))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Where one photo of a set looks, as far as matches with the others tell."""
+
+    group: int  # photos of one number are connected by matches
+    heading: float  # deg clockwise from the group's first photo
+    heading_sigma: float  # deg, one standard deviation of that
+    camera_elevation: float  # deg
+    camera_roll: float
+    vertical_fov: float | None  # deg, as the matches reveal it; None for a photo without any
+
+
+def place(shots: Sequence[Shot]) -> tuple[Placed, ...]:
+    """Where each photo looks."""
+    matched = _matched(shots)
+    lenses = _lenses(shots)
+    pairs = _turns(shots, matched, lenses)
+    zoom = _common_zoom(shots, pairs, lenses)
+    lenses = [(focal * zoom[0], zoom[1]) for focal, _ in lenses]
+    pairs = _turns(shots, {pair: matched[pair] for pair in pairs}, lenses)
+    groups = [average(members, pairs) for members in components(len(shots), pairs)]
+    return _in_order([_level(number, group, shots, lenses) for number, group in enumerate(groups)], groups)
+
+
+def _matched(shots: Sequence[Shot]) -> dict[tuple[int, int], Matches]:
+    pairs = _likely_pairs([shot.features for shot in shots])
+    return {(i, j): match(shots[i].features, shots[j].features) for i, j in pairs}
+
+
+def _likely_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
+    """The pairs worth matching in full: all of a small set, else those of which a few features match."""
+    every = list(combinations(range(len(features)), 2))
+    if len(features) <= ALL_PAIRS:
+        return every
+    coarse = [replace(f, points=f.points[:COARSE], descriptors=f.descriptors[:COARSE]) for f in features]
+    alike = {(i, j): len(match(coarse[i], coarse[j])) for i, j in every}
+    kept: set[tuple[int, int]] = set()
+    for photo in range(len(features)):
+        own = sorted((pair for pair in every if photo in pair), key=lambda pair: -alike[pair])
+        kept.update(own[:PARTNERS])
+    return sorted(kept)
+
+
+def _lenses(shots: Sequence[Shot]) -> list[tuple[float, float]]:
+    """Focal lengths and spreads: photos whose metadata say nothing share the mean of what the network says."""
+    said = [shot.focal() for shot in shots]
+    guessed = [np.log(focal) for shot, (focal, _) in zip(shots, said, strict=True) if shot.noted_fov is None]
+    common = float(np.exp(np.mean(guessed))) if guessed else 1.0
+    return [(common if s.noted_fov is None else focal, spread) for s, (focal, spread) in zip(shots, said, strict=True)]
+
+
+def _turns(
+    shots: Sequence[Shot], matched: dict[tuple[int, int], Matches], lenses: Sequence[tuple[float, float]]
+) -> dict[tuple[int, int], Turn]:
+    """The pairs that have one."""
+    found = {}
+    for (i, j), matches in matched.items():
+        fovs = (vertical_fov_of(lenses[i][0], *shots[i].size), vertical_fov_of(lenses[j][0], *shots[j].size))
+        sigma = float(np.degrees(max(lenses[i][1], lenses[j][1]) * np.sin(np.radians(fovs[0]))))
+        turn = rotation_of(matches, shots[i].size, shots[j].size, fovs, sigma)
+        if turn is not None:
+            found[i, j] = turn
+    return found
+
+
+def _common_zoom(shots: Sequence[Shot], pairs: Pairs, lenses: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The factor on all focal lengths that the pairs agree on (weighted median), and its logarithm's spread."""
+    if not pairs:
+        return 1.0, 0.0
+    log, spread = np.array([_zoom(shots[i], lenses[i][0], turn) for (i, _), turn in pairs.items()]).T
+    weight = 1.0 / np.maximum(spread, 1e-4) ** 2
+    order = np.argsort(log)
+    held = np.cumsum(weight[order]) / weight.sum()
+    middle = float(log[order][np.searchsorted(held, 0.5)])
+    return float(np.exp(middle)), float(weight.sum() ** -0.5)
+
+
+def _zoom(shot: Shot, focal: float, turn: Turn) -> tuple[float, float]:
+    """The logarithm of a turn's focal length over the one assumed, and its standard deviation."""
+    fov = turn.vertical_fov[0]
+    log = float(np.log(focal_of(fov, *shot.size) / focal))
+    return log, float(np.radians(turn.fov_sigma) / np.sin(np.radians(fov)))
+
+
+def _level(number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence[tuple[float, float]]) -> list[Placed]:
+    """The photos of one group about their common vertical."""
+    own = [shots[i] for i in group.members]
+    up = vertical([(shot.camera_elevation, shot.camera_roll) for shot in own], group.rotations)
+    heading, elevation, roll = about(up, group.rotations)
+    sigma = np.hypot(_turn_sigma(group, up), _tilt_sigma(group.rotations, up, len(own)))
+    alone = len(own) == 1
+    return [
+        Placed(
+            number, float(h), float(s), float(e), float(r), None if alone else vertical_fov_of(lenses[i][0], *shot.size)
+        )
+        for i, shot, h, s, e, r in zip(group.members, own, heading, sigma, elevation, roll, strict=True)
+    ]
+
+
+def vertical(tilts: Sequence[tuple[float, float]], rotations: Floats) -> Floats:
+    """The unit vector (3,) up in the first camera's frame, by all cameras' elevations and rolls [deg].
+
+    The median, axis by axis, of what each camera says: a few may be far off.
+    """
+    ups = [rotation.T @ own_axes(0.0, *tilt)[:, 1] for tilt, rotation in zip(tilts, rotations, strict=True)]
+    middle = np.median(ups, axis=0)
+    return np.asarray(middle / np.linalg.norm(middle))
+
+
+def own_axes(azimuth: float, elevation: float, roll: float) -> Floats:
+    """The matrix (3, 3) that takes directions in the world to a camera's own frame."""
+    return np.asarray(camera_axes(azimuth, elevation, roll) * np.array([[1.0], [1.0], [-1.0]]))
+
+
+def about(up: Floats, rotations: Floats) -> tuple[Floats, Floats, Floats]:
+    """Heading from the first camera's, elevation and roll [deg] (n,) of cameras (n, 3, 3) about a vertical (3,)."""
+    level = _levelling(up)
+    ahead = -rotations[:, 2, :] @ level.T  # -z of each camera in the levelled frame
+    heading, elevation = angles(ahead)
+    right, above = rotations[:, 0, :] @ level.T, rotations[:, 1, :] @ level.T
+    roll = np.degrees(np.arctan2(-right[:, 1], above[:, 1]))
+    return wrap_azimuth(heading - heading[0]), elevation, roll
+
+
+def _levelling(up: Floats) -> Floats:
+    """The rotation (3, 3) that takes `up` (3,) to +y by the shortest way."""
+    right = np.cross(up, [0.0, 0.0, 1.0])
+    x = right / np.linalg.norm(right)
+    return np.stack([x, up, np.cross(x, up)])
+
+
+def _turn_sigma(group: Oriented, up: Floats) -> Floats:
+    """Standard deviations (n,) [deg] of the headings by the turns' own uncertainty."""
+    own = group.rotations @ up  # the vertical in each camera's frame
+    return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", own, group.covariance, own)))
+
+
+def _tilt_sigma(rotations: Floats, up: Floats, count: int) -> Floats:
+    """Standard deviations (n,) [deg] of the headings by the vertical's uncertainty, shared by `count` cameras."""
+    spread = UP_SIGMA / np.sqrt(min(count, 4))  # cameras of one place err alike
+    straight = about(up, rotations)[0]
+    across = np.linalg.svd(up[None])[2][1:]
+    tilted = [about(_unit(up + np.tan(np.radians(spread)) * side), rotations)[0] for side in across]
+    return np.asarray(np.linalg.norm([wrap_azimuth(t - straight) for t in tilted], axis=0))
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _in_order(placed: Sequence[Sequence[Placed]], groups: Sequence[Oriented]) -> tuple[Placed, ...]:
+    """All photos' places in the order of the photos."""
+    by_number = {
+        i: p for group, own in zip(groups, placed, strict=True) for i, p in zip(group.members, own, strict=True)
+    }
+    return tuple(by_number[i] for i in sorted(by_number))

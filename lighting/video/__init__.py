@@ -1,0 +1,36 @@
+"""A clip's light: the camera's path from followed points, one sun for each shot; and streams, frame by frame.
+
+It needs the extra `video` (PyAV and OpenCV), which is imported when it is used.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lighting.video.clip import Clip, Frame
+    from lighting.video.records import FrameLight, frame_lights, world_map
+    from lighting.video.run import shots_of
+    from lighting.video.shot import Shot
+    from lighting.video.tracker import Sighting, Tracker
+
+__all__ = ["Clip", "Frame", "FrameLight", "Shot", "Sighting", "Tracker", "frame_lights", "shots_of", "world_map"]
+
+_HOME = {
+    "Clip": "clip",
+    "Frame": "clip",
+    "FrameLight": "records",
+    "frame_lights": "records",
+    "world_map": "records",
+    "shots_of": "run",
+    "Shot": "shot",
+    "Sighting": "tracker",
+    "Tracker": "tracker",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the public names on first use."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"lighting.video.{_HOME[name]}"), name)

@@ -1,0 +1,107 @@
+"""A shot as a scene for Blender or USD: a camera with key frames, a still sun, the map without its disc.
+
+The scene is that of the shot's first frame, as `lighting scene` writes it; beside it lies what moves the camera. In
+USD `shot.usda` lays time samples over `scene.usda`; in Blender `shot.py` builds `scene.py`'s scene and sets key frames.
+"""
+
+import json
+import os
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.geometry import Floats, camera_axes
+from lighting.photo import Photo
+from lighting.scene.common import Scene, make_scene
+from lighting.scene.files import write_scene
+from lighting.scene.parts import to_z_up
+from lighting.video.records import light_of
+from lighting.video.shot import Shot
+
+TOOLS = ("blender", "usd")
+STAGE, SCRIPT, NUMBERS = "shot.usda", "shot.py", "shot.json"
+
+
+def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float) -> None:
+    """Write a shot's scene for one of TOOLS to a folder, replacing a scene that is there.
+
+    `plate` (h, w, 3) is the shot's first frame, `clip` the file's name. Raises SceneError where it cannot be written.
+    """
+    height, width = plate.shape[:2]
+    scene = make_scene(Photo(plate, width, height, "PNG"), _first_frame(shot))
+    write_scene(scene, tool, folder, overwrite=True)
+    rate = frame_rate or 30.0
+    matrices = camera_matrices(shot, scene)
+    codes = (shot.path.time - shot.path.time[0]) * rate
+    if tool == "usd":
+        (folder / STAGE).write_text(_stage(matrices, codes, rate), encoding="utf-8")
+        return
+    numbers = {
+        "clip": os.path.relpath(clip, folder),
+        "first_frame": int(shot.frames[0]),
+        "frame_rate": rate,
+        "frames": [round(float(c) + 1.0, 4) for c in codes],
+        "matrices": np.round(_z_up(matrices), 7).tolist(),
+    }
+    (folder / NUMBERS).write_text(json.dumps(numbers) + "\n", encoding="utf-8")
+    script = files("lighting") / "video" / "data" / "blender_shot.py"
+    (folder / SCRIPT).write_text(script.read_text(encoding="utf-8"), encoding="utf-8")
+
+
+def _first_frame(shot: Shot) -> Any:
+    """The light as the first frame's camera sees it, tilt included."""
+    from dataclasses import replace
+
+    return replace(light_of(shot), camera_elevation=float(shot.path.elevation[0]), camera_roll=float(shot.path.roll[0]))
+
+
+def camera_matrices(shot: Shot, scene: Scene) -> Floats:
+    """Camera to world (N, 4, 4) for column vectors, in the scene's frame."""
+    matrices = np.tile(np.eye(4), (len(shot.frames), 1, 1))
+    path = shot.path
+    for matrix, *angle in zip(matrices, path.heading, path.elevation, path.roll, strict=True):
+        right, up, forward = camera_axes(*map(float, angle))
+        matrix[:3] = np.stack([right, up, -forward, scene.camera_position], axis=1)
+    return matrices
+
+
+def _z_up(matrices: Floats) -> Floats:
+    turned = matrices.copy()
+    turned[:, :3] = np.swapaxes(to_z_up(np.swapaxes(matrices[:, :3], 1, 2)), 1, 2)
+    return turned
+
+
+def _stage(matrices: Floats, codes: Floats, rate: float) -> str:
+    samples = "\n".join(f"            {code:.6g}: {_rows(m)}," for code, m in zip(codes, matrices, strict=True))
+    return f"""#usda 1.0
+(
+    defaultPrim = "World"
+    endTimeCode = {codes[-1]:.6g}
+    framesPerSecond = {rate:.6g}
+    metersPerUnit = 1
+    renderSettingsPrimPath = "/Render/Settings"
+    startTimeCode = 0
+    subLayers = [@./scene.usda@]
+    timeCodesPerSecond = {rate:.6g}
+    upAxis = "Y"
+)
+
+over "World"
+{{
+    over "Camera"
+    {{
+        matrix4d xformOp:transform.timeSamples = {{
+{samples}
+        }}
+    }}
+}}
+"""
+
+
+def _rows(matrix: Floats) -> str:
+    """A matrix (4, 4) for column vectors as USD writes it: rows of row vectors."""
+    rows = (", ".join(f"{float(v) + 0.0:.9g}" for v in row) for row in matrix.T)
+    return f"( {', '.join(f'({row})' for row in rows)} )"

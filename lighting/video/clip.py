@@ -1,0 +1,208 @@
+"""A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
+
+Rotation flags turn the picture upright, non-square pixels are stretched, 10-bit HLG and PQ are read by their curves,
+and each frame has its own time, so that a rate may vary. A damaged part is left out and told.
+"""
+
+import os
+from collections.abc import Container, Iterator
+from dataclasses import dataclass, field
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import MissingExtraError, VideoError
+from lighting.photo import MAX_PIXELS, MIN_SIDE, PhotoFacts
+from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
+from lighting.video.transfer import CURVES, to_srgb
+
+SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
+THREADS = 2
+MAX_ASPECT = 8  # longer side / shorter side
+_HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
+_END = 0.75  # s that may be missing at the end of a whole clip
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture of a clip."""
+
+    index: int  # counted from 0, in the clip
+    time: float  # s from the clip's first frame
+    pixels: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
+
+
+@dataclass(frozen=True)
+class ClipInfo:
+    """What is known of a clip before its frames are read."""
+
+    width: int  # of the upright picture, pixels
+    height: int
+    frame_rate: float  # mean, 1/s; 0 unknown
+    duration: float  # s; 0 unknown
+    curve: str  # "srgb", "hlg" or "pq"
+    facts: PhotoFacts = field(default_factory=PhotoFacts)
+    gimbal: Gimbal = field(default_factory=Gimbal)
+
+
+class Clip:
+    """An open clip; a context manager. `damage` tells, once the frames are read, what of it was lost."""
+
+    def __init__(self, path: str | os.PathLike[str], side: int = SIDE) -> None:
+        """Raises VideoError for what is not a clip that can be read, MissingExtraError without PyAV, OSError."""
+        self.path, self.side, self.damage = Path(path), side, ""
+        self._container = _opened(self.path)
+        try:
+            self._stream = _video_stream(self._container)
+            self._stretch = _stretch(self._stream)
+            self._first = self._decoded_first()
+            self.info = self._describe()
+        except BaseException:
+            self._container.close()
+            raise
+
+    def __enter__(self) -> "Clip":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._container.close()
+
+    def frames(self, only: Container[int] | None = None) -> Iterator[Frame]:
+        """The frames in the order in which they are shown, or only those of some indices; may be read once."""
+        start, last, lost = float(self._first.time or 0.0), -1.0, 0
+        for index, picture in enumerate(self._decoded()):
+            time = float(picture.time) - start if picture.time is not None else last + self._interval()
+            if time <= last or picture.is_corrupt:
+                lost += 1
+                continue
+            last = time
+            if only is not None and index not in only:
+                continue
+            yield Frame(index, time, upright(picture, self.side, self._stretch))
+        self._tell(last, lost)
+
+    def _tell(self, last: float, lost: int) -> None:
+        """Write down what is missing."""
+        if self.info.duration - last > _END + 2.0 * self._interval():
+            self.damage = f"The clip ends after {last:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
+        elif lost or self._errors:
+            self.damage = f"{max(lost, self._errors)} damaged frames of the clip were left out."
+
+    def _interval(self) -> float:
+        return 1.0 / self.info.frame_rate if self.info.frame_rate else 1.0 / 30.0
+
+    def _decoded_first(self) -> Any:
+        self._errors = 0
+        self._pictures = _pictures(self)
+        first = next(self._pictures, None)
+        if first is None:
+            raise VideoError("The clip has no frame that can be read: it is damaged, cut short or empty.")
+        _check_size(first.width, first.height)
+        return first
+
+    def _decoded(self) -> Iterator[Any]:
+        yield self._first
+        yield from self._pictures
+
+    def _describe(self) -> ClipInfo:
+        stream, first = self._stream, self._first
+        width, height = shown_size(first, self._stretch)
+        metadata = {**stream.metadata, **self._container.metadata}
+        subtitled, gimbal = subtitle_facts(subtitles_beside(self.path), width, height)
+        return ClipInfo(
+            width,
+            height,
+            float(stream.average_rate or 0.0),
+            float(stream.duration * stream.time_base) if stream.duration else (self._container.duration or 0) / 1e6,
+            CURVES.get(int(first.color_trc), "srgb"),
+            merged_facts(subtitled, container_facts(metadata, width, height)),
+            gimbal,
+        )
+
+
+def _opened(path: Path) -> Any:
+    try:
+        import av
+    except ImportError as error:
+        raise MissingExtraError(
+            "Video needs PyAV, which is not installed: pip install 'outdoor-lighting[video]'."
+        ) from error
+    with path.open("rb"):  # a missing or forbidden file is an OSError that names it
+        pass
+    try:
+        return av.open(str(path), metadata_errors="replace")
+    except (av.FFmpegError, ValueError) as error:
+        raise VideoError("The file is not a clip that can be read, or it is damaged or cut short.") from error
+
+
+def _video_stream(container: Any) -> Any:
+    if not container.streams.video:
+        raise VideoError("The file has no picture, only sound or other data.")
+    stream = container.streams.video[0]
+    stream.thread_type = "AUTO"
+    stream.codec_context.thread_count = THREADS
+    return stream
+
+
+def _pictures(clip: Clip) -> Iterator[Any]:
+    """Decoded pictures; packets that cannot be decoded are counted and left out."""
+    import av
+
+    packets = clip._container.demux(clip._stream)
+    while True:
+        try:
+            packet = next(packets, None)
+        except av.FFmpegError:
+            clip._errors += 1
+            return
+        if packet is None:
+            return
+        try:
+            yield from packet.decode()
+        except av.FFmpegError:
+            clip._errors += 1
+
+
+def _check_size(width: int, height: int) -> None:
+    if width * height > MAX_PIXELS:
+        raise VideoError(f"The clip's pictures of {width} x {height} pixels are larger than the limit of 128 million.")
+    if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
+        raise VideoError(
+            f"The clip is {width} x {height} pixels; each side must have at least {MIN_SIDE}, "
+            f"and one may be {MAX_ASPECT} times the other."
+        )
+
+
+def _stretch(stream: Any) -> float:
+    """How many times as wide as high a pixel is."""
+    ratio = float(stream.sample_aspect_ratio or 1.0)
+    return ratio if 0.1 < ratio < 10.0 else 1.0
+
+
+def shown_size(picture: Any, stretch: float) -> tuple[int, int]:
+    """Width and height of a decoded picture as it is to be shown: pixels made square, turned upright."""
+    width, height = max(1, round(picture.width * stretch)), picture.height
+    return (height, width) if round(picture.rotation / 90.0) % 2 else (width, height)
+
+
+def upright(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
+    """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
+    width, height = max(1, round(picture.width * stretch)), picture.height
+    scale = min(1.0, side / max(width, height))
+    size = (max(2, ceil(width * scale)), max(2, ceil(height * scale)))
+    curve = CURVES.get(int(picture.color_trc))
+    pixels = _resized(picture, *size, "rgb24" if curve is None else "rgb48le")
+    pixels = pixels if curve is None else to_srgb(pixels, curve, int(picture.color_primaries))
+    return np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90.0) % 4))
+
+
+def _resized(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:
+    matrix = int(picture.colorspace)
+    named = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _HD else 5
+    small = picture.reformat(
+        width=width, height=height, format=form, src_colorspace=named, dst_colorspace=named, interpolation="AREA"
+    )
+    return np.asarray(small.to_ndarray())

@@ -1,0 +1,71 @@
+"""Build in Blender 4.5 or newer the shot that shot.json and scene.json, beside this file, describe.
+
+    blender --python shot.py                             opens it as a scene of its own
+    blender --background --python shot.py -- --save      writes shot.blend
+
+The light is that of scene.py and stands still; the camera has a key frame for each frame of the clip, which hangs
+behind it.
+"""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+from mathutils import Matrix
+
+
+def main() -> None:
+    folder = Path(__file__).resolve().parent
+    still = load(folder / "scene.py")
+    if "--save" in sys.argv:
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = still.build(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
+    move(scene, json.loads((folder / "shot.json").read_text(encoding="utf-8")), folder)
+    if "--save" in sys.argv:
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"), relative_remap=True)
+
+
+def load(path: Path) -> Any:
+    """The module in a file."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def move(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
+    """Key frames for the camera, and the clip behind it."""
+    camera, frames = scene.camera, numbers["frames"]
+    camera.rotation_mode = "QUATERNION"
+    scene.render.fps = max(1, round(numbers["frame_rate"]))
+    scene.render.fps_base = scene.render.fps / numbers["frame_rate"]
+    scene.frame_start, scene.frame_end = 1, max(1, round(frames[-1]))
+    before = None
+    for frame, rows in zip(frames, numbers["matrices"], strict=True):
+        turn = Matrix(rows).to_quaternion()
+        if before is not None:
+            turn.make_compatible(before)
+        camera.rotation_quaternion = before = turn
+        camera.keyframe_insert("rotation_quaternion", frame=frame)
+    hang_clip(camera, numbers, folder)
+    scene.frame_set(1)
+
+
+def hang_clip(camera: Any, numbers: dict[str, Any], folder: Path) -> None:
+    """The clip in place of the still plate, where it lies where it lay."""
+    path = (folder / numbers["clip"]).resolve()
+    if not path.is_file():
+        return
+    clip = bpy.data.movieclips.load(str(path))
+    clip.frame_start = 1 - numbers["first_frame"]
+    for background in camera.data.background_images:
+        background.source, background.clip = "MOVIE_CLIP", clip
+
+
+if __name__ == "__main__":
+    main()

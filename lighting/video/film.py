@@ -1,0 +1,125 @@
+"""A clip with its light drawn in: the horizon, the sun or an arrow to it, and three balls lit as the place is."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.envmap import render
+from lighting.files import replacing
+from lighting.preview.ink import Style, rounded, write
+from lighting.preview.palette import SUN, WHITE, display
+from lighting.preview.photo_panel import draw_horizon, draw_sun
+from lighting.preview.spheres import render_spheres
+from lighting.video.clip import Clip
+from lighting.video.records import FrameLight
+
+SIDE = 768  # pixels of the longer side
+STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
+_MAP_HEIGHT = 128
+_CLOCK = 90_000  # 1/s, of the film's times
+
+
+@dataclass(frozen=True)
+class _Balls:
+    """The balls in the shot's light for cameras at multiples of STEP, rendered when they are needed."""
+
+    size: tuple[int, int]
+    pictures: dict[tuple[int, int], NDArray[np.float32]]
+
+    def at(self, light: FrameLight) -> NDArray[np.float32]:
+        """Linear (h, w, 3), blended between the two nearest headings."""
+        turn = (light.lighting.relative_heading or 0.0) / STEP
+        low = int(np.floor(turn))
+        share = np.float32(turn - low)
+        first, second = (self._rendered(light, low + step) for step in (0, 1))
+        return (1 - share) * first + share * second
+
+    def _rendered(self, light: FrameLight, step: int) -> NDArray[np.float32]:
+        step %= round(360.0 / STEP)
+        if (light.shot, step) not in self.pictures:
+            own = light.lighting
+            off = step * STEP - (own.relative_heading or 0.0)
+            azimuth = (own.sun_azimuth - off + 180.0) % 360.0 - 180.0
+            there = replace(own, sun_azimuth=azimuth, camera_elevation=-8.0, exposure=own.exposure / _gain(light))
+            linear = render_spheres(render(there, _MAP_HEIGHT), there, *self.size, supersampling=2)
+            small = linear.reshape(self.size[1], 2, self.size[0], 2, 3).mean(axis=(1, 3))
+            self.pictures[light.shot, step] = small
+        return self.pictures[light.shot, step]
+
+
+def _gain(light: FrameLight) -> float:
+    return float(np.array(light.gain) @ np.array([0.2126, 0.7152, 0.0722]))
+
+
+def write_film(source: Path, lights: Mapping[int, FrameLight], target: Path) -> None:
+    """Write the film as H.264 in MP4; frames without a light are shown as they are.
+
+    `lights` are those of frames by their index. Raises VideoError for the clip, OSError for the target.
+    """
+    with Clip(source, SIDE) as clip, replacing(target) as temporary:
+        _encode(_drawn(clip, lights), clip.info.frame_rate, temporary)
+
+
+def _drawn(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    balls: _Balls | None = None
+    for frame in clip.frames():
+        height, width = (side // 2 * 2 for side in frame.pixels.shape[:2])
+        picture = frame.pixels[:height, :width]
+        if balls is None:
+            panel = round(0.32 * max(width, height)) if width > height else round(0.6 * width)
+            balls = _Balls((panel, round(panel * 0.42)), {})
+        light = lights.get(frame.index)
+        yield frame.time, picture if light is None else drawn(picture, light, balls)
+
+
+def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: Any) -> NDArray[np.uint8]:
+    """One frame (h, w, 3) with its light drawn in."""
+    picture = Image.fromarray(pixels)
+    draw_horizon(picture, light.lighting)
+    draw_sun(picture, light.lighting)
+    panel = Image.fromarray(display(balls.at(light) * np.float32(_gain(light))))
+    picture.paste(panel, (12, picture.height - panel.height - 12), rounded(panel.size, 10))
+    corner = (picture.width - 14.0, picture.height - 12.0)
+    colour = SUN if light.lighting.sun_shines else WHITE
+    write(picture, corner, _words(light), Style(17, colour, anchor="rs", shaded=True))
+    return np.asarray(picture)
+
+
+def _words(light: FrameLight) -> str:
+    own = light.lighting
+    heading = own.relative_heading if own.camera_heading is None else own.camera_heading
+    name = "turned" if own.camera_heading is None else "heading"
+    bridged = " (bridged)" if light.bridged else ""
+    sun = f"sun {own.sun_azimuth:+.1f}°, {own.sun_elevation:.1f}° high"
+    return f"{light.time:5.1f} s   {sun}   {name} {heading:.1f}°{bridged}"
+
+
+def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, target: Path) -> None:
+    import av
+
+    with av.open(str(target), "w", format="mp4") as film:
+        stream: Any = None
+        for time, picture in pictures:
+            if stream is None:
+                stream = film.add_stream(_codec(av), rate=Fraction(rate or 30.0).limit_denominator(1001))
+                stream.width, stream.height, stream.pix_fmt = picture.shape[1], picture.shape[0], "yuv420p"
+                stream.codec_context.time_base = Fraction(1, _CLOCK)
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode())
+
+
+def _codec(av: Any) -> str:
+    return next(name for name in ("libx264", "libopenh264", "mpeg4") if name in av.codec.codecs_available)
+
+
+def by_frame(lights: Sequence[FrameLight]) -> dict[int, FrameLight]:
+    """The lights by their frame's index."""
+    return {light.frame: light for light in lights}

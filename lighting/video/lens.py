@@ -1,0 +1,65 @@
+"""The lens of a shot: given, or what turning pictures, metadata and the network say of it."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from lighting.turns.match import Matches
+from lighting.turns.rotation import Turn, rotation_of
+from lighting.video.follow import Key
+from lighting.video.keyframes import turn_between
+from lighting.video.watched import Circumstances, Watched
+
+LENS_PAIRS = 10  # of keyframes, from which the lens is learnt
+FEW_PAIRS = 4  # fewer keyframes tell too little of the lens
+LEAST_MOVED = 0.1  # half diagonals that points move, below which a turn says nothing of the lens
+LENS_SPREAD = 5.0  # deg, one standard deviation of the network's field of view
+STATED_LENS_SPREAD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
+LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
+
+
+def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
+    """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
+    if around.given.vertical_fov is not None:
+        return around.given.vertical_fov, 0.0
+    seen = math.exp(float(np.mean([math.log(p.vertical_fov) for p in watched.looks.values()])))
+    stated = around.facts.vertical_fov if around.given.use_exif else None
+    values, spreads = [stated or seen], [STATED_LENS_SPREAD if stated else LENS_SPREAD]
+    for turn in _lens_turns(watched):
+        if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
+            values.append(turn.vertical_fov[0])
+            spreads.append(math.hypot(turn.fov_sigma, LENS_FLOOR))
+    weight = np.square(1.0 / np.array(spreads))
+    for _ in range(5):
+        mean = float(weight @ values / weight.sum())
+        weight = 1.0 / (np.square(spreads) + np.square(np.array(values) - mean) / 4.0)
+    return mean, float(1.0 / math.sqrt(weight.sum()))
+
+
+def _lens_turns(watched: Watched) -> Iterator[Turn | None]:
+    """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
+    pairs = _lens_pairs(list(watched.keys.values()))
+    for a, b in pairs:
+        yield turn_between(a, b, None)
+    if len(pairs) < FEW_PAIRS:
+        far = [step for step in watched.steps if step.makes is not None] + [watched.steps[-1]]
+        for step in [s for s in far if moved(s.matches) > LEAST_MOVED][-FEW_PAIRS:]:
+            yield rotation_of(step.matches, watched.size, watched.size)
+
+
+def moved(matches: Matches) -> float:
+    """How far points moved in the median [half diagonals]."""
+    return float(np.median(np.linalg.norm(matches.b - matches.a, axis=1))) if len(matches) else 0.0
+
+
+def _lens_pairs(keys: Sequence[Key]) -> list[tuple[Key, Key]]:
+    """Keyframes two apart: they overlap by half or more and are turned far enough to tell the lens."""
+    pairs = [
+        (a, keys[i + gap])
+        for gap in (2, 1)
+        for i, a in enumerate(keys)
+        if i + gap < len(keys) and keys[i + gap].stretch == a.stretch
+    ]
+    step = max(1, math.ceil(len(pairs) / LENS_PAIRS))
+    return pairs[::step]

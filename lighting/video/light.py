@@ -1,0 +1,140 @@
+"""One sun for a shot: what the network says of many frames, turned into one frame and multiplied.
+
+Frames that look the same way see the same evidence, so they are averaged in sectors of the camera's heading; memory
+does not grow with the shot. Sectors that overlap are alike in part and count as evidence/overlap.py has it.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from lighting.circular import HEADINGS
+from lighting.evidence import seen_from
+from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density
+from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts
+from lighting.geometry import Floats, direction
+from lighting.records import Prediction
+from lighting.sun_grid import grid_solid_angle
+
+SECTOR = 15.0  # deg of heading
+REMEMBERED = 60  # looks in a sector; older ones fade, so that a stream follows sun and clouds
+_LOWEST = 1e-12  # density that stands for none
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What the network says of one frame, and how that frame lies in the shot."""
+
+    prediction: Prediction
+    heading: float  # deg clockwise from the shot's azimuth 0
+    vertical_fov: float  # deg
+    gain: float = 1.0  # of the frame's linear values, by the first frame's
+    evidence: Evidence = field(default_factory=Evidence)  # at the frame's time; its candidates alone count here
+
+
+@dataclass
+class _Sector:
+    """Running means of the looks in one direction."""
+
+    count: int = 0
+    log_cells: Floats = field(default_factory=lambda: np.zeros(0))  # (N,) densities over the grid, in the shot's frame
+    log_rings: Floats = field(default_factory=lambda: np.zeros((0, 360)))  # (K, 360) by the heading of azimuth 0
+    numbers: Floats = field(default_factory=lambda: np.zeros(0))  # what _numbers says
+
+    def add(self, log_cells: Floats, log_rings: Floats, numbers: Floats) -> None:
+        share = 1.0 / min(self.count + 1, REMEMBERED)
+        if self.count == 0 or self.log_rings.shape != log_rings.shape:
+            self.log_rings = log_rings
+        if self.count == 0:
+            self.log_cells, self.numbers = log_cells, numbers
+        self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
+        self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
+        self.numbers = self.numbers + share * (numbers - self.numbers)
+        self.count += 1
+
+
+class ShotLight:
+    """Takes looks one by one; says at any time where the sun stands in the shot's frame."""
+
+    def __init__(self) -> None:
+        self._sectors: dict[int, _Sector] = {}
+        self._vertical_fov = 50.0
+        self._last: Prediction | None = None
+
+    def __bool__(self) -> bool:
+        """Whether there was a look."""
+        return self._last is not None
+
+    def add(self, look: Look) -> None:
+        """Count a look."""
+        self._last, self._vertical_fov = look.prediction, look.vertical_fov
+        sector = self._sectors.setdefault(round(look.heading % 360.0 / SECTOR) % round(360.0 / SECTOR), _Sector())
+        sector.add(_on_cells(look), _on_rings(look), _numbers(look))
+
+    def answer(self, evidence: Evidence) -> Fused:
+        """What all looks say, as a camera at azimuth 0 would see it.
+
+        `evidence` is that of the moment asked for, its heading that of azimuth 0. ValueError before the first look;
+        ParameterError where the sun is below the horizon.
+        """
+        if self._last is None:
+            raise ValueError("There was no look yet.")
+        log = self._counts(SUN) @ np.stack([s.log_cells for s in self._sectors.values()])
+        weight = np.exp(log - log.max()) * grid_solid_angle(self._last.spec.sun_grid)
+        by_pixels = replace(self._averaged(self._last), sun_probability=(weight / weight.sum()).astype(np.float32))
+        fused = fuse(by_pixels, evidence)
+        if evidence.candidates and (rings := self._rings(evidence)) is not None:
+            fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
+        looks = sum(sector.count for sector in self._sectors.values())
+        return replace(fused, used=fused.used if looks == 1 else (*fused.used, "turns", "other photos"))
+
+    def _rings(self, evidence: Evidence) -> Floats | None:
+        """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
+        up = [elevation >= 0.0 for elevation, _ in evidence.candidates]
+        rings = [sector.log_rings for sector in self._sectors.values()]
+        if any(len(ring) != len(up) for ring in rings):
+            return None
+        log = np.einsum("s,skh->kh", self._counts(AZIMUTH), np.stack(rings))[up]
+        return np.asarray(np.exp(log - log.max()) * compass_prior(evidence))
+
+    def _counts(self, correlation: Correlation) -> Floats:
+        """How much each sector (S,) counts."""
+        ahead = direction(SECTOR * np.array(list(self._sectors)), 0.0)
+        return counts(ahead, np.full(len(ahead), self._vertical_fov), correlation)
+
+    def _averaged(self, last: Prediction) -> Prediction:
+        """The numbers of all sectors, each counted once however many looks it has."""
+        mean = np.mean([s.numbers for s in self._sectors.values()], axis=0)
+        turbidity, exposure, fov = np.exp(mean[:3])
+        return replace(
+            last,
+            turbidity=float(turbidity),
+            exposure=float(exposure),
+            vertical_fov=float(fov),
+            sun_visibility=float(mean[3]),
+        )
+
+
+def _on_cells(look: Look) -> Floats:
+    """Log densities (N,) over the cells of a camera at azimuth 0."""
+    p = look.prediction
+    return np.asarray(np.log(np.maximum(seen_from(p.sun_probability, -look.heading, p.spec.sun_grid), _LOWEST)))
+
+
+def _on_rings(look: Look) -> Floats:
+    """Log densities (K, 360) of each candidate's sun by the heading of azimuth 0."""
+    candidates = np.array(look.evidence.candidates, dtype=np.float64).reshape(-1, 2)
+    if not len(candidates):
+        return np.zeros((0, 360))
+    seen = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
+    density = ring_density(look.prediction, seen)
+    density[candidates[:, 0] < 0.0] = 0.0
+    log = np.log(np.maximum(density, _LOWEST))
+    return np.stack([np.interp(HEADINGS + look.heading, HEADINGS, row, period=360.0) for row in log])
+
+
+def _numbers(look: Look) -> Floats:
+    p = look.prediction
+    exposure = math.log(max(p.exposure, _LOWEST) / max(look.gain, _LOWEST))
+    return np.array([math.log(max(p.turbidity, _LOWEST)), exposure, math.log(p.vertical_fov), p.sun_visibility])

@@ -1,0 +1,72 @@
+"""The record of each frame: the shot's one light, as that frame's camera sees it."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lighting.envmap import Image, view
+from lighting.evidence import estimate_of
+from lighting.files import full_record
+from lighting.geometry import wrap_azimuth
+from lighting.records import RANGES, Lighting
+from lighting.video.shot import Shot, luminance_gain
+
+
+@dataclass(frozen=True)
+class FrameLight:
+    """One frame's answer."""
+
+    shot: int  # counted from 1
+    frame: int  # counted from 0 in the clip
+    time: float  # s from the clip's first frame
+    lighting: Lighting  # as this frame's camera sees it; `relative_heading` is against the shot's first frame
+    gain: tuple[float, float, float]  # linear red, green and blue against the shot's first frame
+    bridged: bool  # whether the camera's angles follow from its neighbours, because nothing could be followed
+
+    def to_line(self, name: str) -> str:
+        """One line of JSON about the frame of the clip `name`."""
+        told = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
+        told |= {"gain": list(self.gain), "bridged": self.bridged, "lighting": full_record(self.lighting)}
+        return json.dumps(told, allow_nan=False)
+
+
+def light_of(shot: Shot) -> Lighting:
+    """The shot's light as its first camera sees it, its tilt removed."""
+    return estimate_of(shot.fused, shot.known).lighting
+
+
+def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
+    """One answer a frame."""
+    base = light_of(shot)
+    for i, frame in enumerate(shot.frames.tolist()):
+        red, green, blue = (round(float(g), 5) for g in shot.gains[i])
+        yield FrameLight(
+            number,
+            frame,
+            float(shot.path.time[i]),
+            _in_frame(base, shot, i),
+            (red, green, blue),
+            bool(shot.path.bridged[i]),
+        )
+
+
+def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
+    heading = float(shot.path.heading[i])
+    exposure = float(np.clip(base.exposure * luminance_gain(shot.gains[i]), *RANGES["exposure"]))
+    return replace(
+        base,
+        sun_azimuth=round(float(wrap_azimuth(base.sun_azimuth - heading)), 4),
+        exposure=float(f"{exposure:.6g}"),
+        camera_elevation=round(float(shot.path.elevation[i]), 4),
+        camera_roll=round(float(wrap_azimuth(shot.path.roll[i])), 4),
+        camera_heading=None if shot.north is None else round((shot.north + heading) % 360.0, 4) % 360.0,
+        camera_heading_probability=(),
+        relative_heading=round(heading % 360.0, 4) % 360.0,
+    )
+
+
+def world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, Lighting]:
+    """The shot's map with true north at its centre, or, where that is unknown, where its first frame points."""
+    return view(light_of(shot), height, sun=sun, yaw=shot.north or 0.0)

@@ -1,0 +1,195 @@
+"""What a clip says of how it was taken: the container's metadata, and the subtitles that DJI's drones write beside it.
+
+Both are hostile input: whatever cannot be read, or cannot be true, counts as absent.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lighting.geometry import Floats
+from lighting.photo import YEARS, PhotoFacts, vertical_fov
+
+APPLE = "com.apple.quicktime."
+PLACES = (f"{APPLE}location.ISO6709", "location", "location-eng", "\xa9xyz")
+LENSES = (f"{APPLE}camera.focal_length.35mm_equivalent",)
+HEADINGS = (f"{APPLE}direction.facing",)
+LARGEST_SUBTITLES = 64_000_000  # bytes; an hour of DJI's at 30 frames a second is 30 million
+
+_PLACE = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
+_PAIR = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
+_START = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
+_CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
+
+
+@dataclass(frozen=True, eq=False)
+class Gimbal:
+    """Where a drone says its camera points; all (N,), N may be 0, times rising."""
+
+    time: Floats = field(default_factory=lambda: np.empty(0))  # s from the clip's start
+    heading: Floats = field(default_factory=lambda: np.empty(0))  # deg clockwise from north
+    elevation: Floats = field(default_factory=lambda: np.empty(0))  # deg
+    roll: Floats = field(default_factory=lambda: np.empty(0))  # deg
+
+    def at(self, time: float) -> tuple[float, float, float] | None:
+        """Heading, elevation and roll [deg] at a time [s] between the first and the last."""
+        if not len(self.time) or not self.time[0] - 1.0 <= time <= self.time[-1] + 1.0:
+            return None
+        turns = np.degrees(np.unwrap(np.radians(self.heading)))
+        heading, elevation, roll = (float(np.interp(time, self.time, v)) for v in (turns, self.elevation, self.roll))
+        return heading % 360.0, elevation, roll
+
+
+def container_facts(metadata: Mapping[str, str], width: int, height: int) -> PhotoFacts:
+    """The facts in a container's metadata; `width` and `height` are those of the upright picture. Never raises."""
+    place = _first(metadata, PLACES, _place)
+    lens = _first(metadata, LENSES, _positive)
+    heading = _first(metadata, HEADINGS, _degrees)
+    facts = PhotoFacts(
+        latitude=None if place is None else place[0],
+        longitude=None if place is None else place[1],
+        heading=heading,
+        heading_reference=None,
+        focal_length=lens,
+        vertical_fov=None if lens is None else vertical_fov(lens, width, height),
+    )
+    return replace(facts, **_time(metadata))
+
+
+def _first(metadata: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
+    values = (_read(read, metadata[name]) for name in names if name in metadata)
+    return next((value for value in values if value is not None), None)
+
+
+def _read(read: Any, text: str) -> Any:
+    try:
+        return read(text)
+    except (ArithmeticError, LookupError, TypeError, ValueError):
+        return None
+
+
+def _place(text: str) -> tuple[float, float] | None:
+    """Latitude and longitude [deg] of ISO 6709 in decimal degrees, "+48.1173+011.5167+520/"."""
+    parts = _PLACE.fullmatch(text.strip())
+    if parts is None:
+        return None
+    latitude, longitude = float(parts[1]), float(parts[2])
+    return _somewhere(latitude, longitude)
+
+
+def _somewhere(latitude: float, longitude: float) -> tuple[float, float] | None:
+    nowhere = latitude == longitude == 0.0  # what recorders write that have no fix
+    return (latitude, longitude) if abs(latitude) <= 90 and abs(longitude) <= 180 and not nowhere else None
+
+
+def _positive(text: str) -> float | None:
+    value = float(text)
+    return value if math.isfinite(value) and value > 0 else None
+
+
+def _degrees(text: str) -> float | None:
+    value = float(text)
+    return value % 360.0 if math.isfinite(value) else None
+
+
+def _time(metadata: Mapping[str, str]) -> dict[str, Any]:
+    """The moment of recording: Apple's with its zone, else the container's, which is in UTC."""
+    moments = (_read(_moment, metadata[n]) for n in (f"{APPLE}creationdate", "creation_time") if n in metadata)
+    moment = next((m for m in moments if m is not None), None)
+    if moment is None:
+        return {}
+    offset = moment.utcoffset().total_seconds() / 3600.0
+    local = moment.replace(tzinfo=None) if offset else None
+    return {"local_time": local, "utc_offset": offset if local else None, "utc_time": moment.astimezone(UTC)}
+
+
+def _moment(text: str) -> datetime | None:
+    moment = datetime.fromisoformat(text.strip())
+    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return aware if YEARS[0] < aware.year < YEARS[1] and aware.year > 1904 else None  # QuickTime counts from 1904
+
+
+def subtitles_beside(clip: Path) -> str:
+    """What DJI's subtitle file of the same name holds, empty without one."""
+    for suffix in (".SRT", ".srt"):
+        file = clip.with_suffix(suffix)
+        try:
+            if file.is_file() and file.stat().st_size <= LARGEST_SUBTITLES:
+                return file.read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return ""
+    return ""
+
+
+def subtitle_facts(text: str, width: int, height: int) -> tuple[PhotoFacts, Gimbal]:
+    """The facts of the first entry and the gimbal's angles of all; other programs' subtitles say nothing."""
+    entries = [found for block in re.split(r"\r?\n\s*\r?\n", text) if (found := _entry(block))]
+    if not entries:
+        return PhotoFacts(), Gimbal()
+    return _entry_facts(entries, width, height), _gimbal(entries)
+
+
+def _entry(block: str) -> dict[str, Any]:
+    """The numbers of one entry by name, with `start` [s] and perhaps `clock`; empty where it is not DJI's."""
+    start = _START.search(block)
+    numbers: dict[str, Any] = {name.lower(): float(value) for name, value in _PAIR.findall(block)}
+    if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
+        return {}
+    hours, minutes, seconds, thousandths = map(int, start.groups())
+    numbers["start"] = 3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0
+    if clock := _CLOCK.search(block):
+        numbers["clock"] = _read(_local_time, clock[0])
+    return numbers
+
+
+def _local_time(text: str) -> datetime:
+    year, month, day, hour, minute, second = map(int, re.findall(r"\d+", text))
+    return datetime(year, month, day, hour, minute, second)
+
+
+def _entry_facts(entries: list[dict[str, Any]], width: int, height: int) -> PhotoFacts:
+    place = next((p for e in entries if (p := _entry_place(e)) is not None), None)
+    lens = entries[0].get("focal_len")
+    lens = lens if lens and 8.0 <= lens <= 400.0 else None  # some models write hundredths of a millimetre
+    return PhotoFacts(
+        local_time=entries[0].get("clock"),
+        latitude=None if place is None else place[0],
+        longitude=None if place is None else place[1],
+        focal_length=lens,
+        vertical_fov=None if lens is None else vertical_fov(lens, width, height),
+    )
+
+
+def _entry_place(entry: Mapping[str, Any]) -> tuple[float, float] | None:
+    longitude = entry.get("longitude", entry.get("longtitude"))  # as some models spell it
+    if "latitude" not in entry or longitude is None:
+        return None
+    return _somewhere(entry["latitude"], longitude)
+
+
+def _gimbal(entries: list[dict[str, Any]]) -> Gimbal:
+    said = [e for e in entries if {"gb_yaw", "gb_pitch", "gb_roll"} <= set(e)]
+    table = np.array([[e["start"], e["gb_yaw"], e["gb_pitch"], e["gb_roll"]] for e in said], dtype=np.float64)
+    if not len(table) or np.any(np.diff(table[:, 0]) <= 0) or np.any(np.abs(table[:, 1:]) > 360.0):
+        return Gimbal()
+    return Gimbal(table[:, 0], table[:, 1] % 360.0, table[:, 2], table[:, 3])
+
+
+def merged_facts(first: PhotoFacts, second: PhotoFacts) -> PhotoFacts:
+    """`first`, with `second` where it says nothing; a time or a place is taken whole."""
+    merged = second
+    if first.local_time is not None or first.utc_time is not None:
+        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset, utc_time=first.utc_time)
+    if first.latitude is not None:
+        merged = replace(merged, latitude=first.latitude, longitude=first.longitude)
+    if first.heading is not None:
+        merged = replace(merged, heading=first.heading, heading_reference=first.heading_reference)
+    if first.vertical_fov is not None:
+        merged = replace(merged, focal_length=first.focal_length, vertical_fov=first.vertical_fov)
+    return merged

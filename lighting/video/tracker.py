@@ -1,0 +1,228 @@
+"""Frames one by one, as a robot's camera gives them: after each, the sun and the camera's heading; memory constant.
+
+Orientations are chained from keyframe to keyframe. A bank of earlier keyframes, a few for each direction, is recognised
+by its features, which takes back the drift; the sun does so too where time and place are known.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.evidence import Fused, Given, Known, estimate_of
+from lighting.geometry import Floats, angle_between, wrap_azimuth
+from lighting.model import Model
+from lighting.records import Lighting
+from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
+from lighting.video.clip import SIDE, Frame
+from lighting.video.follow import Follower, Key, Step
+from lighting.video.keyframes import turn_between
+from lighting.video.lens import LENS_FLOOR, LENS_SPREAD
+from lighting.video.light import Look, ShotLight
+from lighting.video.path import angles_of, level, up_in_camera
+from lighting.video.shot import is_believed, luminance_gain, north_of
+from lighting.video.turning import turning
+from lighting.video.watch import is_dark, see
+from lighting.video.watched import Circumstances
+
+LOOK_EVERY = 2.0  # s between the frames that the network sees
+BANK = 32  # keyframes that are remembered
+APART = 12.0  # deg between two of them
+RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is taken at once
+RECENT = 3  # keyframes; those just before are no news
+COMPARED = 3  # keyframes of the bank, with a new one
+UPS = 64  # looks whose gravity counts; older ones fade
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """The answer after a frame."""
+
+    lighting: Lighting  # as this frame's camera sees it; `camera_heading` is absolute, where time and place are known
+    heading: float  # deg clockwise from the first frame, -180 to 180
+    gain: tuple[float, float, float]  # linear red, green and blue against the first frame
+    followed: bool  # False where nothing could be followed: the angles are those of the frame before
+
+
+class Tracker:
+    """Takes frames (h, w, 3), upright sRGB, of one size; not for several threads."""
+
+    def __init__(
+        self, model: Model | None = None, given: Given | None = None, *, look_every: float = LOOK_EVERY
+    ) -> None:
+        """`given` is of the first frame: its time, place, heading and field of view, as far as they are known.
+
+        Raises ModelError, MissingExtraError.
+        """
+        self._model = model or Model.load()
+        self._around = Circumstances(given=given or Given(use_exif=False))
+        self._look_every, self._due = look_every, -math.inf
+        self._follower, self._light, self._lens = Follower(), ShotLight(), _Lens(self._around.given.vertical_fov)
+        self._bank = _Bank()
+        self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
+        self._orientation, self._gain = np.eye(3), np.ones(3)
+        self._up: Floats | None = None
+        self._ups = 0
+        self._count = 0
+        self._fused: Fused | None = None
+
+    def __call__(self, pixels: NDArray[np.uint8], time: float) -> Sighting | None:
+        """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
+
+        Raises ParameterError where the time and place given are of night.
+        """
+        frame = Frame(self._count, time, _shrunk(pixels))
+        self._count += 1
+        step = self._follower.follow(frame)
+        size = (frame.pixels.shape[1], frame.pixels.shape[0])
+        followed = self._turn(step, size)
+        if (key := self._follower.new_key) is not None:
+            self._recognise(key)
+        if time >= self._due and followed and not is_dark(frame.pixels):
+            self._look(frame)
+        return self._answer(time, followed)
+
+    def _turn(self, step: Step, size: tuple[int, int]) -> bool:
+        """Follow the camera's turn; whether the frame's own points told it."""
+        if step.begins:
+            self._of_key = {step.key: (self._orientation, self._gain)}
+            return len(step.matches) > 0
+        base, gain = self._of_key[step.key]
+        turned = turning(step.matches, focal_of(self._lens.fov, *size), self._orientation @ base.T)
+        self._gain = gain * step.gain
+        believed = is_believed(turned, begins=False)
+        if believed:
+            self._orientation = turned.rotation @ base
+        if step.makes is not None:
+            self._of_key[step.makes] = (self._orientation, self._gain)
+        self._of_key = {k: v for k, v in self._of_key.items() if k >= step.key}
+        return believed
+
+    def _recognise(self, key: Key) -> None:
+        """Compare a keyframe with those of the bank, and take back what the chain has drifted."""
+        orientation, gain = self._of_key[key.number]
+        lost = self._bank.last is not None and self._bank.last.stretch != key.stretch
+        before, self._bank.last = self._bank.last, key
+        for known, there in self._bank.near(key, orientation, 180.0 if lost else 0.5 * self._lens.fov):
+            turn = turn_between(known, key, self._lens.fov)
+            if turn is None:
+                continue
+            off = rotation_vector(orientation.T @ turn.rotation @ there)
+            fixed = orientation @ rotation_about((1.0 if lost else RECOGNISED) * off)
+            self._orientation = self._orientation @ orientation.T @ fixed
+            self._of_key[key.number] = (fixed, gain)
+            return
+        if before is not None and not lost:
+            self._lens.learn(before, key)
+        self._bank.add(key, orientation)
+
+    def _look(self, frame: Frame) -> None:
+        self._due = frame.time + self._look_every - 1e-6
+        said = see(self._model, frame.pixels)
+        self._lens.see(said.vertical_fov)
+        up = self._orientation.T @ up_in_camera(said.camera_elevation, said.camera_roll)
+        self._ups = min(self._ups + 1, UPS)
+        before = up if self._up is None else self._up
+        mean = before + (up - before) / self._ups
+        self._up = np.asarray(mean / np.linalg.norm(mean))
+        heading = self._angles()[0]
+        evidence = self._around.known_at(frame.time).evidence
+        self._light.add(Look(said, heading, self._lens.fov, luminance_gain(self._gain), evidence))
+        self._fused = self._light.answer(self._known_at(frame.time).evidence)
+
+    def _known_at(self, time: float) -> Known:
+        """What is known of a moment, the heading being that of the first frame."""
+        known, first = self._around.known_at(time), self._around.known_at(0.0).evidence
+        compass = replace(known.evidence, heading=first.heading, heading_spread=first.heading_spread)
+        return replace(known, evidence=compass)
+
+    def _angles(self) -> tuple[float, float, float]:
+        """Heading, elevation and roll [deg] of the camera now."""
+        assert self._up is not None
+        heading, elevation, roll = angles_of(self._orientation[None], level(self._up))
+        return float(heading[0]), float(elevation[0]), float(roll[0])
+
+    def _answer(self, time: float, followed: bool) -> Sighting | None:
+        if self._fused is None:
+            return None
+        heading, elevation, roll = self._angles()
+        known = self._known_at(time)
+        base, north = estimate_of(self._fused, known).lighting, north_of(self._fused, known)
+        lighting = replace(
+            base,
+            sun_azimuth=float(wrap_azimuth(base.sun_azimuth - heading)),
+            exposure=base.exposure * luminance_gain(self._gain),
+            camera_elevation=elevation,
+            camera_roll=roll,
+            vertical_fov=self._lens.fov,
+            camera_heading=None if north is None else (north + heading) % 360.0,
+            camera_heading_probability=(),
+            relative_heading=heading % 360.0,
+        )
+        red, green, blue = map(float, self._gain)
+        return Sighting(lighting, heading, (red, green, blue), followed)
+
+
+class _Lens:
+    """A field of view learnt as frames come: given, or by the network, or by turns between keyframes."""
+
+    def __init__(self, given: float | None) -> None:
+        self._given = given
+        self._sum, self._weight = 0.0, 0.0  # of what turns say
+        self._seen, self._looks = 50.0, 0
+
+    @property
+    def fov(self) -> float:
+        """Vertical, deg."""
+        if self._given is not None:
+            return self._given
+        own = LENS_SPREAD**-2
+        return (self._sum + own * self._seen) / (self._weight + own)
+
+    def see(self, fov: float) -> None:
+        self._looks = min(self._looks + 1, UPS)
+        self._seen += (fov - self._seen) / self._looks
+
+    def learn(self, a: Key, b: Key) -> None:
+        """From the turn between two keyframes, while the lens is not known well."""
+        if self._given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
+            return
+        turn = turn_between(a, b, None)
+        if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
+            weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
+            self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
+
+
+class _Bank:
+    """Keyframes of the past with their orientations, at most BANK of them and not two of one direction."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[Key, Floats]] = []
+        self.last: Key | None = None
+
+    def near(self, key: Key, orientation: Floats, within: float) -> Sequence[tuple[Key, Floats]]:
+        """The nearest COMPARED keyframes within an angle [deg] of a new one, its neighbours in time left out."""
+        old = [(k, o) for k, o in self._kept if key.number - k.number > RECENT or k.stretch != key.stretch]
+        apart = [float(angle_between(-o[2], -orientation[2])) for _, o in old]
+        order = sorted((i for i in range(len(old)) if apart[i] < within), key=apart.__getitem__)
+        return [old[i] for i in order[:COMPARED]]
+
+    def add(self, key: Key, orientation: Floats) -> None:
+        if any(float(angle_between(-o[2], -orientation[2])) < APART for _, o in self._kept):
+            return
+        self._kept.append((key, nearest_rotation(orientation)))
+        if len(self._kept) > BANK:
+            del self._kept[1]  # the first frame's is what all headings refer to
+
+
+def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The frame with its longer side at most SIDE pixels."""
+    from PIL import Image
+
+    longer = max(pixels.shape[:2])
+    if longer <= SIDE:
+        return np.ascontiguousarray(pixels)
+    size = (max(2, round(pixels.shape[1] * SIDE / longer)), max(2, round(pixels.shape[0] * SIDE / longer)))
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=2.0))

@@ -1,0 +1,46 @@
+"""How a frame is turned against its keyframe, quickly: a rotation that most followed points obey."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lighting.geometry import Floats
+from lighting.turns.match import Matches
+from lighting.turns.rays import nearest_rotation, rays
+from lighting.turns.search import search
+
+TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
+AGREEING = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
+_ROUNDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """A frame's turn against a keyframe."""
+
+    rotation: Floats  # (3, 3) directions in the keyframe's camera to the frame's
+    share: float  # of the points that agree within twice TOLERANCE
+    agreeing: int  # how many those are
+
+
+def turning(matches: Matches, focal: float, guess: Floats) -> Turning:
+    """The turn that most `matches` obey, by re-weighted least squares from a `guess` (3, 3).
+
+    Weights are those of Geman and McClure; the rotation of a round is Kabsch's. `focal` is in half diagonals.
+    """
+    a, b = rays(matches.a, focal), rays(matches.b, focal)
+    reach = TOLERANCE * matches.pixel / focal
+    found = _refined(a, b, guess, reach)
+    if found.share < AGREEING:
+        other = _refined(a, b, search(matches, (focal, focal), (1.0,)).rotation, reach)
+        found = max(found, other, key=lambda t: t.share)
+    return found
+
+
+def _refined(a: Floats, b: Floats, rotation: Floats, reach: float) -> Turning:
+    for wider in np.geomspace(8.0, 1.0, _ROUNDS):
+        apart = np.sum(np.square(b - a @ rotation.T), axis=1)
+        weight = np.square(1.0 / (1.0 + apart / (wider * reach) ** 2))
+        rotation = nearest_rotation((b * weight[:, None]).T @ a)
+    agree = np.sum(np.square(b - a @ rotation.T), axis=1) < (2.0 * reach) ** 2
+    return Turning(rotation, float(agree.mean()), int(agree.sum()))

@@ -1,0 +1,92 @@
+"""Reading a clip: every frame is followed, some are shown to the network."""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.colour import luminance, srgb_decode
+from lighting.model import Model
+from lighting.photo import Photo, to_tensor
+from lighting.records import Prediction
+from lighting.video.clip import Frame
+from lighting.video.cuts import split
+from lighting.video.follow import Follower, Key, Step
+from lighting.video.watched import Watched
+
+EVERY = 0.2  # s between the frames that the network sees
+JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before
+DARK = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
+
+Pixels = NDArray[np.uint8]
+
+
+class Watcher:
+    """Takes a clip's frames one by one, and hands out what was gathered of them."""
+
+    def __init__(self, model: Model, every: float = EVERY) -> None:
+        """The network sees the first frame of each shot and one every `every` seconds; MissingExtraError."""
+        self._model, self._every, self._due = model, every, 0.0
+        self._follower = Follower()
+        self._steps: list[Step] = []
+        self._keys: dict[int, Key] = {}
+        self._looks: dict[int, Prediction] = {}
+        self._size = (0, 0)
+
+    def take(self, frame: Frame) -> Iterator[Watched]:
+        """Counts a frame; hands out the shots that it shows to be over."""
+        step = self._follower.follow(frame)
+        self._steps.append(step)
+        if (key := self._follower.new_key) is not None:
+            self._keys[key.number] = key
+        if frame.time >= self._due or (step.begins and step.frame > 0):
+            self._look(frame)
+        self._size = (frame.pixels.shape[1], frame.pixels.shape[0])
+        if self._is_time_to_judge(step.stretch):
+            *over, rest = split(self.watched())
+            yield from over
+            self._steps, self._keys, self._looks = list(rest.steps), dict(rest.keys), dict(rest.looks)
+
+    def watched(self) -> Watched:
+        """What was gathered of the frames that are not of a shot handed out."""
+        return Watched(self._size, self._steps, self._keys, self._looks)
+
+    def _look(self, frame: Frame) -> None:
+        if is_dark(frame.pixels):
+            self._due = frame.time
+            return
+        self._looks[frame.index] = see(self._model, frame.pixels)
+        self._due = frame.time + self._every - 1e-6
+
+    def _is_time_to_judge(self, stretch: int) -> bool:
+        """Whether a new stretch has just become long enough to see if it is a new shot."""
+        if self._steps[0].stretch == stretch or len(self._steps) <= JUDGED_AFTER:
+            return False
+        own = [step.stretch == stretch for step in self._steps[-JUDGED_AFTER - 1 :]]
+        return all(own[1:]) and not own[0]
+
+
+def shots_watched(
+    frames: Iterable[Frame], model: Model, every: float = EVERY, progress: Callable[[float], Any] | None = None
+) -> Iterator[Watched]:
+    """What each shot of a clip shows, as soon as it is over; `progress` is told the time [s] of each frame."""
+    watcher = Watcher(model, every)
+    for frame in frames:
+        yield from watcher.take(frame)
+        if progress is not None:
+            progress(frame.time)
+    if (rest := watcher.watched()).steps:
+        yield from split(rest)
+
+
+def see(model: Model, pixels: Pixels) -> Prediction:
+    """What the network says of a frame (h, w, 3), upright sRGB."""
+    photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
+    return model.predict(to_tensor(photo, model.spec))[0]
+
+
+def is_dark(pixels: Pixels) -> bool:
+    """Whether a frame is too dark for daylight, black frames and nights among them."""
+    bright = np.percentile(luminance(srgb_decode(pixels[::8, ::8] / 255.0)), 95)
+    return bool(bright < DARK)

@@ -1,0 +1,46 @@
+"""What is gathered of a clip while it is read, and what is known beside its pixels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from datetime import timedelta
+
+from lighting.evidence import Given, Known, known
+from lighting.photo import PhotoFacts
+from lighting.records import Prediction
+from lighting.video.follow import Key, Step
+from lighting.video.telemetry import Gimbal
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """What was gathered of a clip, or of one shot of it."""
+
+    size: tuple[int, int]  # width and height of the frames, pixels
+    steps: Sequence[Step]  # one a frame
+    keys: dict[int, Key]  # by number
+    looks: dict[int, Prediction]  # by the frame's index
+
+
+@dataclass(frozen=True, eq=False)
+class Circumstances:
+    """What is known of a clip beside its pixels."""
+
+    facts: PhotoFacts = field(default_factory=PhotoFacts)  # of the clip's first moment
+    gimbal: Gimbal = field(default_factory=Gimbal)
+    given: Given = field(default_factory=Given)
+
+    def known_at(self, seconds: float, heading: float | None = None) -> Known:
+        """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north."""
+        later = timedelta(seconds=seconds)
+        moved = {
+            name: moment + later
+            for name in ("local_time", "utc_time")
+            if (moment := getattr(self.facts, name)) is not None
+        }
+        facts = replace(self.facts, **moved)
+        given = self.given if self.given.time is None else replace(self.given, time=self.given.time + later)
+        if heading is not None:
+            facts = replace(facts, heading=heading, heading_reference="true")
+        elif seconds > 0.0:  # the one that is known is of the clip's first frame
+            facts, given = replace(facts, heading=None), replace(given, heading=None)
+        return known(facts, given)

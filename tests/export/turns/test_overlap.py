@@ -1,0 +1,50 @@
+"""The correlation of views by their overlap, on views whose truth is known."""
+
+import numpy as np
+import pytest
+
+from export.turns.overlap import SIZES, VIEWS, Views, coverage, kinds, learn, parts
+from lighting.evidence import seen_from
+from lighting.geometry import Floats, direction
+from tests.lighting.evidence.test_fusion import GRID, lobe
+
+SUN = direction(20.0, 40.0)
+
+
+def views(number: int, error: Floats) -> Views:
+    """Views in all directions whose suns are off by `error` (VIEWS,) [deg] in azimuth."""
+    azimuth = np.linspace(-180, 180, VIEWS, endpoint=False)
+    said = [lobe(20.0 + e - a, 40.0, 30.0) for e, a in zip(error, azimuth, strict=True)]
+    density = [seen_from(p.sun_probability, -a, GRID) for p, a in zip(said, azimuth, strict=True)]
+    return Views(np.log(np.maximum(density, 1e-12)), azimuth, said, SUN, f"place{number}")
+
+
+@pytest.fixture(scope="module")
+def alike() -> list[Views]:
+    """Panoramas all of whose views err alike."""
+    return [views(k, np.full(VIEWS, error)) for k, error in enumerate((-25.0, 8.0, 25.0))]
+
+
+@pytest.fixture(scope="module")
+def apart() -> list[Views]:
+    """Panoramas each of whose views errs by itself."""
+    rng = np.random.default_rng(0)
+    return [views(k, rng.normal(0, 14, VIEWS)) for k in range(3)]
+
+
+def test_views_that_err_alike_correlate_more_than_others(alike: list[Views], apart: list[Views]) -> None:
+    assert learn(alike)["far"] > learn(apart)["far"]
+    assert learn(apart)["far"] <= 0.05
+
+
+def test_groups_are_of_the_size_asked_for(apart: list[Views]) -> None:
+    for size in SIZES:
+        for kind in kinds(size):
+            dealt = parts(apart, size, kind)
+            assert all(len(set(part.tolist())) == size for _, part in dealt)
+
+
+def test_coverage_counts_the_truth_inside_the_regions(apart: list[Views]) -> None:
+    row = coverage(apart, 1, kinds(1)[0])
+    assert row["under 45° [%]"] > 90.0
+    assert 0.0 <= row["in 50 % region [%]"] <= row["in 90 % region [%]"] <= 100.0

@@ -1,0 +1,104 @@
+"""Heading, latitude, date and clock from suns whose place and time are known."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lighting.errors import ParameterError
+from lighting.evidence import Given
+from lighting.evidence.ephemeris import sun_position
+from lighting.evidence.fit import Series, fit, likely, series_of
+from lighting.evidence.fusion import Evidence
+from lighting.geometry import wrap_azimuth
+from lighting.photo import PhotoFacts
+from lighting.turns import Placed
+from tests.lighting.evidence.test_fusion import lobe
+
+HOURS = (-4.0, -1.5, 1.0, 3.5)  # from noon
+SHARP = 60.0  # concentration: about 7 deg around the true sun
+
+
+def day(latitude: float, longitude: float, day_of_year: int, heading: float, lost: tuple[str, ...] = ()) -> Series:
+    """Photos from a tripod over one day, by a network that sees the sun; `lost` facts are unknown."""
+    noon = datetime(2025, 1, 1, 12, tzinfo=UTC) + timedelta(days=day_of_year - 1, hours=-longitude / 15)
+    times = [noon + timedelta(hours=h) for h in HOURS]
+    suns = [tuple(float(v) for v in sun_position(t, latitude, longitude)) for t in times]
+    said = [lobe(azimuth - heading, elevation, SHARP) for azimuth, elevation in suns]
+    unknown: dict[str, Any] = dict.fromkeys(lost)
+    facts = [
+        replace(PhotoFacts(t.replace(tzinfo=None), 0.0, t, latitude=latitude, longitude=longitude), **unknown)
+        for t in times
+    ]
+    evidence = [Evidence(((elevation, azimuth),)) for azimuth, elevation in suns]
+    return Series(said, facts, evidence, np.zeros(len(times)))
+
+
+PLACES = [(47.0, 11.0, 172, 30.0), (-33.0, 151.0, 40, 200.0), (12.0, -70.0, 300, 300.0)]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_heading_is_found(place: tuple[float, float, int, float]) -> None:
+    found = fit(day(*place), "heading")
+    assert abs(float(wrap_azimuth(found.heading - place[3]))) < 2.0
+    assert found.heading_radius_50 < found.heading_radius_90 < 25.0
+    assert set(found.to_dict()) == {"heading"}
+
+
+@pytest.mark.parametrize("place", PLACES[1:])
+def test_the_latitude_is_found_without_it(place: tuple[float, float, int, float]) -> None:
+    found = fit(day(*place), "latitude")
+    assert found.latitude is not None
+    assert found.latitude.best == pytest.approx(place[0], abs=4.0)
+    assert abs(float(wrap_azimuth(found.heading - place[3]))) < 2.0
+
+
+def test_the_zone_of_the_clock_stands_in_for_the_longitude() -> None:
+    found = fit(day(47.0, -5.0, 172, 30.0, lost=("latitude", "longitude")), "latitude")
+    assert found.latitude is not None
+    assert found.latitude.best == pytest.approx(47.0, abs=6.0)
+
+
+@pytest.mark.parametrize("place", PLACES[:1])
+def test_date_and_clock_are_found(place: tuple[float, float, int, float]) -> None:
+    """Around the solstice there is one date with its declination, not two."""
+    found = fit(day(*place), "time")
+    assert found.day_of_year is not None
+    assert found.clock_shift is not None
+    assert found.day_of_year.best == pytest.approx(place[2], abs=20.0)
+    assert found.clock_shift.best == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "lost", "needs"),
+    [
+        ("heading", ("latitude", "longitude"), "when and where"),
+        ("latitude", ("utc_time",), "when they were taken, with the zone"),
+        ("latitude", ("longitude", "latitude", "utc_offset"), "longitude or the zone"),
+        ("time", ("latitude",), "where they are"),
+    ],
+)
+def test_what_is_missing_is_named(kind: str, lost: tuple[str, ...], needs: str) -> None:
+    whole = day(47.0, 11.0, 172, 30.0, lost)
+    evidence = [Evidence()] * len(HOURS) if kind == "heading" else whole.evidence
+    with pytest.raises(ParameterError, match=needs):
+        fit(Series(whole.predictions, whole.facts, evidence, whole.turns), kind)
+
+
+def test_photos_that_nothing_connects_need_their_headings() -> None:
+    whole = day(47.0, 11.0, 172, 30.0)
+    apart = [Placed(min(i, 1), 0.0, 0.0, 0.0, 0.0, 50.0) for i in range(len(HOURS))]
+    with pytest.raises(ParameterError, match="Photo 2 shows nothing"):
+        series_of(whole.predictions, whole.facts, Given(), None, apart)
+    stated = series_of(whole.predictions, whole.facts, Given(), [10.0] * len(HOURS))
+    assert not stated.turns.any()
+
+
+def test_likely_values_are_intervals_that_hold_their_share() -> None:
+    values = np.arange(10.0)
+    found = likely(values, np.array([0, 4, 5, 0, 0, 0, 0, 1, 0, 0], float))
+    assert found.in_50 == ((1.5, 2.5),) or found.in_50 == ((0.5, 2.5),)
+    assert found.in_90 == ((0.5, 2.5),)
+    assert found.best == pytest.approx(2.0, abs=0.6)

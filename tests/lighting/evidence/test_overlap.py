@@ -1,0 +1,36 @@
+"""How much views count."""
+
+import numpy as np
+import pytest
+
+from lighting.evidence.overlap import SUN, Correlation, counts, overlap
+from lighting.geometry import Floats, direction
+
+FOV = np.array([50.0, 50.0, 50.0])
+
+
+def ahead(*headings: float) -> Floats:
+    return direction(np.array(headings), 0.0)
+
+
+def test_views_that_share_nothing_count_as_the_best_linear_mean_says() -> None:
+    """For equal correlations c the weights of the best linear unbiased mean are 1 / (1 + (n - 1) c)."""
+    found = counts(ahead(0.0, 120.0, 240.0), FOV, Correlation(0.2, 1.0))
+    matrix = np.full((3, 3), 0.2) + 0.8 * np.eye(3)
+    assert found == pytest.approx(np.linalg.solve(matrix, np.ones(3)))
+
+
+def test_one_view_twice_counts_once() -> None:
+    found = counts(ahead(0.0, 0.0, 180.0), FOV, Correlation(0.0, 1.0))
+    assert found == pytest.approx([0.5, 0.5, 1.0])
+
+
+def test_the_same_view_under_another_sun_counts_more() -> None:
+    same = counts(ahead(0.0, 0.0, 0.0), FOV, SUN)
+    other = counts(ahead(0.0, 0.0, 0.0), FOV, SUN, np.full((3, 3), 0.2))
+    assert (other > same).all()
+
+
+def test_overlap_falls_from_one_to_nothing() -> None:
+    found = overlap(ahead(0.0, 31.25, 62.5), FOV)[0]
+    assert found == pytest.approx([1.0, 0.5, 0.0], abs=1e-9)

@@ -1,0 +1,68 @@
+"""Sets: headings, one lens, groups."""
+
+import numpy as np
+import pytest
+
+from lighting.geometry import wrap_azimuth
+from lighting.turns import Shot, features, place
+from lighting.turns.sets import about, own_axes, vertical
+from tests.lighting.turns.cameras import Camera, picture, texture
+
+pytest.importorskip("cv2")
+FOV = 52.0
+CAMERAS: list[Camera] = [(-170.0, 2.0, 0.0), (-140.0, -3.0, 1.5), (165.0, 4.0, -2.0)]
+TILTS = [(2.5, 0.5), (-4.0, 1.0), (3.5, -2.5)]  # deg, what a network says of their elevation and roll
+
+
+def shots(seed: int, cameras: list[Camera]) -> list[Shot]:
+    sphere = texture(seed)
+    seen = [features(picture(sphere, camera, FOV)) for camera in cameras]
+    return [Shot(f, *tilt, guessed_fov=46.0) for f, tilt in zip(seen, TILTS, strict=False)]
+
+
+def test_overlapping_photos_get_their_headings_and_their_lens() -> None:
+    placed = place(shots(0, CAMERAS))
+    assert {p.group for p in placed} == {0}
+    true = [float(wrap_azimuth(azimuth - CAMERAS[0][0])) for azimuth, _, _ in CAMERAS]
+    assert [p.heading for p in placed] == pytest.approx(true, abs=0.5)
+    assert [p.vertical_fov for p in placed] == pytest.approx([FOV] * 3, abs=0.5)
+    assert [p.camera_elevation for p in placed] == pytest.approx([c[1] for c in CAMERAS], abs=1.0)
+    assert [p.camera_roll for p in placed] == pytest.approx([c[2] for c in CAMERAS], abs=1.0)
+    assert placed[0].heading_sigma == 0.0
+    assert all(0.0 < p.heading_sigma < 1.0 for p in placed[1:])
+
+
+def test_photos_of_different_places_are_groups_of_their_own() -> None:
+    strangers = [*shots(0, CAMERAS[:1]), *shots(1, CAMERAS[:1])]
+    placed = place(strangers)
+    assert [p.group for p in placed] == [0, 1]
+    assert [p.vertical_fov for p in placed] == [None, None]
+    assert placed[0].camera_elevation == pytest.approx(TILTS[0][0])
+
+
+def test_identical_photos_look_the_same_way() -> None:
+    one = shots(0, CAMERAS[:1])
+    placed = place([one[0], one[0]])
+    assert [p.heading for p in placed] == pytest.approx([0.0, 0.0], abs=0.01)
+    assert len({p.group for p in placed}) == 1
+
+
+def test_one_photo_is_its_own_group() -> None:
+    (only,) = place(shots(0, CAMERAS[:1]))
+    assert (only.group, only.heading, only.vertical_fov) == (0, 0.0, None)
+
+
+def test_the_vertical_outvotes_one_wrong_camera() -> None:
+    rotations = np.array([own_axes(*c) @ own_axes(*CAMERAS[0]).T for c in CAMERAS])
+    tilts = [(c[1], c[2]) for c in CAMERAS[:2]] + [(30.0, 20.0)]
+    up = vertical(tilts, rotations)
+    true = own_axes(*CAMERAS[0])[:, 1]
+    assert np.degrees(np.arccos(up @ true)) < 3.0
+
+
+def test_angles_about_a_vertical_are_those_of_geometry() -> None:
+    rotations = np.array([own_axes(*c) @ own_axes(*CAMERAS[0]).T for c in CAMERAS])
+    heading, elevation, roll = about(own_axes(*CAMERAS[0])[:, 1], rotations)
+    assert heading == pytest.approx([float(wrap_azimuth(c[0] - CAMERAS[0][0])) for c in CAMERAS])
+    assert elevation == pytest.approx([c[1] for c in CAMERAS])
+    assert roll == pytest.approx([c[2] for c in CAMERAS])

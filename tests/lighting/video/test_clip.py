@@ -1,0 +1,118 @@
+"""Clips as phones, cameras and accidents make them."""
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from lighting.errors import VideoError
+from lighting.video.clip import Clip
+from tests.lighting.video.clips import Pixels, pan, write_clip
+
+TOP_RED = np.zeros((180, 320, 3), np.uint8)
+TOP_RED[:90] = [200, 30, 30]
+
+
+def first(path: Path) -> Pixels:
+    with Clip(path) as clip:
+        return next(clip.frames()).pixels
+
+
+@pytest.mark.parametrize(("rotation", "top_goes"), [(90, "left"), (-90, "right"), (180, "bottom")])
+def test_a_rotation_flag_turns_the_picture(tmp_path: Path, rotation: int, top_goes: str) -> None:
+    pixels = first(write_clip(tmp_path / "a.mp4", [TOP_RED] * 3, rotation=rotation)).astype(int)
+    assert pixels.shape == ((180, 320, 3) if rotation == 180 else (320, 180, 3))
+    height, width = pixels.shape[:2]
+    part = {"left": pixels[:, : width // 4], "right": pixels[:, -width // 4 :], "bottom": pixels[-height // 4 :]}
+    assert part[top_goes][..., 0].mean() > 150
+    assert pixels[..., 0].mean() == pytest.approx(100, abs=10)
+
+
+@pytest.mark.parametrize(("curve", "number", "grey"), [("pq", 16, 179), ("hlg", 18, 153)])
+def test_ten_bits_are_read_by_their_curve(tmp_path: Path, curve: str, number: int, grey: int) -> None:
+    """A signal of 50 % is 92 of 203 cd/m2 of PQ; of HLG a twelfth of its peak, 31 % of white; then sRGB's curve."""
+    half = np.full((64, 64, 3), 128, np.uint8)
+    options = {"x265-params": "log-level=none", "crf": "10"}
+    path = write_clip(
+        tmp_path / "a.mp4", [half] * 3, codec="libx265", pix_fmt="yuv420p10le", colour=(number, 9, 9), options=options
+    )
+    with Clip(path) as clip:
+        assert clip.info.curve == curve
+        pixels = next(clip.frames()).pixels
+    assert np.median(pixels) == pytest.approx(grey, abs=4)  # 128 of 255 is 50.2 %
+    assert np.ptp(pixels) <= 3
+
+
+def test_each_frame_has_its_own_time(tmp_path: Path) -> None:
+    times = [0.0, 0.04, 0.2, 0.21, 0.5]
+    path = write_clip(tmp_path / "a.mp4", pan(5), times=times)
+    with Clip(path) as clip:
+        np.testing.assert_allclose([frame.time for frame in clip.frames()], times, atol=1e-3)
+        assert clip.damage == ""
+
+
+def test_large_pictures_come_smaller(tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "a.mp4", [np.full((720, 1280, 3), 90, np.uint8)] * 2)
+    assert first(path).shape == (360, 640, 3)
+    with Clip(path) as clip:
+        assert (clip.info.width, clip.info.height, clip.info.frame_rate) == (1280, 720, 30.0)
+
+
+def test_metadata_are_facts(tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "a.mov", pan(2), metadata={"com.apple.quicktime.location.ISO6709": "+48.1+011.5/"})
+    with Clip(path) as clip:
+        assert clip.info.facts.latitude == 48.1
+
+
+def test_half_of_a_fragmented_clip_is_read_and_told(tmp_path: Path) -> None:
+    whole = write_clip(tmp_path / "a.mkv", pan(90))
+    data = whole.read_bytes()
+    cut = tmp_path / "cut.mkv"
+    cut.write_bytes(data[: len(data) // 2])
+    with Clip(cut) as clip:
+        count = len(list(clip.frames()))
+        assert 10 < count < 80
+        assert "cut short" in clip.damage or "damaged" in clip.damage
+
+
+def test_garbage_inside_is_left_out_and_told(tmp_path: Path) -> None:
+    data = bytearray(write_clip(tmp_path / "a.mp4", pan(60)).read_bytes())
+    middle = len(data) // 3
+    data[middle : middle + 3000] = bytes(3000)
+    broken = tmp_path / "b.mp4"
+    broken.write_bytes(bytes(data))
+    with Clip(broken) as clip:
+        assert len(list(clip.frames())) >= 20
+
+
+def make_sound(path: Path) -> Path:
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("pcm_s16le", rate=8000)
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
+        frame.rate = 8000
+        film.mux(stream.encode(frame))
+        film.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("kind", ["text", "empty", "truncated", "sound", "tiny"])
+def test_what_is_no_clip_is_said_in_a_sentence(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / ("a.wav" if kind == "sound" else "a.mp4")
+    if kind == "sound":
+        make_sound(path)
+    elif kind == "tiny":
+        write_clip(path, [np.zeros((16, 16, 3), np.uint8)] * 2)
+    elif kind == "truncated":
+        data = write_clip(path, pan(10)).read_bytes()
+        path.write_bytes(data[: len(data) // 2])
+    else:
+        path.write_bytes(b"" if kind == "empty" else b"not a clip " * 100)
+    with pytest.raises(VideoError) as raised:
+        Clip(path)
+    assert str(raised.value).endswith(".")
+
+
+def test_a_missing_file_is_an_oserror(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Clip(tmp_path / "none.mp4")

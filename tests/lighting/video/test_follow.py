@@ -1,0 +1,79 @@
+"""Points followed through a made-up place whose turns are known."""
+
+import numpy as np
+import pytest
+
+from lighting.geometry import Floats
+from lighting.turns.rays import focal_of, rotation_vector
+from lighting.video.follow import Follower
+from lighting.video.turning import turning
+from tests.lighting.video.clips import FOV, SIZE, Pixels, frames, look, orientation, pan
+
+
+def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> None:
+    count, reach = 45, 40.0
+    follower = Follower()
+    guess: Floats = np.eye(3)
+    known: dict[int, Floats] = {}
+    share = np.linspace(0, 1, count)
+    start = orientation(0.0, 0.0, 0.0)
+    for frame, s in zip(frames(pan(count, reach)), share.tolist(), strict=True):
+        step = follower.follow(frame)
+        if step.begins:
+            known[step.key] = np.eye(3)
+        found = turning(step.matches, focal_of(FOV, *SIZE), guess)
+        guess = found.rotation if step.makes is None else np.eye(3)
+        own = found.rotation @ known[step.key]
+        if step.makes is not None:
+            known[step.makes] = own
+        true = orientation(reach * s, 3 * np.sin(3 * s), 2 * s) @ start.T
+        assert np.degrees(np.linalg.norm(rotation_vector(own @ true.T))) < 0.15  # a pixel is 0.25 deg
+    assert len(known) > 2
+    assert step.stretch == 0
+
+
+def test_gains_are_followed_and_do_not_disturb() -> None:
+    follower = Follower()
+    pictures = [look(0.3 * i, gain=1.0 - 0.02 * i) for i in range(12)]
+    steps = [follower.follow(frame) for frame in frames(pictures)]
+    assert {step.stretch for step in steps} == {0}
+    assert steps[-1].gain == pytest.approx([0.78**2.3] * 3, rel=0.08)  # sRGB's curve is near a power of 2.3 there
+
+
+def cuts(pictures: list[Pixels]) -> list[int]:
+    follower = Follower()
+    return [step.frame for frame in frames(pictures) if (step := follower.follow(frame)).begins]
+
+
+def test_a_cut_begins_a_new_stretch() -> None:
+    assert cuts([*pan(8, 5.0), *pan(8, 5.0, seed=5)]) == [0, 8]
+
+
+def test_black_frames_have_nothing_to_follow() -> None:
+    black = np.zeros((180, 320, 3), np.uint8)
+    assert cuts([black] * 4) == [0, 1, 2, 3]
+
+
+def test_another_size_is_another_stretch() -> None:
+    assert cuts([look(0.0), look(0.1), look(0.2)[:160], look(0.3)[:160]]) == [0, 2]
+
+
+def test_a_still_picture_does_not_turn() -> None:
+    follower = Follower()
+    steps = [follower.follow(frame) for frame in frames([look(0.0)] * 10)]
+    found = turning(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    assert np.degrees(np.linalg.norm(rotation_vector(found.rotation))) < 0.01
+    assert {step.key for step in steps} == {0}
+
+
+def test_a_thing_that_moves_is_outvoted() -> None:
+    follower, thing = Follower(), np.random.default_rng(1).integers(0, 255, (10, 12, 3), dtype=np.uint8)
+    pictures = []
+    for i in range(12):
+        picture = look(0.8 * i)
+        picture[60:140, 20 + 9 * i : 116 + 9 * i] = thing.repeat(8, axis=0).repeat(8, axis=1)
+        pictures.append(picture)
+    steps = [follower.follow(frame) for frame in frames(pictures)]
+    found = turning(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    true = orientation(8.8) @ orientation(0.0).T
+    assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ true.T))) < 0.2

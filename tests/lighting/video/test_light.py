@@ -1,0 +1,77 @@
+"""One sun of many looks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.evidence import Evidence
+from lighting.geometry import direction
+from lighting.records import Prediction
+from lighting.sun_grid import soft_label
+from lighting.video.light import Look, ShotLight
+from tests.conftest import TINY
+
+SPEC = replace(TINY, sun_grid="fibonacci:1024")
+NOTHING = Evidence()
+
+
+def look(azimuth: float, heading: float, evidence: Evidence = NOTHING, **other: float) -> Look:
+    """A camera at `heading` that believes in a sun at `azimuth` of the shot, 40 deg high."""
+    p = soft_label(direction(azimuth - heading, 40.0), 12.0, SPEC.sun_grid).astype(np.float32)
+    values = {"sun_visibility": 0.9, "turbidity": 3.0, "exposure": 0.1, **other}
+    prediction = Prediction(SPEC, p, camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0, **values)
+    return Look(prediction, heading, 45.0, evidence=evidence)
+
+
+def sun_of(*looks: Look, evidence: Evidence = NOTHING) -> tuple[float, float, float]:
+    light = ShotLight()
+    for one in looks:
+        light.add(one)
+    sun = light.answer(evidence).sun
+    return sun.azimuth, sun.elevation, sun.radius_50
+
+
+def test_the_same_view_again_and_again_is_no_news() -> None:
+    once = sun_of(look(50.0, 0.0))
+    often = sun_of(*[look(50.0, 0.0)] * 40)
+    assert often == pytest.approx(once, abs=0.5)
+
+
+def test_views_all_around_agree_on_one_sun_and_are_surer() -> None:
+    once = sun_of(look(50.0, 0.0))
+    around = sun_of(*(look(50.0, h) for h in range(0, 360, 60)))
+    assert around[0] == pytest.approx(50.0, abs=2.0)
+    assert around[1] == pytest.approx(40.0, abs=2.0)
+    assert around[2] < 0.75 * once[2]
+
+
+def test_one_view_that_errs_is_outvoted() -> None:
+    azimuth, _, _ = sun_of(*(look(50.0 if h else 150.0, h) for h in range(0, 360, 45)))
+    assert azimuth == pytest.approx(50.0, abs=12.0)  # where the eight lobes add up to is 8 deg off
+
+
+def test_with_time_and_place_the_sun_tells_north() -> None:
+    """The sun stands at 120 deg, and is seen 50 deg right of azimuth 0: that points to 70 deg."""
+    when = Evidence(candidates=((40.0, 120.0),))
+    light = ShotLight()
+    for heading in (0.0, 60.0, 120.0):
+        light.add(look(50.0, heading, when))
+    fused = light.answer(when)
+    assert fused.camera_heading is not None
+    assert fused.camera_heading.best == pytest.approx(70.0, abs=2.0)
+    assert fused.used == ("pixels", "time+place", "turns", "other photos")
+
+
+def test_exposures_are_those_of_the_first_frame() -> None:
+    light = ShotLight()
+    light.add(look(50.0, 0.0, exposure=0.1))
+    light.add(replace(look(50.0, 90.0, exposure=0.4), gain=4.0))
+    assert light.answer(NOTHING).prediction.exposure == pytest.approx(0.1)
+
+
+def test_no_look_no_answer() -> None:
+    light = ShotLight()
+    assert not light
+    with pytest.raises(ValueError, match="no look"):
+        light.answer(NOTHING)

@@ -1,0 +1,189 @@
+"""What `lighting video` writes of whole clips."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from lighting import Lighting, read_exr
+from lighting.cli import cli
+from lighting.files import write_envmap
+from lighting.geometry import camera_axes
+from lighting.model import Model
+from lighting.video import output
+from tests.lighting.video.clips import pan, write_clip
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_clip(tmp_path_factory.mktemp("clip") / "pan.mp4", pan(30, 20.0))
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, ["video", *map(str, arguments)])
+
+
+def records(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / "lighting.jsonl").read_text().splitlines()]
+
+
+def test_a_record_a_frame_and_a_map_a_shot(clip: Path, network: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = run(clip, "-o", out, "--model", network, "--height", 32, "--every", 0.5)
+    assert done.exit_code == 0, done.output
+    assert "shot 1, 0.0 to 1.0 s, 30 frames" in done.output
+    lines = records(out)
+    assert [line["frame"] for line in lines] == list(range(30))
+    lights = [Lighting.from_dict(line["lighting"]) for line in lines]
+    turned = np.unwrap([light.relative_heading or 0.0 for light in lights], period=360)
+    suns = np.unwrap([light.sun_azimuth for light in lights], period=360)
+    np.testing.assert_allclose(turned + suns, turned[0] + suns[0], atol=1e-3)  # one sun in the world
+    assert turned[-1] - turned[0] == pytest.approx(20.0, abs=1.5)
+    image, light = read_exr(out / "shot-1.exr")
+    assert image.shape == (32, 64, 3)
+    assert light is not None
+    assert light.evidence == ("pixels", "turns", "other photos")
+    assert sorted(p.name for p in out.iterdir()) == ["lighting.jsonl", "shot-1.exr"]
+
+
+def test_a_map_a_frame_and_a_film(network: Path, tmp_path: Path) -> None:
+    short = write_clip(tmp_path / "short.mp4", pan(4, 3.0))
+    done = run(short, "-o", tmp_path / "out", "--model", network, "--height", 32, "--frames-exr", "--preview")
+    assert done.exit_code == 0, done.output
+    maps = sorted((tmp_path / "out" / "frames").iterdir())
+    assert [m.name for m in maps] == [f"{i:06d}.exr" for i in range(4)]
+    with av.open(str(tmp_path / "out" / "preview.mp4")) as film:
+        drawn = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert len(drawn) == 4
+    assert np.abs(drawn[0].astype(int) - pan(4, 3.0)[0]).max() > 60  # something is drawn in
+
+
+def test_a_heading_makes_the_map_look_north(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "short.mp4", pan(8, 3.0))
+    for name, more in (("a", []), ("b", ["--heading", 90])):
+        assert run(clip, "-o", tmp_path / name, "--model", network, "--height", 32, *more).exit_code == 0
+    (_, plain), (_, north) = (read_exr(tmp_path / name / "shot-1.exr") for name in "ab")
+    assert plain is not None
+    assert north is not None
+    assert (north.sun_azimuth - plain.sun_azimuth) % 360.0 == pytest.approx(90.0, abs=0.1)
+    assert records(tmp_path / "b")[0]["lighting"]["camera"]["heading"] == pytest.approx(90.0, abs=0.1)
+
+
+def test_usd_has_a_camera_with_time_samples(clip: Path, network: Path, tmp_path: Path) -> None:
+    from pxr import Usd, UsdGeom
+
+    done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, "--for", "usd")
+    assert done.exit_code == 0, done.output
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "shot-1-usd" / "shot.usda"))
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetFramesPerSecond()) == (0, 29, 30)
+    camera = UsdGeom.Camera(stage.GetPrimAtPath("/World/Camera"))
+    for line in records(tmp_path / "out")[::7]:
+        own = line["lighting"]["camera"]
+        matrix = np.array(camera.ComputeLocalToWorldTransform(line["frame"]))
+        right, up, forward = camera_axes(own["relative_heading"], own["elevation"], own["roll"])
+        np.testing.assert_allclose(matrix[:3, :3], [right, up, -forward], atol=1e-5)
+    assert stage.GetPrimAtPath("/World/Sun").IsValid()
+
+
+def test_blender_gets_key_frames(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "short.mp4", pan(10, 4.0))
+    assert run(clip, "-o", tmp_path / "o", "--model", network, "--height", 32, "--for", "blender").exit_code == 0
+    folder = tmp_path / "o" / "shot-1-blender"
+    numbers = json.loads((folder / "shot.json").read_text())
+    still = json.loads((folder / "scene.json").read_text())
+    assert numbers["frames"] == [float(i) for i in range(1, 11)]
+    np.testing.assert_allclose(numbers["matrices"][0], still["camera"]["matrix"], atol=2e-3)
+    compile((folder / "shot.py").read_text(), "shot.py", "exec")
+    assert (folder / numbers["clip"]).resolve() == clip.resolve()
+
+
+def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
+    done = run(path, "-o", tmp_path / "out", "--model", network, "--height", 32)
+    assert done.exit_code == 0
+    assert "2 shots, for there are cuts" in done.output
+    assert {line["shot"] for line in records(tmp_path / "out")} == {1, 2}
+    assert (tmp_path / "out" / "shot-2.exr").is_file()
+
+
+def test_what_can_be_read_of_a_damaged_clip_is_kept(network: Path, tmp_path: Path) -> None:
+    data = write_clip(tmp_path / "a.mkv", pan(70, 30.0)).read_bytes()
+    (tmp_path / "b.mkv").write_bytes(data[: len(data) // 2])
+    done = run(tmp_path / "b.mkv", "-o", tmp_path / "out", "--model", network, "--height", 32)
+    assert done.exit_code == 1
+    assert "Error" in done.output
+    assert "Traceback" not in done.output
+    assert len(records(tmp_path / "out")) > 10
+
+
+def test_a_dark_clip_fails_in_a_sentence(network: Path, tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "dark.mp4", [np.zeros((180, 320, 3), np.uint8)] * 10)
+    done = run(path, "-o", tmp_path / "out", "--model", network)
+    assert done.exit_code == 1
+    assert "bright enough" in done.output
+    assert records(tmp_path / "out")[0]["shot"] == 1
+
+
+def test_a_folder_with_results_is_not_overwritten(clip: Path, network: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("mine")
+    done = run(clip, "-o", tmp_path / "out", "--model", network)
+    assert done.exit_code == 1
+    assert "--overwrite" in done.output
+    assert run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, "--overwrite").exit_code == 0
+    assert (tmp_path / "out" / "mine.txt").read_text() == "mine"
+
+
+def test_a_photo_of_night_by_its_own_time_is_refused(clip: Path, network: Path, tmp_path: Path) -> None:
+    night = ["--time", "2024-06-01T23:00Z", "--lat", 48, "--lon", 11]
+    done = run(clip, "-o", tmp_path / "out", "--model", network, *night)
+    assert done.exit_code == 1
+    assert "below the horizon" in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_no_clip_leaves_nothing_behind(network: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").write_bytes(b"not a clip" * 100)
+    done = run(tmp_path / "a.mp4", "-o", tmp_path / "out", "--model", network)
+    assert done.exit_code == 1
+    assert "not a clip that can be read" in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_was_done_before_an_interruption_stays(
+    network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second shot's map cannot be written: the first one's records are there."""
+    path = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
+
+    def fail(target: Path, *rest: Any) -> None:
+        if target.name == "shot-2.exr":
+            raise KeyboardInterrupt
+        write_envmap(target, *rest)
+
+    monkeypatch.setattr(output, "write_envmap", fail)
+    with pytest.raises(KeyboardInterrupt):
+        output.process(output.Job(path, tmp_path / "out", wanted=output.Wanted(height=32)), Model.load(network))
+    lines = (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()
+    assert len(lines) >= 25
+    assert not (tmp_path / "out" / "lighting.jsonl").exists()
+
+
+def test_metadata_tell_time_and_place_unless_told_not_to(network: Path, tmp_path: Path) -> None:
+    noted = {
+        "com.apple.quicktime.location.ISO6709": "+48.1375+011.5750/",
+        "com.apple.quicktime.creationdate": "2024-06-01T12:00:00+0200",
+    }
+    clip = write_clip(tmp_path / "phone.mov", pan(8, 3.0), metadata=noted)
+    for name, more in (("a", []), ("b", ["--no-exif"])):
+        assert run(clip, "-o", tmp_path / name, "--model", network, "--height", 32, *more).exit_code == 0
+    told, untold = (records(tmp_path / name)[0]["lighting"] for name in "ab")
+    assert "time+place" in told["evidence"]
+    assert told["sun"]["elevation"] == pytest.approx(60.34, abs=0.05)  # by pvlib's SPA
+    assert "heading" in told["camera"]
+    assert "time+place" not in untold["evidence"]
+    assert "place" not in told  # only with --keep-location

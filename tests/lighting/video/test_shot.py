@@ -1,0 +1,88 @@
+"""Shots of a made-up place: lens, path, cuts, gaps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting.errors import VideoError
+from lighting.evidence import Given
+from lighting.model import Model
+from lighting.video.shot import Shot, solve
+from lighting.video.telemetry import Gimbal
+from lighting.video.watch import shots_watched
+from lighting.video.watched import Circumstances
+from tests.lighting.video.clips import FOV, Pixels, frames, look, pan
+
+BLACK = np.zeros((180, 320, 3), np.uint8)
+
+
+@pytest.fixture(scope="module")
+def model(network: Path) -> Model:
+    return Model.load(network, threads=1)
+
+
+def shots(pictures: list[Pixels], model: Model, around: Circumstances | None = None) -> list[Shot]:
+    found = shots_watched(frames(pictures), model, 0.5)
+    return [solve(watched, around or Circumstances()) for watched in found]
+
+
+def test_a_pan_tells_its_lens_and_its_headings(model: Model) -> None:
+    (shot,) = shots(pan(40, 50.0), model)
+    assert shot.vertical_fov == pytest.approx(FOV, abs=1.0)  # the network says 50
+    assert shot.path.heading[-1] == pytest.approx(50.0, abs=2.0)  # the network's level is 4 deg off
+    assert not shot.path.bridged.any()
+    assert len(shot.frames) == 40
+
+
+def test_a_gimbal_tells_the_level_and_north(model: Model) -> None:
+    time = np.arange(36) / 30.0
+    share = np.linspace(0, 1, 36)
+    gimbal = Gimbal(time, 300.0 + 50.0 * share, 3.0 * np.sin(3.0 * share), 2.0 * share)
+    (shot,) = shots(pan(36, 50.0), model, Circumstances(gimbal=gimbal))
+    np.testing.assert_allclose(shot.path.heading, 50.0 * share, atol=0.7)
+    np.testing.assert_allclose(shot.path.elevation, 3.0 * np.sin(3.0 * share), atol=0.3)
+    assert shot.north == pytest.approx(300.0, abs=1.0)
+
+
+def test_a_lens_that_is_given_stays(model: Model) -> None:
+    (shot,) = shots(pan(20, 15.0), model, Circumstances(given=Given(vertical_fov=47.0)))
+    assert (shot.vertical_fov, shot.fov_sigma) == (47.0, 0.0)
+
+
+def test_a_cut_makes_two_shots_each_from_azimuth_0(model: Model) -> None:
+    first, second = shots([*pan(25, 20.0), *pan(25, 20.0, seed=5)], model)
+    assert first.frames.tolist() == list(range(25))
+    assert second.frames.tolist() == list(range(25, 50))
+    assert second.path.heading[0] == pytest.approx(0.0, abs=0.1)
+
+
+def test_black_frames_in_a_shot_are_bridged(model: Model) -> None:
+    pictures = pan(40, 20.0)
+    pictures[18:22] = [BLACK] * 4
+    (shot,) = shots(pictures, model)
+    assert 3 <= shot.path.bridged.sum() <= 6
+    np.testing.assert_allclose(np.diff(shot.path.heading), 20.0 / 39, atol=0.3)
+
+
+def test_a_still_clip_is_a_shot_that_does_not_turn(model: Model) -> None:
+    (shot,) = shots([look(10.0)] * 20, model)
+    assert np.ptp(shot.path.heading) < 0.05
+    assert shot.fov_sigma > 3.0  # nothing but the network tells the lens
+
+
+def test_one_frame_is_a_shot(model: Model) -> None:
+    (shot,) = shots([look(10.0)], model)
+    assert len(shot.frames) == 1
+
+
+def test_a_dark_clip_says_so(model: Model) -> None:
+    with pytest.raises(VideoError, match="bright enough"):
+        shots([BLACK] * 10, model)
+
+
+def test_exposure_is_followed_through_keyframes(model: Model) -> None:
+    pictures = [look(1.0 * i, gain=1.0 - 0.01 * i) for i in range(31)]
+    (shot,) = shots(pictures, model)
+    assert shot.gains[-1] == pytest.approx([0.7**2.3] * 3, rel=0.12)  # sRGB is near a power of 2.3
+    assert shot.gains[0] == pytest.approx([1.0] * 3)

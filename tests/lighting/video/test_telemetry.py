@@ -1,0 +1,94 @@
+"""What phones and drones note of a clip."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from lighting.video.telemetry import container_facts, merged_facts, subtitle_facts
+
+DJI = """1
+00:00:00,000 --> 00:00:00,033
+<font size="28">FrameCnt: 1, DiffTime: 33ms
+2024-06-01 09:10:00.123
+[iso: 100] [shutter: 1/1000.0] [fnum: 2.8] [focal_len: 24.00] [latitude: 48.1375] [longitude: 11.575]
+[rel_alt: 10.0 abs_alt: 530.0] [gb_yaw: 350.0 gb_pitch: -10.0 gb_roll: 0.5] </font>
+
+2
+00:00:02,000 --> 00:00:02,033
+<font size="28">FrameCnt: 61, DiffTime: 33ms
+2024-06-01 09:10:02.123
+[iso: 100] [focal_len: 24.00] [latitude: 48.1375] [longitude: 11.575]
+[gb_yaw: 10.0 gb_pitch: -20.0 gb_roll: 0.5] </font>
+"""
+
+
+def test_a_phone_from_apple_tells_time_zone_place_and_lens() -> None:
+    facts = container_facts(
+        {
+            "com.apple.quicktime.location.ISO6709": "+48.1375+011.5750+520.000/",
+            "com.apple.quicktime.creationdate": "2024-06-01T09:10:00+0200",
+            "com.apple.quicktime.camera.focal_length.35mm_equivalent": "26",
+            "creation_time": "2024-06-01T09:00:00.000000Z",
+        },
+        1920,
+        1080,
+    )
+    assert facts.utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert facts.utc_offset == 2.0
+    assert (facts.latitude, facts.longitude) == (48.1375, 11.575)
+    assert facts.vertical_fov == pytest.approx(44.4, abs=0.3)  # a diagonal of 43.27 mm at 26 mm, on 16:9
+
+
+def test_a_phone_with_android_tells_utc_and_a_western_place() -> None:
+    noted = {"location": "+40.7128-074.0060/", "creation_time": "2024-06-01T12:00:00.000000Z"}
+    facts = container_facts(noted, 640, 360)
+    assert facts.utc_time == datetime(2024, 6, 1, 12, tzinfo=UTC)
+    assert facts.local_time is None
+    assert facts.longitude == -74.006
+
+
+@pytest.mark.parametrize(
+    "metadata",
+    [
+        {"location": "+95.0+011.0/"},
+        {"location": "+00.0000+000.0000/"},
+        {"location": "somewhere"},
+        {"creation_time": "1904-01-01T00:00:00.000000Z"},
+        {"creation_time": "yesterday"},
+        {"com.apple.quicktime.camera.focal_length.35mm_equivalent": "nan"},
+    ],
+)
+def test_what_cannot_be_true_is_absent(metadata: dict[str, str]) -> None:
+    facts = container_facts(metadata, 640, 360)
+    assert [facts.latitude, facts.utc_time, facts.vertical_fov] == [None] * 3
+
+
+def test_subtitles_of_a_drone_tell_place_lens_clock_and_gimbal() -> None:
+    facts, gimbal = subtitle_facts(DJI, 1920, 1080)
+    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
+    assert facts.latitude == 48.1375
+    assert facts.focal_length == 24.0
+    assert gimbal.at(1.0) == pytest.approx((0.0, -15.0, 0.5))  # half-way from 350 to 10 deg, over north
+    assert gimbal.at(60.0) is None
+
+
+def test_subtitles_for_viewers_say_nothing() -> None:
+    facts, gimbal = subtitle_facts("1\n00:00:00,000 --> 00:00:02,000\nHello: 3 friends\n", 640, 360)
+    assert facts.latitude is None
+    assert len(gimbal.time) == 0
+
+
+def test_gimbal_angles_out_of_order_are_not_believed() -> None:
+    first, second = DJI.split("\n\n")
+    _, gimbal = subtitle_facts(f"{second}\n\n{first}", 640, 360)
+    assert len(gimbal.time) == 0
+    np.testing.assert_equal(gimbal.at(1.0), None)
+
+
+def test_facts_are_merged_whole() -> None:
+    drone, _ = subtitle_facts(DJI, 1920, 1080)
+    box = container_facts({"location": "+10+010/", "creation_time": "2020-01-01T00:00:00Z"}, 1920, 1080)
+    merged = merged_facts(drone, box)
+    assert merged.latitude == 48.1375
+    assert merged.utc_time is None  # the drone's clock, not half of each

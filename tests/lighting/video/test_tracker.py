@@ -1,0 +1,68 @@
+"""A stream of a made-up place."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting.evidence import Given
+from lighting.geometry import wrap_azimuth
+from lighting.model import Model
+from lighting.video import Tracker
+from tests.lighting.video.clips import FOV, look
+
+THERE = Given(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.0, longitude=11.0)
+
+
+@pytest.fixture(scope="module")
+def model(network: Path) -> Model:
+    return Model.load(network, threads=1)
+
+
+def test_headings_come_back_after_a_round(model: Model) -> None:
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=5.0)
+    headings = [9.0 * i for i in range(41)]
+    answers = [tracker(look(h), 0.1 * i) for i, h in enumerate(headings)]
+    off = [float(wrap_azimuth(a.heading - h)) for a, h in zip(answers, headings, strict=True) if a is not None]
+    assert len(off) == 41
+    assert np.abs(off[-1]) < 1.0
+    assert np.abs(off).max() < 6.0  # the network's level is off by 4 deg
+    assert all(a is not None and a.followed for a in answers)
+
+
+def test_what_is_lost_is_found_again(model: Model) -> None:
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=5.0)
+    for i in range(20):
+        tracker(look(2.0 * i), 0.1 * i)
+    blind = tracker(np.zeros((180, 320, 3), np.uint8), 2.0)
+    assert blind is not None
+    assert not blind.followed
+    for i in range(4):  # somewhere else that it has seen
+        found = tracker(look(9.0 + 0.2 * i), 2.1 + 0.1 * i)
+    assert found is not None
+    assert found.heading == pytest.approx(9.6, abs=1.5)
+
+
+def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
+    tracker = Tracker(model, THERE, look_every=0.5)
+    answers = [tracker(look(3.0 * i), 0.1 * i) for i in range(20)]
+    last = answers[-1]
+    assert last is not None
+    assert last.lighting.camera_heading is not None
+    assert last.lighting.sun_elevation == pytest.approx(61.0, abs=3.0)  # Munich in June
+    towards_sun = last.lighting.camera_heading + last.lighting.sun_azimuth
+    assert float(wrap_azimuth(towards_sun - 148.0)) == pytest.approx(0.0, abs=15.0)
+
+
+def test_in_the_dark_there_is_no_answer(model: Model) -> None:
+    assert Tracker(model)(np.zeros((180, 320, 3), np.uint8), 0.0) is None
+
+
+def test_memory_does_not_grow(model: Model) -> None:
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=2.0)
+    for i in range(33):
+        tracker(look(15.0 * i % 360.0), 0.1 * i)
+    assert len(tracker._bank._kept) <= 32
+    assert len(tracker._of_key) <= 2
+    assert len(tracker._light._sectors) <= 24
