@@ -1,0 +1,123 @@
+"""Mean light vectors: what a sky does to a Lambertian patch of a given normal, as one vector.
+
+A patch of unit normal n and albedo rho under radiance L has the brightness b = rho / pi x the integral of
+L(w) <w, n> over the hemisphere above the patch = <l, x> with x = rho n and the mean light vector
+l(n) = 1 / pi x the integral of L(w) w over that hemisphere (Hold-Geoffroy et al., What Is a Good Day for Outdoor
+Photometric Stereo?, ICCP 2015). l depends on n, for patches of other orientation see other light. Brightnesses at
+several times stack to b = M x, M the illumination matrix with one mean light vector a row.
+
+Directions are in the world axes of a map: +Y up, true north at -Z (the centre column of a lat-long map), east at +X.
+Brightness is in the units of the maps: a white patch (rho = 1) under a uniform sky of radiance 1 that fills its
+hemisphere has brightness 1.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lighting.errors import EnvironmentMapError
+from lighting.geometry import latlong_directions, latlong_solid_angle
+from lighting.map_light import without_sun
+from lighting.sky import SUN_HALF_APERTURE
+
+Floats = NDArray[np.floating[Any]]
+
+_CHUNK = 1 << 22  # weights of pixels held at once
+
+
+@dataclass(frozen=True)
+class Skies:
+    """The light from far away at T moments, in C channels, the sun's disc apart from the rest."""
+
+    radiance: NDArray[np.float32]  # (T, H, 2H, C), lat-long maps without the disc: row 0 zenith, centre column north
+    sun_direction: Floats  # (T, 3), unit vectors towards the disc's centre; any where there is no sun
+    sun_irradiance: Floats  # (T, C), of the disc on a plane that faces it; 0 where there is none
+
+    def __post_init__(self) -> None:
+        shape = self.radiance.shape
+        if len(shape) != 4 or shape[2] != 2 * shape[1] or not self.radiance.size:
+            raise EnvironmentMapError(f"Environment maps of several moments have the shape (T, H, 2H, C), not {shape}.")
+        if self.sun_direction.shape != (shape[0], 3) or self.sun_irradiance.shape != (shape[0], shape[3]):
+            raise EnvironmentMapError("Each moment needs the direction (3,) and the irradiance (C,) of its sun.")
+
+    def __len__(self) -> int:
+        return len(self.radiance)
+
+
+def skies_of_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
+    """Skies of maps (T, H, 2H, 3) that show the sun at directions (T, 3), the disc taken out of each.
+
+    What stands above the sky around the sun counts as the disc, for the disc is smaller than a pixel of most maps. A
+    sun that the map does not show has irradiance 0. Raises EnvironmentMapError for another shape.
+    """
+    images, suns = np.asarray(maps, dtype=np.float32), np.asarray(sun_direction, dtype=np.float64)
+    if images.ndim != 4 or images.shape[-1] != 3 or len(images) != len(suns):
+        raise EnvironmentMapError(f"Maps have the shape (T, H, 2H, 3), one for each sun, not {images.shape}.")
+    parts = [without_sun(image, sun) for image, sun in zip(images, suns, strict=True)]
+    return Skies(np.stack([sky for sky, _ in parts]), suns, np.stack([power for _, power in parts]))
+
+
+def illumination(skies: Skies, normals: ArrayLike) -> Floats:
+    """Illumination matrices (..., T, 3, C) of patches with unit normals (..., 3): mean light vectors as rows.
+
+    A patch's brightness at each moment is `illumination(...)[..., t, :, c] @ (albedo * normal)`, in the unit of the
+    skies' radiance. It is the brightness's derivative by x = albedo x normal too, for what the hemisphere's edge lets
+    in or out adds nothing: covariances of estimates follow from it at any normal.
+    """
+    directions = np.asarray(normals, dtype=np.float64)
+    flat = directions.reshape(-1, 3)
+    result = sky_light(skies.radiance, flat) + sun_light(skies.sun_direction, skies.sun_irradiance, flat)
+    return result.reshape(*directions.shape[:-1], *result.shape[1:])
+
+
+def mean_light(envmap: NDArray[np.floating[Any]], normals: ArrayLike, sun_direction: ArrayLike | None = None) -> Floats:
+    """Mean light vectors (..., 3, C) of patches with unit normals (..., 3) under one map (H, 2H, C).
+
+    With the direction (3,) of a sun that the map shows, its disc is integrated analytically and not from pixels; the
+    map has three channels then. Raises EnvironmentMapError for a map of another shape.
+    """
+    image = np.asarray(envmap, dtype=np.float32)[None]
+    if sun_direction is None:
+        skies = Skies(image, np.array([[0.0, 1.0, 0.0]]), np.zeros((1, image.shape[-1])))
+    else:
+        skies = skies_of_maps(image, np.asarray(sun_direction, dtype=np.float64)[None])
+    return np.asarray(illumination(skies, normals)[..., 0, :, :])
+
+
+def sky_light(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
+    """Mean light vectors (N, T, 3, C) of maps (T, H, 2H, C), for normals (N, 3), summed over pixels.
+
+    A pixel that a patch's plane cuts counts by about the part of it above the plane.
+    """
+    moments, height, width, channels = radiance.shape
+    d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
+    weight = np.repeat(latlong_solid_angle(height) / np.pi, width).astype(np.float32)
+    flux = radiance.reshape(moments, -1, channels).transpose(1, 0, 2) * weight[:, None, None]
+    by_pixel = (d[:, None, :, None] * flux[:, :, None, :]).reshape(len(d), -1).astype(np.float32)
+    result = np.empty((len(normals), moments, 3, channels))
+    rows = max(1, _CHUNK // len(d))
+    for start in range(0, len(normals), rows):
+        cosine = normals[start : start + rows].astype(np.float32) @ d.T
+        above = np.clip(cosine * np.float32(height / np.pi) + np.float32(0.5), 0, 1)
+        result[start : start + rows] = (above @ by_pixel).reshape(-1, moments, 3, channels)
+    return result
+
+
+def sun_light(sun_direction: Floats, sun_irradiance: Floats, normals: Floats) -> Floats:
+    """Mean light vectors (N, T, 3, C) of suns' discs alone, at directions (T, 3) with irradiances (T, C).
+
+    The integral over a uniform disc of SUN_HALF_APERTURE of which the patch's plane cuts off a segment: the share of
+    the disc above the plane times the disc's direction, and the segment's first moment along the normal.
+    """
+    radius = np.radians(SUN_HALF_APERTURE)
+    cosine = np.clip(normals @ sun_direction.T, -1, 1)
+    height = np.clip(np.arcsin(cosine) / radius, -1, 1)  # of the disc's centre above the plane, in radii
+    inside = np.sqrt(1 - height**2)
+    share = 0.5 + (height * inside + np.arcsin(height)) / np.pi
+    moment = 2 / (3 * np.pi) * inside**3 * radius
+    across = normals[:, None] - cosine[..., None] * sun_direction
+    across /= np.maximum(np.sqrt(1 - cosine**2), 1e-9)[..., None]
+    vector = share[..., None] * sun_direction + moment[..., None] * across
+    return np.asarray(vector[..., None] * sun_irradiance[:, None, :] / np.pi)
