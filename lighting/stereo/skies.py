@@ -16,6 +16,8 @@ Floats = NDArray[np.floating[Any]]
 
 HEIGHT = 64  # rows of a modelled map
 TURBIDITY = 3.0  # of a clear day in the country
+OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
+COVER = 0.5  # of broken cloud
 
 
 def suns_at(times: ArrayLike, latitude: float, longitude: float) -> Floats:
@@ -34,23 +36,79 @@ def clear_skies(
     directions = np.asarray(suns, dtype=np.float64)
     if (directions[:, 1] < 0).any():
         raise ParameterError("The sun is below the horizon; there is no light to model.")
-    maps = [_clear_map(sun, turbidity, ground_albedo, height) for sun in directions]
-    return Skies(np.stack([sky for sky, _ in maps]), directions, np.stack([power for _, power in maps]))
+    sky = np.stack([_clear_sky(sun, turbidity, ground_albedo, height) for sun in directions])
+    disc = np.stack([_disc(sun, turbidity) for sun in directions])
+    level = horizontal_irradiance(sky) + disc * directions[:, 1:2]
+    return Skies(_over_ground(sky, level, ground_albedo), directions, disc)
 
 
-def _clear_map(sun: Floats, turbidity: float, ground_albedo: float, height: int) -> tuple[NDArray[np.float32], Floats]:
-    """One map (H, 2H, 3) without its disc, and the disc's irradiance (3,)."""
-    points, weight = sun_disc_points(sun)
-    disc = sun_disc_radiance(points, sun, turbidity)
-    d = latlong_directions(height)[: height // 2].astype(np.float32)
-    image = np.empty((height, 2 * height, 3), dtype=np.float32)
-    image[: height // 2] = sky_radiance(d, sun, turbidity, ground_albedo)
-    level = horizontal_irradiance(image[: height // 2]) + (weight * points[:, 1]) @ disc
-    image[height // 2 :] = ground_albedo / np.pi * level
-    return image, np.asarray(weight @ disc)
+def overcast_skies(suns: ArrayLike, ground_albedo: float = GROUND_ALBEDO, height: int = HEIGHT) -> Skies:
+    """CIE standard overcast skies of three channels with the sun behind them at unit vectors (T, 3).
+
+    Their irradiance of level ground is OVERCAST_SHARE of that under the clear sky of the same sun.
+    """
+    clear = clear_skies(suns, ground_albedo=ground_albedo, height=height)
+    level = OVERCAST_SHARE * _level_irradiance(clear)
+    sky = _overcast(height)[:, :, None] * (level / horizontal_irradiance(_overcast(height)[..., None]))[:, None, None]
+    return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
+
+
+def broken_skies(
+    suns: ArrayLike,
+    spells: ArrayLike,
+    seed: int,
+    cover: float = COVER,
+    ground_albedo: float = GROUND_ALBEDO,
+    height: int = HEIGHT,
+) -> Skies:
+    """Skies with broken cloud, the sun at unit vectors (T, 3): a simple model, not a measured one.
+
+    `cover` is the probability that a cloud hides the sun during a spell; `spells` (T,) numbers the spell of each
+    moment, and one draw by `seed` decides for all moments of a spell. The sky itself is the mean of the clear and the
+    overcast one, weighted by the cover; the ground is lit by that sky and by the sun where it shines.
+    """
+    clear, dull = (model(suns, ground_albedo=ground_albedo, height=height) for model in (clear_skies, overcast_skies))
+    number = np.asarray(spells) - np.min(spells)
+    shines = np.random.default_rng(seed).random(int(number.max()) + 1)[number] >= cover
+    disc = clear.sun_irradiance * shines[:, None]
+    half = height // 2
+    sky = (1 - cover) * clear.radiance[:, :half] + cover * dull.radiance[:, :half]
+    level = horizontal_irradiance(sky) + disc * np.maximum(clear.sun_direction[:, 1:2], 0)
+    return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, disc)
 
 
 def horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:
     """Irradiance (..., C) of level ground by the upper half (..., H / 2, 2H, C) of a map."""
     edges = np.sin(np.linspace(np.pi / 2, 0, sky.shape[-3] + 1)) ** 2
-    return np.asarray(np.moveaxis(sky.mean(axis=-2, dtype=np.float64), -1, -2) @ (edges[:-1] - edges[1:])) * np.pi
+    by_row = np.moveaxis(sky.mean(axis=-2, dtype=np.float64), -1, -2)
+    return np.asarray(by_row @ (edges[:-1] - edges[1:])) * np.pi
+
+
+def _clear_sky(sun: Floats, turbidity: float, ground_albedo: float, height: int) -> NDArray[np.floating[Any]]:
+    """The upper half (H / 2, 2H, 3) of a map without the disc."""
+    above = latlong_directions(height)[: height // 2].astype(np.float32)
+    return sky_radiance(above, sun, turbidity, ground_albedo)
+
+
+def _disc(sun: Floats, turbidity: float) -> Floats:
+    """Irradiance (3,) of the part of the disc above the horizon on a plane that faces it."""
+    points, weight = sun_disc_points(sun)
+    return np.asarray(weight @ sun_disc_radiance(points, sun, turbidity))
+
+
+def _overcast(height: int) -> Floats:
+    """CIE standard overcast sky (H / 2, 2H), relative to its zenith: (1 + 2 sin elevation) / 3."""
+    up = latlong_directions(height)[: height // 2, :, 1]
+    return np.asarray((1 + 2 * up) / 3)
+
+
+def _over_ground(sky: Floats, level: Floats, albedo: float) -> NDArray[np.float32]:
+    """Whole maps (T, H, 2H, C) of skies (T, H / 2, 2H, C) over ground with irradiance (T, C)."""
+    ground = np.broadcast_to(albedo / np.pi * level[:, None, None], sky.shape)
+    return np.concatenate([sky, ground], axis=1).astype(np.float32)
+
+
+def _level_irradiance(skies: Skies) -> Floats:
+    """Irradiance (T, C) of level ground, the sun included."""
+    sky = horizontal_irradiance(skies.radiance[:, : skies.radiance.shape[1] // 2])
+    return np.asarray(sky + skies.sun_irradiance * np.maximum(skies.sun_direction[:, 1:2], 0))
