@@ -77,39 +77,37 @@ def interval_95(gain: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
     return np.asarray(SURE * noise * np.asarray(gain, dtype=np.float64) / albedo)
 
 
-def angular_error(inverses: Floats, normals: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
-    """Expected (root mean square) error [deg] (...) of unit normals (..., 3) from (M^T M)^-1 (..., 3, 3).
+def angular_spread(inverses: Floats, normals: ArrayLike) -> Floats:
+    """Root mean square turn [rad] (...) of unit normals (..., 3) per unit of noise / albedo, from (M^T M)^-1 (..., 3, 3).
 
-    Only what moves x across the normal turns it. To first order in the error, and at most WORST_ERROR.
+    To first order in the noise, where only what moves x across the normal turns it.
     """
     n = np.asarray(normals, dtype=np.float64)
     along = np.einsum("...i,...ij,...j->...", n, np.where(np.isfinite(inverses), inverses, 0.0), n)
-    across = np.maximum(np.trace(inverses, axis1=-2, axis2=-1) - along, 0.0)
-    return np.asarray(np.minimum(np.degrees(noise / albedo * np.sqrt(across)), WORST_ERROR))
+    return np.asarray(np.sqrt(np.maximum(np.trace(inverses, axis1=-2, axis2=-1) - along, 0.0)))
 
 
-def shots_between(first: NDArray[np.intp], last: NDArray[np.intp], shots: int) -> NDArray[np.intp]:
-    """Indices (W, shots) of photos spread evenly over windows of moments first (W,) to last (W,), both ends in."""
-    share = np.linspace(0.0, 1.0, shots)
-    return np.asarray(np.rint(first[:, None] + (last - first)[:, None] * share), dtype=np.intp)
+def angular_error(spread: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
+    """Expected error [deg] (...) of normals from their `angular_spread` (...): at most WORST_ERROR."""
+    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(spread, dtype=np.float64)), WORST_ERROR))
 
 
-def window_inverses(matrix: ArrayLike, first: NDArray[np.intp], last: NDArray[np.intp], shots: int) -> Floats:
-    """(M^T M)^-1 (..., W, 3, 3) of every window of moments, of illumination matrices (..., T, 3) over a day.
+def window_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
+    """(M^T M)^-1 (..., W, 3, 3) of windows, of illumination matrices (..., T, 3) over a day.
 
-    Each window holds the same number of photos, so that gains compare.
+    `moments` (W, shots) are the indices of each window's photos; each holds the same number, so that gains compare.
     """
     m = np.asarray(matrix, dtype=np.float64)
     squares = m[..., :, None] * m[..., None, :]
-    total = np.zeros((*m.shape[:-2], len(first), 3, 3))
-    for index in shots_between(first, last, shots).T:
+    total = np.zeros((*m.shape[:-2], len(moments), 3, 3))
+    for index in moments.T:
         total += squares[..., index, :, :]
     return inverse(total)
 
 
-def gain_over_windows(matrix: ArrayLike, first: NDArray[np.intp], last: NDArray[np.intp], shots: int) -> Floats:
-    """lambda_max (..., W) by start and end of the window (W,), of illumination matrices (..., T, 3) over a day."""
-    return np.asarray(gain_of(window_inverses(matrix, first, last, shots)).max(axis=-1))
+def gain_over_windows(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
+    """lambda_max (..., W) of windows with photos at `moments` (W, shots), see `window_inverses`."""
+    return np.asarray(gain_of(window_inverses(matrix, moments)).max(axis=-1))
 
 
 def sphere_normals(count: int) -> Floats:

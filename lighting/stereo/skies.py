@@ -18,6 +18,7 @@ HEIGHT = 64  # rows of a modelled map
 TURBIDITY = 3.0  # of a clear day in the country
 OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
 COVER = 0.5  # of broken cloud
+SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
 
 
 def suns_at(times: ArrayLike, latitude: float, longitude: float) -> Floats:
@@ -55,26 +56,32 @@ def overcast_skies(suns: ArrayLike, ground_albedo: float = GROUND_ALBEDO, height
 
 def broken_skies(
     suns: ArrayLike,
-    spells: ArrayLike,
-    seed: int,
+    shines: ArrayLike,
     cover: float = COVER,
     ground_albedo: float = GROUND_ALBEDO,
     height: int = HEIGHT,
 ) -> Skies:
     """Skies with broken cloud, the sun at unit vectors (T, 3): a simple model, not a measured one.
 
-    `cover` is the probability that a cloud hides the sun during a spell; `spells` (T,) numbers the spell of each
-    moment, and one draw by `seed` decides for all moments of a spell. The sky itself is the mean of the clear and the
-    overcast one, weighted by the cover; the ground is lit by that sky and by the sun where it shines.
+    The sky is the mean of the clear and the overcast one, weighted by the cloud cover, 0 to 1. The disc is whole where
+    `shines` (T,), see `draw_sunshine`, and hidden elsewhere; the ground is lit by both.
     """
     clear, dull = (model(suns, ground_albedo=ground_albedo, height=height) for model in (clear_skies, overcast_skies))
-    number = np.asarray(spells) - np.min(spells)
-    shines = np.random.default_rng(seed).random(int(number.max()) + 1)[number] >= cover
-    disc = clear.sun_irradiance * shines[:, None]
+    disc = clear.sun_irradiance * np.asarray(shines, dtype=bool)[:, None]
     half = height // 2
     sky = (1 - cover) * clear.radiance[:, :half] + cover * dull.radiance[:, :half]
     level = horizontal_irradiance(sky) + disc * np.maximum(clear.sun_direction[:, 1:2], 0)
     return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, disc)
+
+
+def draw_sunshine(minutes: ArrayLike, seed: int, cover: float = COVER) -> NDArray[np.bool_]:
+    """Whether the sun shines at times of a day (T,) [minutes], one draw by `seed` for each SPELL of broken cloud.
+
+    In a share `cover` of the spells a cloud hides it.
+    """
+    spell = np.floor(np.asarray(minutes, dtype=np.float64) / SPELL).astype(np.intp)
+    spell -= spell.min()
+    return np.asarray(np.random.default_rng(seed).random(int(spell.max()) + 1)[spell] >= cover)
 
 
 def horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:
