@@ -1,0 +1,155 @@
+"""Normals by exhaustive search: every pixel's brightnesses against what each of a few thousand normals would show.
+
+A patch of normal n and albedo rho shows b = rho e(n), with e(n) the brightness of a white patch. For each normal of a
+grid the best albedo follows in closed form, and the squared residual is |b|^2 - <b, e / |e|>^2, so that all residuals
+are one matrix product. With Gaussian noise and the prior that a picture of a shape without a preferred side holds
+normals in proportion to their foreshortening, n_z, they give each pixel a distribution over the grid. Its peak is the
+start of one damped step of least squares, within the hemisphere of that normal: there brightness is linear in rho n,
+with the mean light vectors (mean_light.py) as its derivative. Iterating such steps from a single start
+diverges where the hemisphere of the start is another than that of the solution.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.stereo.mean_light import Skies, illumination
+from lighting.stereo.normals_frame import Pose, to_camera, to_world, visible_normals
+
+Floats = NDArray[np.floating[Any]]
+Image = NDArray[np.float32]
+
+CANDIDATES = 3000  # normals, 2.6 deg apart
+APART = 25.0  # deg, from the best normal to the nearest that counts as another answer
+
+_BLOCK = 1 << 22  # residuals held at once
+_TINY = np.float32(1e-12)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """A grid of normals and how a day lights them, in the camera frame."""
+
+    normals: Image  # (K, 3)
+    light: Image  # (K, T, 3, C), mean light vectors
+    brightness: Image  # (C, K, T), of white patches
+
+    @property
+    def reach(self) -> float:
+        """The distance [rad] between neighbours of the grid."""
+        return float(np.sqrt(2 * np.pi / len(self.normals)))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the search says of P pixels."""
+
+    normal: Image  # (P, 3), camera frame
+    albedo: Image  # (P, C), in units of the images over those of the skies
+    residual: Image  # (P,), root of the mean squared difference of the images, in their unit
+    error: Image  # (P,), expected angle [deg] of the normal to the truth, as root of the mean square
+    mean: Image  # (P, 3), mean of the distribution over normals; its length is less than 1
+    other: Image  # (P, 3), the best normal that is APART from the first
+    odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
+
+
+def candidates(skies: Skies, pose: Pose, count: int = CANDIDATES) -> Candidates:
+    """The grid of normals that a camera can see, under skies of T moments and C channels."""
+    normals = visible_normals(count)
+    vectors = illumination(skies, to_world(normals, pose))  # (K, T, 3, C)
+    light = np.moveaxis(to_camera(np.moveaxis(vectors, -2, -1), pose), -1, -2)
+    brightness = np.einsum("ktjc,kj->ckt", light, normals)
+    return Candidates(normals, light.astype(np.float32), brightness.astype(np.float32))
+
+
+def search(images: Image, table: Candidates, noise: float) -> Answer:
+    """The normals of P pixels from brightnesses (P, T, C); `noise` is their standard deviation, in their unit."""
+    parts = list(search_blocks(images, table, noise))
+    if not parts:
+        return _search_block(images, table, noise, _units(table))
+    return Answer(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Answer)))
+
+
+def search_blocks(images: Image, table: Candidates, noise: float) -> Iterator[Answer]:
+    """The same, block by block of pixels in their order."""
+    size = max(1, _BLOCK // len(table.normals))
+    units = _units(table)
+    for start in range(0, len(images), size):
+        yield _search_block(images[start : start + size], table, noise, units)
+
+
+def _units(table: Candidates) -> Image:
+    """Brightnesses (C, T, K) scaled to length 1 over the moments."""
+    length = np.sqrt(np.sum(table.brightness**2, axis=-1, keepdims=True))
+    return np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _TINY), 1, 2))
+
+
+def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> Answer:
+    likelihood = _log_likelihood(images, units, noise)
+    likelihood += np.log(table.normals[:, 2])
+    best = likelihood.argmax(axis=1)
+    rows = np.arange(len(best))
+    peak = likelihood[rows, best]
+    likelihood -= peak[:, None]
+    other, odds = _other(likelihood, table.normals, best)
+    weight = np.exp(likelihood, out=likelihood)
+    mean = (weight @ table.normals) / weight.sum(axis=1, keepdims=True)
+    normal, albedo, residual = refine(images, table, best, noise)
+    cosine = np.clip(np.sum(normal * mean, axis=1), -1, 1)
+    error = np.degrees(2 * np.arcsin(np.sqrt((1 - cosine) / 2)))
+    return Answer(normal, albedo, residual, error, mean, other, odds)
+
+
+def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
+    """Logarithms (P, K) of how likely each normal makes the images, up to a constant for each pixel."""
+    scaled = (images / np.float32(noise * np.sqrt(2))).astype(np.float32)
+    total = np.zeros((len(images), units.shape[-1]), dtype=np.float32)
+    for channel, unit in enumerate(units):
+        match = scaled[:, :, channel] @ unit
+        total += np.square(np.maximum(match, 0, out=match), out=match)
+    return total
+
+
+def _other(likelihood: Image, normals: Image, best: NDArray[np.intp]) -> tuple[Image, Image]:
+    """The likeliest normal (P, 3) APART from the best one, and its logarithm of likelihood (P,) relative to that."""
+    near = normals[best] @ normals.T > np.float32(np.cos(np.radians(APART)))
+    rest = np.where(near, np.float32(-np.inf), likelihood)
+    index = rest.argmax(axis=1)
+    return normals[index], np.maximum(rest[np.arange(len(index)), index], np.float32(-1e4))
+
+
+def refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: float) -> tuple[Image, Image, Image]:
+    """Normal (P, 3), albedo (P, C) and residual (P,) by one step of least squares from the grid's normals (P,).
+
+    The step is damped by the grid's spacing, so that noise along an axis that the light does not tell apart moves the
+    normal no farther than to the edge of its cell.
+    """
+    start, light = table.normals[best], table.light[best]
+    albedo = _albedo(images, _shading(light, start))
+    rows = np.swapaxes(light * albedo[:, None, None, :], 2, 3).reshape(len(best), -1, 3)
+    missing = images.reshape(len(best), -1) - np.einsum("prj,pj->pr", rows, start)
+    damping = np.float32((noise / table.reach) ** 2)
+    square = np.swapaxes(rows, 1, 2) @ rows + damping * np.eye(3, dtype=np.float32)
+    step = np.linalg.solve(square, np.swapaxes(rows, 1, 2) @ missing[:, :, None])[..., 0]
+    step *= np.minimum(1, table.reach / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), _TINY))
+    normal = start + step
+    normal[:, 2] = np.maximum(normal[:, 2], 0)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    shading = _shading(light, normal)
+    albedo = _albedo(images, shading)
+    residual = np.sqrt(np.mean((images - albedo[:, None] * shading) ** 2, axis=(1, 2)))
+    return normal.astype(np.float32), albedo.astype(np.float32), residual.astype(np.float32)
+
+
+def _shading(light: Image, normal: Image) -> Image:
+    """Brightnesses (P, T, C) of white patches."""
+    return np.maximum(np.einsum("ptjc,pj->ptc", light, normal), 0)
+
+
+def _albedo(images: Image, shading: Image) -> Image:
+    """Albedos (P, C) that fit best."""
+    power = np.maximum(np.sum(shading * shading, axis=1), _TINY)
+    return np.asarray(np.maximum(np.sum(images * shading, axis=1), 0) / power)
