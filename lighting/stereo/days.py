@@ -1,5 +1,6 @@
 """The light of one day as a plan reads it: moments, and mean light vectors of any normal at each of them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from typing import Any, Literal
@@ -10,13 +11,14 @@ from numpy.typing import NDArray
 from lighting.colour import LUMINANCE_WEIGHTS
 from lighting.errors import ParameterError
 from lighting.stereo.mean_light import Skies, illumination
-from lighting.stereo.skies import broken_skies, clear_skies, draw_sunshine, overcast_skies, suns_at
+from lighting.stereo.skies import HEIGHT, broken_skies, clear_skies, draw_sunshine, overcast_skies, suns_at
 
 Floats = NDArray[np.floating[Any]]
 Weather = Literal["clear", "overcast", "mixed"]
 
 DRAWS = 8  # of the clouds of a mixed day
 DAY = 24 * 60  # min
+STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,14 @@ class Day:
         moments = np.arange(len(self.minutes))
         return np.stack([variants[row, :, moments].swapaxes(0, 1) for row in self.variant])
 
+    def only(self, moments: NDArray[np.intp]) -> "Day":
+        """The day at some of its moments alone (M,), in that order."""
+        skies = tuple(
+            Skies(each.radiance[moments], each.sun_direction[moments], each.sun_irradiance[moments])
+            for each in self.skies
+        )
+        return Day(self.date, self.minutes[moments], self.tolerance, skies, self.variant[:, moments])
+
     def moments(self, start: Floats, end: Floats, shots: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Indices (W, shots) of photos spread evenly from start (W,) to end (W,) [min], both ends in; whether (W,)
         every photo finds light within the day's tolerance."""
@@ -53,39 +63,58 @@ class Day:
         return index, np.asarray(reached.all(axis=1))
 
 
-def modelled_day(place: Place, day: date, weather: Weather, step: float) -> Day:
-    """The day from midnight to midnight every `step` minutes that the sun is up; all of a polar day.
+def modelled_day(place: Place, day: date, weather: Weather, *, coarse: bool = False) -> Day:
+    """The moments of the day, midnight to midnight, that the sun is up: all of a polar day.
 
-    Raises ParameterError where the sun does not rise.
+    Coarse has half as many moments, in maps of half the size. Raises ParameterError where the sun does not rise.
     """
+    step, height = (COARSE_STEP, HEIGHT // 2) if coarse else (STEP, HEIGHT)
     minutes = np.arange(0.0, DAY, step)
     suns = suns_at(_utc(place, day, minutes), place.latitude, place.longitude)
     up = suns[:, 1] > 0
     if up.sum() < 2:
-        raise ParameterError(
-            f"The sun does not rise at {abs(place.latitude):g}° {'N' if place.latitude >= 0 else 'S'} on {day}: "
-            f"it is night all day."
-        )
+        raise ParameterError(_night(place, day, day))
     minutes, suns = minutes[up], suns[up]
-    skies, variant = _weather(suns, minutes, weather, day)
-    return Day(day, minutes, step / 2, tuple(in_grey(sky) for sky in skies), variant)
+    clear = in_grey(clear_skies(suns, height=height))
+    skies, variant = _weather(clear, minutes, weather)
+    return Day(day, minutes, step / 2, skies, variant)
 
 
-def _weather(suns: Floats, minutes: Floats, weather: Weather, day: date) -> tuple[list[Skies], NDArray[np.intp]]:
-    alone = np.zeros((1, len(suns)), dtype=np.intp)
-    if weather == "clear":
-        return [clear_skies(suns)], alone
-    if weather == "overcast":
-        return [overcast_skies(suns)], alone
-    draws = [draw_sunshine(minutes, seed=day.toordinal() * DRAWS + i) for i in range(DRAWS)]
-    both = [broken_skies(suns, np.full(len(suns), shines)) for shines in (False, True)]
-    return both, np.stack(draws).astype(np.intp)
+def _weather(clear: Skies, minutes: Floats, weather: Weather) -> tuple[tuple[Skies, ...], NDArray[np.intp]]:
+    """Variants of every moment, and which of them each draw of the clouds sees."""
+    if weather == "mixed":
+        draws = [draw_sunshine(minutes, seed) for seed in range(DRAWS)]  # the same every day
+        both = tuple(broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True))
+        return both, np.stack(draws).astype(np.intp)
+    return (clear if weather == "clear" else overcast_skies(clear),), np.zeros((1, len(clear)), dtype=np.intp)
 
 
 def _utc(place: Place, day: date, minutes: Floats) -> NDArray[np.datetime64]:
     midnight = np.datetime64(day.isoformat(), "s")
     seconds = np.rint(60 * (minutes - 60 * place.utc_offset)).astype("timedelta64[s]")
     return np.asarray(midnight + seconds)
+
+
+def clear_brightness(place: Place, days: Sequence[date]) -> float:
+    """The length of the brightest mean light vector under clear skies of these days: of a patch that faces
+    the sun at its highest.
+
+    Raises ParameterError where the sun does not rise on any.
+    """
+    minutes = np.arange(0.0, DAY, 15.0)
+    times = np.stack([_utc(place, day, minutes) for day in days]).ravel()
+    suns = suns_at(times, place.latitude, place.longitude)
+    highest = suns[np.argmax(suns[:, 1])][None]
+    if highest[0, 1] <= 0:
+        raise ParameterError(_night(place, days[0], days[-1]))
+    light = illumination(in_grey(clear_skies(highest)), highest)
+    return float(np.linalg.norm(light))
+
+
+def _night(place: Place, first: date, last: date) -> str:
+    where = f"{abs(place.latitude):g}° {'N' if place.latitude >= 0 else 'S'}"
+    when = f"on {first}" if first == last else f"from {first} to {last}"
+    return f"The sun does not rise at {where} {when}; it is night all day."
 
 
 def in_grey(skies: Skies) -> Skies:

@@ -17,6 +17,7 @@ Floats = NDArray[np.floating[Any]]
 
 SURE = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
 WORST_ERROR = 90.0  # deg, an error so large says nothing of the normal
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and columns of the upper triangle
 _SINGULAR = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
 
 
@@ -29,17 +30,22 @@ def gram(matrix: ArrayLike) -> Floats:
 def inverse(grams: ArrayLike) -> Floats:
     """Inverses (..., 3, 3) of symmetric positive matrices (..., 3, 3); infinite on the diagonal where singular."""
     g = np.asarray(grams, dtype=np.float64)
-    scale = np.maximum(np.trace(g, axis1=-2, axis2=-1) / 3, np.finfo(np.float64).tiny)
-    a, b, c, d, e, f = ((g[..., i, j] / scale) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
+    return _inverse(np.stack([g[..., row, column] for row, column in _UPPER], axis=-1))
+
+
+def _inverse(upper: Floats) -> Floats:
+    """The same of matrices given by their upper triangles (..., 6), by cofactors: a million take a second."""
+    scale = np.maximum((upper[..., 0] + upper[..., 3] + upper[..., 5]) / 3, np.finfo(np.float64).tiny)
+    a, b, c, d, e, f = np.moveaxis(upper / scale[..., None], -1, 0)
     adjugate = [d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b]
     determinant = a * adjugate[0] + b * adjugate[1] + c * adjugate[2]
     solvable = determinant > _SINGULAR
-    divisor = np.where(solvable, determinant * scale, 1.0)
-    xx, xy, xz, yy, yz, zz = (
-        np.where(solvable, term / divisor, hopeless)
-        for term, hopeless in zip(adjugate, (np.inf, 0.0, 0.0, np.inf, 0.0, np.inf), strict=True)
-    )
-    return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(g.shape)
+    factor = 1 / np.where(solvable, determinant * scale, 1.0)
+    result = np.empty((*upper.shape[:-1], 3, 3))
+    for (row, column), cofactor in zip(_UPPER, adjugate, strict=True):
+        value = np.where(solvable, cofactor * factor, np.inf if row == column else 0.0)
+        result[..., row, column] = result[..., column, row] = value
+    return result
 
 
 def covariance(matrix: ArrayLike, noise: float = 1.0) -> Floats:
@@ -78,13 +84,15 @@ def interval_95(gain: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
 
 
 def angular_spread(inverses: Floats, normals: ArrayLike) -> Floats:
-    """Root mean square turn [rad] (...) of unit normals (..., 3) per unit of noise / albedo, from (M^T M)^-1 (..., 3, 3).
+    """Root mean square turn [rad] (...) of unit normals (..., 3) per noise / albedo, from (M^T M)^-1 (..., 3, 3).
 
     To first order in the noise, where only what moves x across the normal turns it.
     """
     n = np.asarray(normals, dtype=np.float64)
-    along = np.einsum("...i,...ij,...j->...", n, np.where(np.isfinite(inverses), inverses, 0.0), n)
-    return np.asarray(np.sqrt(np.maximum(np.trace(inverses, axis1=-2, axis2=-1) - along, 0.0)))
+    across = np.eye(3) - n[..., :, None] * n[..., None, :]
+    square = np.einsum("...ij,...ij->...", np.where(np.isfinite(inverses), inverses, 0.0), across)
+    solved = np.isfinite(inverses[..., 0, 0])
+    return np.asarray(np.where(solved, np.sqrt(np.maximum(square, 0.0)), np.inf))
 
 
 def angular_error(spread: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
@@ -98,11 +106,11 @@ def window_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
     `moments` (W, shots) are the indices of each window's photos; each holds the same number, so that gains compare.
     """
     m = np.asarray(matrix, dtype=np.float64)
-    squares = m[..., :, None] * m[..., None, :]
-    total = np.zeros((*m.shape[:-2], len(moments), 3, 3))
+    products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER], axis=-1)
+    total = np.zeros((*m.shape[:-2], len(moments), 6))
     for index in moments.T:
-        total += squares[..., index, :, :]
-    return inverse(total)
+        total += np.take(products, index, axis=-2)
+    return _inverse(total)
 
 
 def gain_over_windows(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import EnvironmentMapError
 from lighting.geometry import latlong_directions, latlong_solid_angle
-from lighting.map_light import without_sun
+from lighting.prefilter import without_sun
 from lighting.sky import SUN_HALF_APERTURE
 
 Floats = NDArray[np.floating[Any]]

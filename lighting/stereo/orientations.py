@@ -5,16 +5,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import direction, wrap_azimuth
+from lighting.geometry import direction
 from lighting.stereo.gain import sphere_normals
 
 Floats = NDArray[np.floating[Any]]
 Named = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
 
-NORMALS = 240  # over the whole sphere, of which those of interest count
+NORMALS = 180  # over the whole sphere, of which those of interest count
 VISIBLE = 80.0  # deg from the facing direction within which a camera before the surface sees orientations well
 
-_COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", -90.0))
+_COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
 
 
 def normals_of_interest(facing: float | None) -> Floats:
@@ -26,14 +26,16 @@ def normals_of_interest(facing: float | None) -> Floats:
     return np.asarray(normals[normals @ direction(facing, 0.0) > np.cos(np.radians(VISIBLE))])
 
 
-def named_orientations(facing: float | None) -> tuple[Named, ...]:
-    """The orientations that a plan speaks of."""
+def named_normals(facing: float | None) -> tuple[list[Named], Floats]:
+    """The orientations that a plan speaks of, and their unit normals (N, 3)."""
     if facing is None:
-        slopes = (("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS))
-        return slopes + tuple((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)
-    turned = (("straight ahead", 0.0, 0.0), ("45° to its left", -45.0, 0.0), ("45° to its right", 45.0, 0.0))
-    tilted = (("45° up", 0.0, 45.0), ("45° down", 0.0, -45.0))
-    return tuple((name, float(wrap_azimuth(facing + turn)), elevation) for name, turn, elevation in turned + tilted)
+        slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
+        named = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
+    else:
+        turned = [("ahead", 0.0, 0.0), ("45° clockwise", 45.0, 0.0), ("45° counter-clockwise", -45.0, 0.0)]
+        tilted = [("45° up", 0.0, 45.0), ("45° down", 0.0, -45.0)]
+        named = [(name, (facing + turn) % 360.0, elevation) for name, turn, elevation in turned + tilted]
+    return named, direction([azimuth for _, azimuth, _ in named], [elevation for *_, elevation in named])
 
 
 def half_sphere(facing: float | None, size: int) -> tuple[Floats, NDArray[np.bool_]]:
@@ -48,5 +50,6 @@ def half_sphere(facing: float | None, size: int) -> tuple[Floats, NDArray[np.boo
     towards = np.sqrt(1 - x**2 - y**2)
     if facing is None:
         return np.stack([x, towards, -y], axis=-1), inside
-    left = direction(facing - 90.0, 0.0)  # of the surface, which is the camera's right
-    return x[:, None] * left + y[:, None] * np.array([0.0, 1.0, 0.0]) + towards[:, None] * direction(facing, 0.0), inside
+    left = direction(facing - 90.0, 0.0)  # the surface's left is the camera's right
+    axes = np.stack([left, np.array([0.0, 1.0, 0.0]), direction(facing, 0.0)])
+    return np.stack([x, y, towards], axis=-1) @ axes, inside

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.errors import EnvironmentMapError
-from lighting.exr import checked_map, read_exr
+from lighting.files.exr import checked_map, read_exr
 from lighting.geometry import latlong_directions
-from lighting.map_light import shrink
+from lighting.prefilter import shrink
 from lighting.stereo.days import Day, in_grey
 from lighting.stereo.mean_light import Skies, skies_of_maps
 from lighting.stereo.skies import HEIGHT

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.ephemeris import sun_position
 from lighting.errors import ParameterError
+from lighting.evidence.ephemeris import sun_position
 from lighting.geometry import direction, latlong_directions
-from lighting.parameters import GROUND_ALBEDO
+from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.stereo.mean_light import Skies
 
@@ -18,6 +18,8 @@ HEIGHT = 64  # rows of a modelled map
 TURBIDITY = 3.0  # of a clear day in the country
 OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
 COVER = 0.5  # of broken cloud
+_DISC = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
+
 SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
 
 
@@ -43,33 +45,26 @@ def clear_skies(
     return Skies(_over_ground(sky, level, ground_albedo), directions, disc)
 
 
-def overcast_skies(suns: ArrayLike, ground_albedo: float = GROUND_ALBEDO, height: int = HEIGHT) -> Skies:
-    """CIE standard overcast skies of three channels with the sun behind them at unit vectors (T, 3).
+def overcast_skies(clear: Skies, ground_albedo: float = GROUND_ALBEDO) -> Skies:
+    """CIE standard overcast skies at the moments of clear ones, in their channels.
 
-    Their irradiance of level ground is OVERCAST_SHARE of that under the clear sky of the same sun.
+    Their irradiance of level ground is OVERCAST_SHARE of the clear skies'.
     """
-    clear = clear_skies(suns, ground_albedo=ground_albedo, height=height)
     level = OVERCAST_SHARE * _level_irradiance(clear)
-    sky = _overcast(height)[:, :, None] * (level / horizontal_irradiance(_overcast(height)[..., None]))[:, None, None]
+    relative = _overcast(clear.radiance.shape[1])[..., None]
+    sky = relative * (level / horizontal_irradiance(relative))[:, None, None]
     return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
 
 
-def broken_skies(
-    suns: ArrayLike,
-    shines: ArrayLike,
-    cover: float = COVER,
-    ground_albedo: float = GROUND_ALBEDO,
-    height: int = HEIGHT,
-) -> Skies:
-    """Skies with broken cloud, the sun at unit vectors (T, 3): a simple model, not a measured one.
+def broken_skies(clear: Skies, shines: ArrayLike, cover: float = COVER, ground_albedo: float = GROUND_ALBEDO) -> Skies:
+    """Skies with broken cloud at the moments of clear ones, in their channels: a simple model, not a measured one.
 
     The sky is the mean of the clear and the overcast one, weighted by the cloud cover, 0 to 1. The disc is whole where
     `shines` (T,), see `draw_sunshine`, and hidden elsewhere; the ground is lit by both.
     """
-    clear, dull = (model(suns, ground_albedo=ground_albedo, height=height) for model in (clear_skies, overcast_skies))
+    half = clear.radiance.shape[1] // 2
+    sky = (1 - cover) * clear.radiance[:, :half] + cover * overcast_skies(clear).radiance[:, :half]
     disc = clear.sun_irradiance * np.asarray(shines, dtype=bool)[:, None]
-    half = height // 2
-    sky = (1 - cover) * clear.radiance[:, :half] + cover * dull.radiance[:, :half]
     level = horizontal_irradiance(sky) + disc * np.maximum(clear.sun_direction[:, 1:2], 0)
     return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, disc)
 
@@ -80,8 +75,7 @@ def draw_sunshine(minutes: ArrayLike, seed: int, cover: float = COVER) -> NDArra
     In a share `cover` of the spells a cloud hides it.
     """
     spell = np.floor(np.asarray(minutes, dtype=np.float64) / SPELL).astype(np.intp)
-    spell -= spell.min()
-    return np.asarray(np.random.default_rng(seed).random(int(spell.max()) + 1)[spell] >= cover)
+    return np.asarray(np.random.default_rng(seed).random(int(24 * 60 / SPELL))[spell] >= cover)
 
 
 def horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:
@@ -99,7 +93,7 @@ def _clear_sky(sun: Floats, turbidity: float, ground_albedo: float, height: int)
 
 def _disc(sun: Floats, turbidity: float) -> Floats:
     """Irradiance (3,) of the part of the disc above the horizon on a plane that faces it."""
-    points, weight = sun_disc_points(sun)
+    points, weight = sun_disc_points(sun, *_DISC)
     return np.asarray(weight @ sun_disc_radiance(points, sun, turbidity))
 
 

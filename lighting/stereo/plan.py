@@ -1,0 +1,126 @@
+"""What a plan answers: the best windows of a day and what each promises, as records and as JSON."""
+
+import math
+from dataclasses import dataclass
+from datetime import date
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.records import check_range
+
+Floats = NDArray[np.floating[Any]]
+
+HOURS = (1, 2, 3, 6)  # the lengths of windows compared
+FEWEST_SHOTS, MOST_SHOTS = 3, 1000
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is to be photographed, and with how many photos of which noise; raises ParameterError out of range."""
+
+    facing: float | None = None  # deg clockwise from north, where the surface faces; None: all around and up
+    shots: int = 8  # photos of a window
+    noise: float = 1.0  # standard deviation of a pixel, per cent of the brightest light
+
+    def __post_init__(self) -> None:
+        check_range("shots", self.shots, FEWEST_SHOTS, MOST_SHOTS)
+        check_range("noise", self.noise, 0.001, 100.0)
+        if self.facing is not None:
+            check_range("facing", self.facing, -360.0, 360.0)
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """What a window promises for one orientation of the surface; infinite where its light resolves nothing."""
+
+    name: str
+    azimuth: float  # deg clockwise from north, where the normal points
+    elevation: float  # deg, of the normal above the horizon
+    error: float  # deg, expected (root mean square) error of the normal, 90 at most
+    gain: float  # lambda_max
+    interval_95: tuple[float, float, float]  # +- of the normal's components east, up, south
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "azimuth": self.azimuth,
+            "elevation": self.elevation,
+            "error": _number(self.error),
+            "gain": _number(self.gain),
+            "interval_95": [_number(value) for value in self.interval_95],
+        }
+
+
+@dataclass(frozen=True)
+class Window:
+    hours: int
+    start: float  # min since midnight
+    end: float
+    error: float  # deg, expected error of the normal, median over the orientations of interest, 90 at most
+    gain: float  # lambda_max, median
+    rotation_free_gain: float  # 1 / sigma_min, median
+    orientations: tuple[Orientation, ...]
+    sphere: Floats  # (S, S), lambda_max over the half sphere seen; NaN outside
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "hours": self.hours,
+            "start": clock(self.start),
+            "end": clock(self.end),
+            "error": _number(self.error),
+            "gain": _number(self.gain),
+            "rotation_free_gain": _number(self.rotation_free_gain),
+            "orientations": [orientation.to_dict() for orientation in self.orientations],
+        }
+
+
+@dataclass(frozen=True)
+class Table:
+    """All windows of a day, for a drawing by start and end."""
+
+    start: Floats  # (W,) min since midnight
+    end: Floats  # (W,)
+    gain: Floats  # (W,) lambda_max, median; infinite where nothing is resolved
+
+
+@dataclass(frozen=True)
+class DayScore:
+    day: date
+    errors: tuple[float, ...]  # deg, least of each length of HOURS, 90 where none fits
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"date": self.day.isoformat(), "errors": [_number(error) for error in self.errors]}
+
+
+@dataclass(frozen=True)
+class Plan:
+    day: date  # the best
+    question: Question
+    windows: tuple[Window, ...]  # the best of each length of HOURS that fits the day
+    days: tuple[DayScore, ...]
+    table: Table
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON: angles in deg, times by the clock of the place, null for what the light does not resolve."""
+        question = self.question
+        return {
+            "date": self.day.isoformat(),
+            "facing": question.facing,
+            "shots": question.shots,
+            "noise": question.noise,
+            "windows": [window.to_dict() for window in self.windows],
+            "days": [score.to_dict() for score in self.days],
+        }
+
+
+def clock(minutes: float) -> str:
+    """Minutes since midnight as "10:45"."""
+    whole = round(minutes)
+    return f"{whole // 60:02d}:{whole % 60:02d}"
+
+
+def _number(value: float) -> float | None:
+    """Four digits of it; None where it is infinite."""
+    return float(f"{value:.4g}") if math.isfinite(value) else None
