@@ -50,6 +50,7 @@ class Answer:
     normal: Image  # (P, 3), camera frame
     albedo: Image  # (P, C), in units of the images over those of the skies
     residual: Image  # (P,), root of the mean squared difference of the images, in their unit
+    difference: Image  # (P, T), the images less what normal and albedo make, mean over channels
     error: Image  # (P,), expected angle [deg] of the normal to the truth, as root of the mean square
     mean: Image  # (P, 3), mean of the distribution over normals; its length is less than 1
     other: Image  # (P, 3), the best normal that is APART from the first
@@ -97,10 +98,11 @@ def _search_block(images: Image, table: Candidates, noise: float, units: Image) 
     other, odds = _other(likelihood, table.normals, best)
     weight = np.exp(likelihood, out=likelihood)
     mean = (weight @ table.normals) / weight.sum(axis=1, keepdims=True)
-    normal, albedo, residual = refine(images, table, best, noise)
+    normal, albedo, difference = refine(images, table, best, noise)
+    residual = np.sqrt(np.mean(difference**2, axis=(1, 2)))
     cosine = np.clip(np.sum(normal * mean, axis=1), -1, 1)
     error = np.degrees(2 * np.arcsin(np.sqrt((1 - cosine) / 2)))
-    return Answer(normal, albedo, residual, error, mean, other, odds)
+    return Answer(normal, albedo, residual, difference.mean(axis=2), error, mean, other, odds)
 
 
 def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
@@ -122,9 +124,9 @@ def _other(likelihood: Image, normals: Image, best: NDArray[np.intp]) -> tuple[I
 
 
 def refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: float) -> tuple[Image, Image, Image]:
-    """Normal (P, 3), albedo (P, C) and residual (P,) by one step of least squares from the grid's normals (P,).
+    """Normal (P, 3), albedo (P, C) and what is left of the images (P, T, C), by a step from the grid's normals (P,).
 
-    The step is damped by the grid's spacing, so that noise along an axis that the light does not tell apart moves the
+    The step is of least squares, damped by the grid's spacing, so that noise along an axis that the light does not tell apart moves the
     normal no farther than to the edge of its cell.
     """
     start, light = table.normals[best], table.light[best]
@@ -140,8 +142,8 @@ def refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: floa
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     shading = _shading(light, normal)
     albedo = _albedo(images, shading)
-    residual = np.sqrt(np.mean((images - albedo[:, None] * shading) ** 2, axis=(1, 2)))
-    return normal.astype(np.float32), albedo.astype(np.float32), residual.astype(np.float32)
+    left = images - albedo[:, None] * shading
+    return normal.astype(np.float32), albedo.astype(np.float32), left.astype(np.float32)
 
 
 def _shading(light: Image, normal: Image) -> Image:

@@ -1,0 +1,178 @@
+"""Training of the network of normals: new samples join a pool from which batches are drawn, for a set time.
+
+A run's folder holds config.json, log.csv and checkpoint.pt; a run that was stopped goes on where it was.
+"""
+
+import csv
+import json
+import math
+import time
+from collections import deque
+from dataclasses import asdict, dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from export.stereo.network import NormalsNetwork
+from export.stereo.samples import Sample, read_meshes, samples
+from lighting.files.atomic import replacing
+from lighting.stereo.normals_features import SHARED
+
+_EVERY = 50  # steps between lines of the log
+_SAVE = 200  # steps between checkpoints
+_MEMORY = 0.995  # of the averaged weights
+
+
+@dataclass(frozen=True)
+class Config:
+    """How a run trains."""
+
+    out: str
+    meshes: str = "../shared/stereo-data/meshes"  # folder of OBJ files; relief alone where it is missing
+    minutes: float = 70.0  # of training in all, over resumptions
+    batch: int = 8
+    pool: int = 5000  # samples kept; the oldest leave
+    first: int = 96  # samples before the first step
+    learning_rate: float = 2e-3
+    seed: int = 1
+    threads: int = 1
+    halves: bool = True  # compute in bfloat16
+
+
+@dataclass
+class _Run:
+    """What a checkpoint holds."""
+
+    network: NormalsNetwork
+    average: dict[str, Tensor]
+    optimiser: torch.optim.Optimizer
+    step: int = 0
+    seconds: float = 0.0
+    log: list[dict[str, float]] = field(default_factory=list)
+
+
+def train(config: Config) -> Path:
+    """Train, or go on with, the run in a folder; returns its checkpoint."""
+    torch.set_num_threads(config.threads)
+    folder = Path(config.out)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "config.json").write_text(json.dumps(asdict(config), indent=2))
+    run = _resumed(folder, config)
+    fresh = samples(read_meshes(Path(config.meshes)), config.seed + run.step)
+    pool = deque(islice(fresh, config.first), maxlen=config.pool)
+    rng = np.random.default_rng(config.seed + run.step)
+    last = time.monotonic()
+    while run.seconds < 60 * config.minutes:
+        pool.append(next(fresh))
+        chosen = [pool[index] for index in rng.integers(len(pool), size=config.batch)]
+        line = _step(run, chosen, config, mirrored=bool(rng.integers(2)))
+        run.seconds, last = run.seconds + time.monotonic() - last, time.monotonic()
+        run.log.append(line)
+        if run.step % _EVERY == 0:
+            _write_log(folder, run)
+        if run.step % _SAVE == 0:
+            _save(folder, run)
+    _save(folder, run)
+    return folder / "checkpoint.pt"
+
+
+def _step(run: _Run, chosen: list[Sample], config: Config, *, mirrored: bool) -> dict[str, float]:
+    share = min(1.0, run.seconds / (60 * config.minutes))
+    for group in run.optimiser.param_groups:
+        warm = min(1.0, (run.step + 1) / 50)
+        group["lr"] = config.learning_rate * warm * (0.51 + 0.5 * math.cos(math.pi * share))
+    by_image, present, shared, truth = batch(chosen, mirrored=mirrored)
+    with torch.autocast("cpu", dtype=torch.bfloat16, enabled=config.halves):
+        normal, error = run.network(by_image, present, shared)
+    mask = shared[:, -1]
+    chord = torch.sqrt(((normal - truth) ** 2).sum(dim=1) + 1e-6)
+    loss = _mean(chord, mask) + 0.1 * _mean(chord.detach() / error[:, 0] + torch.log(error[:, 0]), mask)
+    run.optimiser.zero_grad(set_to_none=True)
+    loss.backward()
+    torch.nn.utils.clip_grad_norm_(run.network.parameters(), 1.0)
+    run.optimiser.step()
+    run.step += 1
+    _remember(run)
+    searched = torch.sqrt(((shared[:, :3] - truth) ** 2).sum(dim=1) + 1e-6)
+    return {"loss": float(loss.detach()), "network": _degrees(chord, mask), "search": _degrees(searched, mask)}
+
+
+def batch(chosen: list[Sample], *, mirrored: bool = False) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Planes of images (N, T, BY_IMAGE, H, W), which are present (N, T), shared planes and true normals.
+
+    Mirrored, left and right change places, in the pictures and in all directions.
+    """
+    by_image = torch.from_numpy(np.stack([s.by_image for s in chosen])).float()
+    suns = torch.from_numpy(np.stack([s.suns for s in chosen]))
+    shared = torch.from_numpy(np.stack([s.shared for s in chosen])).float()
+    truth = torch.from_numpy(np.stack([s.truth for s in chosen])).float()
+    present = torch.tensor([[1.0] * s.count + [0.0] * (len(s.suns) - s.count) for s in chosen])
+    planes = suns[..., None, None] * shared[:, None, -1:]
+    by_image = torch.cat([by_image, planes], dim=2)
+    return (by_image, present, shared, truth) if not mirrored else _mirrored(by_image, present, shared, truth)
+
+
+def _mirrored(by_image: Tensor, present: Tensor, shared: Tensor, truth: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    by_image, shared, truth = (planes.flip(-1) for planes in (by_image, shared, truth))
+    by_image[:, :, 3] *= -1
+    signs = torch.ones(SHARED)
+    signs[[0, 3, 6]] = -1
+    return by_image, present, shared * signs[:, None, None], truth * torch.tensor([-1.0, 1, 1])[:, None, None]
+
+
+def _mean(value: Tensor, mask: Tensor) -> Tensor:
+    return (value * mask).sum() / mask.sum()
+
+
+def _degrees(chord: Tensor, mask: Tensor) -> float:
+    return float(_mean(torch.rad2deg(2 * torch.asin((chord.detach() / 2).clamp(max=1))), mask))
+
+
+def _remember(run: _Run) -> None:
+    memory = min(_MEMORY, 1 - 1 / (run.step + 1))
+    for name, value in run.network.state_dict().items():
+        run.average[name].lerp_(value, 1 - memory)
+
+
+def _resumed(folder: Path, config: Config) -> _Run:
+    torch.manual_seed(config.seed)
+    network = NormalsNetwork()
+    optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    run = _Run(network, {k: v.clone() for k, v in network.state_dict().items()}, optimiser)
+    file = folder / "checkpoint.pt"
+    if file.exists():
+        saved: dict[str, Any] = torch.load(file, weights_only=True)
+        network.load_state_dict(saved["network"])
+        optimiser.load_state_dict(saved["optimiser"])
+        run.average, run.step, run.seconds = saved["average"], saved["step"], saved["seconds"]
+    return run
+
+
+def _save(folder: Path, run: _Run) -> None:
+    state = {"network": run.network.state_dict(), "average": run.average, "optimiser": run.optimiser.state_dict()}
+    with replacing(folder / "checkpoint.pt") as path:
+        torch.save({**state, "step": run.step, "seconds": run.seconds}, path)
+
+
+def _write_log(folder: Path, run: _Run) -> None:
+    """One line of means over the steps since the last one."""
+    names = list(run.log[0])
+    new = not (folder / "log.csv").exists()
+    with (folder / "log.csv").open("a", newline="") as file:
+        writer = csv.writer(file)
+        if new:
+            writer.writerow(["step", "minutes", *names])
+        means = [f"{np.mean([line[name] for line in run.log]):.4f}" for name in names]
+        writer.writerow([run.step, f"{run.seconds / 60:.1f}", *means])
+    run.log.clear()
+
+
+def average(checkpoint: Path) -> NormalsNetwork:
+    """The network with a run's averaged weights, ready to answer."""
+    network = NormalsNetwork()
+    network.load_state_dict(torch.load(checkpoint, weights_only=True)["average"])
+    return network.eval()
