@@ -9,7 +9,8 @@ with the mean light vectors (mean_light.py) as its derivative. Iterating such st
 diverges where the hemisphere of the start is another than that of the solution.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -57,6 +58,9 @@ class Answer:
     odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
 
 
+Progress = Callable[[Iterable[Answer], int], Iterable[Answer]]  # sees answers pass, of so many in all
+
+
 def candidates(skies: Skies, pose: Pose, count: int = CANDIDATES) -> Candidates:
     """The grid of normals that a camera can see, under skies of T moments and C channels."""
     normals = visible_normals(count)
@@ -66,20 +70,22 @@ def candidates(skies: Skies, pose: Pose, count: int = CANDIDATES) -> Candidates:
     return Candidates(normals, light.astype(np.float32), brightness.astype(np.float32))
 
 
-def search(images: Image, table: Candidates, noise: float) -> Answer:
-    """The normals of P pixels from brightnesses (P, T, C); `noise` is their standard deviation, in their unit."""
-    parts = list(search_blocks(images, table, noise))
-    if not parts:
-        return _search_block(images, table, noise, _units(table))
+def quiet(parts: Iterable[Answer], count: int) -> Iterable[Answer]:  # noqa: ARG001
+    """Progress that nobody watches."""
+    return parts
+
+
+def search(images: Image, table: Candidates, noise: float, progress: Progress = quiet, threads: int = 1) -> Answer:
+    """The normals of P pixels from brightnesses (P, T, C); `noise` is their standard deviation, in their unit.
+
+    Pixels are searched in blocks, which `progress` sees pass and which so many threads share.
+    """
+    units, size = _units(table), max(1, _BLOCK // len(table.normals))
+    blocks = [images[start : start + size] for start in range(0, len(images), size)] or [images]
+    with ThreadPoolExecutor(threads) as pool:
+        found = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
+        parts = list(progress(found, len(blocks)))
     return Answer(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Answer)))
-
-
-def search_blocks(images: Image, table: Candidates, noise: float) -> Iterator[Answer]:
-    """The same, block by block of pixels in their order."""
-    size = max(1, _BLOCK // len(table.normals))
-    units = _units(table)
-    for start in range(0, len(images), size):
-        yield _search_block(images[start : start + size], table, noise, units)
 
 
 def _units(table: Candidates) -> Image:

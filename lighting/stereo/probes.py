@@ -29,7 +29,7 @@ LONGEST_GAP = 20.0  # min between two probes that photos may be planned in
 
 def probe_days(folder: Path) -> list[date]:
     """The days that a folder has probes of, in order; EnvironmentMapError where it has none."""
-    days = [day for path in folder.glob("*/") if (day := _day(path.name)) and _files(folder, day)]
+    days = [day for path in folder.glob("*/") if (day := _day(path.name)) and files_of(folder, day)]
     if not days:
         raise EnvironmentMapError(f"{folder} holds no sky probes YYYYMMDD/HHMMSS/{FILE}.")
     return sorted(days)
@@ -37,7 +37,7 @@ def probe_days(folder: Path) -> list[date]:
 
 def read_day(folder: Path, day: date) -> Day:
     """The probes of one day; EnvironmentMapError where there are fewer than two or one cannot be read."""
-    files = _files(folder, day)
+    files = files_of(folder, day)
     if len(files) < 2:
         raise EnvironmentMapError(f"{folder} holds {len(files)} probe of {day}; a plan needs two or more of a day.")
     minutes = np.array(sorted(files))
@@ -77,7 +77,7 @@ def brightest(image: NDArray[np.float32]) -> Floats:
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-12))
 
 
-def _files(folder: Path, day: date) -> dict[float, Path]:
+def files_of(folder: Path, day: date) -> dict[float, Path]:
     """The maps of a day by minutes since midnight."""
     found = folder.joinpath(f"{day:%Y%m%d}").glob(f"*/{FILE}")
     return {minutes: path for path in found if (minutes := _minutes(path.parent.name)) is not None}

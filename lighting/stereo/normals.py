@@ -1,0 +1,179 @@
+"""Normals of a thing from photos of one day: a folder in, pictures and a mesh out."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ParameterError, PhotoError
+from lighting.records import GROUND_ALBEDO
+from lighting.stereo.days import in_grey
+from lighting.stereo.mean_light import Skies
+from lighting.stereo.normals_day import SIZE, Shots, read_shots
+from lighting.stereo.normals_depth import integrate
+from lighting.stereo.normals_diligent import is_diligent, read_diligent
+from lighting.stereo.normals_files import MESH, RECORD, write_map, write_mesh, write_record
+from lighting.stereo.normals_frame import Pose
+from lighting.stereo.normals_images import Curve
+from lighting.stereo.normals_network import Network
+from lighting.stereo.normals_search import Progress, quiet
+from lighting.stereo.normals_solve import NOISE, NormalMap, check_light, solve
+from lighting.stereo.normals_probes import nearest_skies
+from lighting.stereo.skies import TURBIDITY, clear_skies, suns_at
+
+Floats = NDArray[np.floating[Any]]
+
+_DIAGONAL = float(np.hypot(36.0, 24.0))  # mm, that focal lengths in 35 mm terms refer to
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is told beside the photos; None is to be found in them."""
+
+    latitude: float | None = None  # deg, positive north
+    longitude: float | None = None  # deg, positive east
+    heading: float | None = None  # deg clockwise from true north, where the camera looks
+    pitch: float = 0.0  # deg, positive looks up
+    roll: float = 0.0  # deg, positive turns the camera clockwise as its holder sees it
+    utc_offset: float | None = None  # h, of the camera's clock and of the probes' names
+    turbidity: float = TURBIDITY  # of a modelled sky
+    ground_albedo: float = GROUND_ALBEDO
+    probes: Path | None = None  # folder of measured skies in place of a modelled one
+    mask: Path | None = None
+    curve: Curve | None = None  # how the photos' values are coded, where the files are not to be believed
+    size: int | None = SIZE  # pixels of the longer side; None keeps all
+    noise: float = NOISE  # least standard deviation of the photos' noise, as a share of the brightest pixel
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Who sees the work progress; by default nobody."""
+
+    photos: Callable[[Sequence[Path]], Iterable[Path]] = iter
+    pixels: Progress = quiet
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A day's normals and what they were found from."""
+
+    map: NormalMap
+    pose: Pose
+    focal: float | None  # pixels; None without a lens known
+    record: dict[str, Any]  # as JSON, for people and programs
+    warnings: tuple[str, ...] = ()
+
+
+def solve_day(folder: Path, known: Known, network: Network | None = None, watch: Watch | None = None) -> Solved:
+    """The normals of the thing that a folder's photos show.
+
+    A folder in DiLiGenT's layout needs nothing else known; its camera frame is its world, and the network, which knows
+    days alone, is left out. Raises PhotoError for photos that cannot be used and ParameterError where place or heading
+    are not known.
+    """
+    seen = watch or Watch()
+    if is_diligent(folder):
+        return _solve_diligent(folder, known, seen)
+    shots = read_shots(
+        folder,
+        mask=known.mask,
+        utc_offset=known.utc_offset,
+        curve=known.curve,
+        size=known.size,
+        progress=seen.photos,
+    )
+    pose = Pose(_heading(shots, known), known.pitch, known.roll)
+    skies = _skies(shots, known)
+    check_light(skies)
+    found = solve(shots.images, shots.mask, skies, pose, noise=known.noise, network=network, progress=seen.pixels)
+    focal = None if shots.focal_length is None else _focal(shots.focal_length, *shots.mask.shape)
+    record = _record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
+    record |= {"sun_direction": skies.sun_direction.tolist(), "sky": str(known.probes or "clear"), **asdict(pose)}
+    return Solved(found, pose, focal, record, shots.warnings)
+
+
+def write(folder: Path, solved: Solved) -> None:
+    """Write the pictures, the mesh and the record of a solved day into a folder, which is made if need be."""
+    vertices = surface(solved)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_map(folder, solved.map, solved.pose)
+    write_mesh(folder / MESH, vertices, solved.map)
+    write_record(folder / RECORD, solved.record)
+
+
+def surface(solved: Solved) -> Floats:
+    """Points (H, W, 3) of the thing in the camera frame, in pixels; NaN outside the mask.
+
+    Without a lens known the camera is orthographic; with one the thing stands a focal length away.
+    """
+    height, width = solved.map.mask.shape
+    right = np.arange(width)[None, :] - (width - 1) / 2
+    up = (height - 1) / 2 - np.arange(height)[:, None]
+    depth = integrate(solved.map.normal, solved.map.mask, solved.focal)
+    if solved.focal is None:
+        return np.stack(np.broadcast_arrays(right, up, depth), axis=-1)
+    return np.stack([right * depth, up * depth, -solved.focal * depth], axis=-1)
+
+
+def _solve_diligent(folder: Path, known: Known, watch: Watch) -> Solved:
+    lit = read_diligent(folder)
+    found = solve(lit.images, lit.mask, lit.skies, Pose(), noise=known.noise, progress=watch.pixels)
+    record = _record(found, lit.names)
+    if lit.truth is not None:
+        record |= _against(found, lit.truth)
+    return Solved(found, Pose(), None, record)
+
+
+def _against(found: NormalMap, truth: Floats) -> dict[str, float]:
+    cosine = np.sum(found.normal * truth, axis=-1)[found.mask]
+    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return {"mean_error": round(float(angle.mean()), 2), "median_error": round(float(np.median(angle)), 2)}
+
+
+def _heading(shots: Shots, known: Known) -> float:
+    heading = shots.heading if known.heading is None else known.heading
+    if heading is None:
+        raise ParameterError("The photos do not say which way the camera looked; give --heading in degrees from north.")
+    return heading
+
+
+def _skies(shots: Shots, known: Known) -> Skies:
+    """Skies of the photos' moments, in as many channels as the photos have."""
+    if known.probes is not None:
+        offset = np.timedelta64(round(3600 * (known.utc_offset or 0.0)), "s")
+        skies = nearest_skies(known.probes, shots.times + offset)
+    else:
+        skies = clear_skies(_suns(shots, known), known.turbidity, known.ground_albedo)
+    return skies if shots.images.shape[-1] == 3 else in_grey(skies)
+
+
+def _suns(shots: Shots, known: Known) -> Floats:
+    place = (known.latitude, known.longitude)
+    latitude, longitude = place if None not in place else (shots.place or place)
+    if latitude is None or longitude is None:
+        raise ParameterError("The photos do not say where they were taken; give --lat and --lon.")
+    suns = suns_at(shots.times, latitude, longitude)
+    if (suns[:, 1] <= 0).any():
+        night = shots.names[int(np.argmin(suns[:, 1]))]
+        raise PhotoError(f"The sun is below the horizon in {night}; check its time and place, or leave it out.")
+    return suns
+
+
+def _focal(length: float, height: int, width: int) -> float:
+    """Focal length [pixels] of one in 35 mm terms [mm], by the diagonal."""
+    return length / _DIAGONAL * float(np.hypot(height, width))
+
+
+def _record(found: NormalMap, names: Sequence[str]) -> dict[str, Any]:
+    error = found.error[found.mask]
+    return {
+        "photos": list(names),
+        "pixels": int(found.mask.sum()),
+        "expected_error_median": round(float(np.median(error)), 2),
+        "noise": round(found.noise, 4),
+        "by_network": round(float(found.network[found.mask].mean()), 3),
+        "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
+    }

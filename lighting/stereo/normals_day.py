@@ -1,0 +1,203 @@
+"""A folder with the photos of one day from a camera that stands still.
+
+The moments come from EXIF, or from `times.csv` beside the photos with the columns `file` and `time` (ISO 8601); a mask
+from `mask.png`, white where the thing is.
+"""
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.errors import PhotoError
+from lighting.photo.clock import in_utc, read_time
+from lighting.stereo.normals_images import FORMATS, Curve, Exposure, Shot, read_shot
+from lighting.stereo.normals_still import check_still
+
+Pixels = NDArray[np.float32]
+
+MASK, TIMES = "mask.png", "times.csv"
+LEAST = 3  # photos, for a normal and an albedo
+SPAN = 20.0  # min, the shortest day
+SIZE = 1024  # pixels of the longer side, to which photos are reduced
+
+_MOST_CLIPPED = 0.1  # share of the thing that may be clipped in some photo
+_ALIKE = 0.02  # relative difference of exposures that cameras round alike
+
+
+@dataclass(frozen=True)
+class Shots:
+    """The photos of a day, ready to solve."""
+
+    names: tuple[str, ...]
+    images: Pixels  # (T, H, W, C), linear, in one unit
+    times: NDArray[np.datetime64]  # (T,), UTC
+    mask: NDArray[np.bool_]  # (H, W), where the thing is and no photo is clipped
+    place: tuple[float, float] | None  # latitude and longitude [deg] that the photos tell
+    heading: float | None  # deg from true north, likewise
+    focal_length: float | None  # mm in 35 mm terms, likewise
+    warnings: tuple[str, ...]
+
+
+def read_shots(
+    folder: Path,
+    *,
+    mask: Path | None = None,
+    utc_offset: float | None = None,
+    curve: Curve | None = None,
+    size: int | None = SIZE,
+    progress: Callable[[Sequence[Path]], Any] = iter,
+) -> Shots:
+    """The photos of a folder in the order of their times, reduced by a whole factor to `size` pixels.
+
+    `utc_offset` [h] is of a camera's clock that does not say it. Raises PhotoError for fewer than LEAST photos, times
+    that are missing or do not differ, sizes, lenses or exposures that do, a camera that moved, and clipped photos.
+    """
+    shots = [_reduced(read_shot(path, curve), size) for path in progress(_photos(folder))]
+    if len(shots) < LEAST:
+        raise PhotoError(f"{folder} holds {len(shots)} photos; normals need at least {LEAST} of one day.")
+    times = _times(folder, shots, utc_offset)
+    order = np.argsort(times, kind="stable")
+    shots, times = [shots[index] for index in order], times[order]
+    _check_alike(shots)
+    _check_times(times)
+    area = _mask(folder, mask, shots[0].pixels.shape[:2])
+    images = np.stack([shot.pixels for shot in shots])
+    check_still(images.mean(axis=-1), [shot.name for shot in shots])
+    kept, lost = _unclipped(area, shots)
+    facts = [shot.facts for shot in shots]
+    return Shots(
+        names=tuple(shot.name for shot in shots),
+        images=images,
+        times=times,
+        mask=kept,
+        place=next(((f.latitude, f.longitude) for f in facts if f.latitude is not None and f.longitude is not None), None),
+        heading=next((f.heading for f in facts if f.heading is not None and f.heading_reference == "true"), None),
+        focal_length=next((f.focal_length for f in facts if f.focal_length is not None), None),
+        warnings=_warnings(shots, lost),
+    )
+
+
+def _photos(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise PhotoError(f"There is no folder {folder}.")
+    return sorted(p for p in folder.iterdir() if p.suffix.lower() in FORMATS and p.name != MASK and p.name[0] != ".")
+
+
+def _reduced(shot: Shot, size: int | None) -> Shot:
+    """The photo with each side divided by a whole number, by means of blocks, which keep values linear."""
+    height, width = shot.clipped.shape
+    factor = 1 if not size else -(-max(height, width) // size)
+    if factor == 1:
+        return shot
+    rows, columns = height // factor, width // factor
+    cut = shot.pixels[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor, -1)
+    clipped = shot.clipped[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
+    return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=clipped.any(axis=(1, 3)))
+
+
+def _times(folder: Path, shots: list[Shot], utc_offset: float | None) -> NDArray[np.datetime64]:
+    """UTC times (T,) of the photos."""
+    listed = _listed_times(folder / TIMES)
+    moments = [_moment(shot, listed.get(shot.name), utc_offset) for shot in shots]
+    return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
+
+
+def _listed_times(file: Path) -> dict[str, datetime]:
+    if not file.exists():
+        return {}
+    with file.open(newline="", encoding="utf-8-sig") as stream:
+        rows = list(csv.DictReader(stream))
+    if rows and not {"file", "time"} <= rows[0].keys():
+        raise PhotoError(f"{file} needs the columns file and time.")
+    return {row["file"]: read_time(row["time"] or "") for row in rows}
+
+
+def _moment(shot: Shot, listed: datetime | None, utc_offset: float | None) -> datetime:
+    """When a photo was taken, in UTC."""
+    local = listed or shot.facts.local_time
+    if listed is None and shot.facts.utc_time is not None:
+        return shot.facts.utc_time.astimezone(UTC)
+    if local is None:
+        raise PhotoError(f"{shot.name} does not say when it was taken; list the times in {TIMES}.")
+    if local.tzinfo is not None:
+        return local.astimezone(UTC)
+    if utc_offset is None:
+        raise PhotoError(f"The clock of {shot.name} does not say its offset from UTC; give --utc-offset.")
+    return in_utc(local, utc_offset)
+
+
+def _check_times(times: NDArray[np.datetime64]) -> None:
+    """PhotoError unless the times (T,), in order, differ, and by enough for the sun to move."""
+    gaps = np.diff(times) / np.timedelta64(1, "m")
+    if (gaps <= 0).any():
+        raise PhotoError("The photos' times do not differ; photos of several moments of a day are needed.")
+    if gaps.sum() < SPAN:
+        raise PhotoError(f"The photos span {gaps.sum():.0f} minutes; the sun hardly moved. Take them over hours.")
+    if gaps.sum() > 24 * 60:
+        raise PhotoError("The photos are of more than one day.")
+
+
+def _check_alike(shots: list[Shot]) -> None:
+    """PhotoError unless size, lens and exposure are those of the first photo throughout."""
+    first = shots[0]
+    for shot in shots[1:]:
+        if shot.pixels.shape != first.pixels.shape:
+            raise PhotoError(f"{shot.name} and {first.name} differ in size; the camera must not move or change.")
+        if _differ(shot.exposure.focal_length, first.exposure.focal_length):
+            raise PhotoError(f"{shot.name} and {first.name} differ in focal length; the lens must not change.")
+        if _exposures_differ(shot.exposure, first.exposure):
+            raise PhotoError(f"{shot.name} and {first.name} differ in exposure; fix time, aperture and ISO.")
+
+
+def _exposures_differ(a: Exposure, b: Exposure) -> bool:
+    pairs = ((a.seconds, b.seconds), (a.aperture, b.aperture), (a.sensitivity, b.sensitivity))
+    return any(_differ(one, other) for one, other in pairs)
+
+
+def _differ(a: float | None, b: float | None) -> bool:
+    return a is not None and b is not None and abs(a - b) > _ALIKE * max(a, b)
+
+
+def _mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    file = given or folder / MASK
+    if given is None and not file.exists():
+        return np.ones(shape, dtype=bool)
+    try:
+        image = Image.open(file).convert("L")
+    except Exception as error:  # Pillow raises nearly anything on hostile bytes
+        raise PhotoError(f"{file} is not a mask that can be read.") from error
+    if abs(image.width / image.height - shape[1] / shape[0]) > 0.02 * shape[1] / shape[0]:
+        raise PhotoError(f"{file} is {image.width} x {image.height} pixels; it does not have the photos' shape.")
+    inside = np.asarray(image.resize((shape[1], shape[0]), Image.Resampling.NEAREST)) > 127
+    if not inside.any():
+        raise PhotoError(f"{file} is black all over; white marks the thing.")
+    return np.asarray(inside)
+
+
+def _unclipped(area: NDArray[np.bool_], shots: list[Shot]) -> tuple[NDArray[np.bool_], float]:
+    """Where the mask (H, W) is clipped in no photo, and the share that is lost."""
+    clipped = np.any([shot.clipped for shot in shots], axis=0)
+    worst = max(shots, key=lambda shot: shot.clipped[area].mean())
+    lost = float(clipped[area].mean())
+    if lost > _MOST_CLIPPED:
+        share = 100 * worst.clipped[area].mean()
+        raise PhotoError(f"{worst.name} is clipped in {share:.0f} % of its pixels; expose less.")
+    return area & ~clipped, lost
+
+
+def _warnings(shots: list[Shot], lost: float) -> tuple[str, ...]:
+    found = []
+    if any(shot.coded for shot in shots):
+        found.append("JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals.")
+    if any(shot.exposure.seconds is None for shot in shots):
+        found.append("Not every photo says its exposure; it is taken to be the same in all.")
+    if lost:
+        found.append(f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out.")
+    return tuple(found)

@@ -1,0 +1,98 @@
+"""The network of normals: an ONNX file that takes any number of images of a day, run by onnxruntime.
+
+Inputs: `by_image`, float32 (1, T, BY_IMAGE, H, W), and `shared`, float32 (1, SHARED, H, W), of normals_features.py, H
+and W multiples of 8. Outputs: `normal`, float32 (1, 3, H, W), unit vectors in the camera frame, and `error`, float32
+(1, 1, H, W), their expected angle to the truth [rad].
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ModelError
+from lighting.model import available_cpus
+from lighting.stereo.normals_features import BY_IMAGE, SHARED, Features
+
+Image = NDArray[np.float32]
+
+_TILE, _MARGIN = 384, 48  # pixels that are answered at once, and that the network sees beyond them
+_STEP = 8  # pixels, of the sizes that the network takes
+
+
+class Network:
+    """A loaded network."""
+
+    def __init__(self, session: Any) -> None:
+        self.session = session
+
+    @classmethod
+    def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
+        """The network in an ONNX file, by default the one in this package; ModelError for another kind of file."""
+        file = packaged_network() if path is None else path
+        session = _session(file, threads or available_cpus())
+        found = {port.name: port.shape[-3] for port in session.get_inputs()}
+        if found != {"by_image": BY_IMAGE, "shared": SHARED}:
+            raise ModelError(f"{file} is not a network of normals of this version.")
+        return cls(session)
+
+    def predict(self, planes: Features) -> tuple[Image, Image]:
+        """Normals (H, W, 3) and expected errors (H, W) [deg], tile by tile."""
+        height, width = planes.shared.shape[1:]
+        normal, error = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
+        for tile in _tiles(height, width):
+            if planes.shared[-1][tile].any():
+                normal[tile], error[tile] = self._tile(planes, tile)
+        return normal, error
+
+    def _tile(self, planes: Features, tile: tuple[slice, slice]) -> tuple[Image, Image]:
+        around = tuple(
+            slice(max(0, part.start - _MARGIN), min(size, part.stop + _MARGIN))
+            for part, size in zip(tile, planes.shared.shape[1:], strict=True)
+        )
+        by_image, shared = (_padded(every[(..., *around)]) for every in (planes.by_image, planes.shared))
+        try:
+            normal, error = self.session.run(("normal", "error"), {"by_image": by_image[None], "shared": shared[None]})
+        except Exception as failure:  # onnxruntime's errors share no public base class
+            raise ModelError(f"The network of normals failed: {failure}.") from failure
+        inner = tuple(
+            slice(part.start - whole.start, part.stop - whole.start) for part, whole in zip(tile, around, strict=True)
+        )
+        return np.moveaxis(normal[0], 0, -1)[inner], np.degrees(error[0, 0])[inner]
+
+
+def packaged_network() -> Path:
+    """The one network of normals in this package; ModelError if there is none or a choice."""
+    folder = Path(__file__).parent / "data"
+    found = sorted(folder.glob("normals-*.onnx"))
+    if len(found) != 1:
+        raise ModelError(f"{folder} must hold exactly one normals-<version>.onnx; it holds {len(found)}.")
+    return found[0]
+
+
+def _tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:
+    for top in range(0, height, _TILE):
+        for left in range(0, width, _TILE):
+            yield slice(top, min(top + _TILE, height)), slice(left, min(left + _TILE, width))
+
+
+def _padded(planes: Image) -> Image:
+    """Planes (..., H, W) with zeros below and to the right up to sizes that the network takes."""
+    missing = [-side % _STEP for side in planes.shape[-2:]]
+    return np.pad(planes, [(0, 0)] * (planes.ndim - 2) + [(0, more) for more in missing])
+
+
+def _session(file: Path, threads: int) -> Any:
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels else report their use
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = 3  # errors only
+    try:
+        return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's errors share no public base class
+        raise ModelError(f"{file} is not an ONNX network that can be read.") from error

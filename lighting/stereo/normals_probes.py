@@ -1,0 +1,29 @@
+"""Measured skies at the moments of photos."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import EnvironmentMapError
+from lighting.stereo.mean_light import Skies
+from lighting.stereo.probes import LONGEST_GAP, files_of, read_skies
+
+
+def nearest_skies(folder: Path, times: NDArray[np.datetime64]) -> Skies:
+    """The probes nearest to times (T,) by the clock that the probes were filed with.
+
+    Raises EnvironmentMapError where a photo has none within half of LONGEST_GAP.
+    """
+    return read_skies([_nearest(folder, time) for time in times])
+
+
+def _nearest(folder: Path, time: Any) -> Path:
+    day = time.astype("datetime64[D]")
+    minutes = float((time - day) / np.timedelta64(1, "m"))
+    files = files_of(folder, day.item())
+    moment = min(files, key=lambda filed: abs(filed - minutes), default=None)
+    if moment is None or abs(moment - minutes) > LONGEST_GAP / 2:
+        raise EnvironmentMapError(f"{folder} holds no sky probe within {LONGEST_GAP / 2:g} minutes of {time.item()}.")
+    return files[moment]

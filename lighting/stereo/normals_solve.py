@@ -1,0 +1,114 @@
+"""From a day's photos and skies to a map of normals: the noise, the search, and the network where it wins."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import PhotoError
+from lighting.stereo.mean_light import Skies
+from lighting.stereo.normals_features import features
+from lighting.stereo.normals_frame import Pose, to_camera
+from lighting.stereo.normals_network import Network
+from lighting.stereo.normals_search import Answer, Candidates, Progress, candidates, quiet, search
+
+Floats = NDArray[np.floating[Any]]
+Image = NDArray[np.float32]
+
+NOISE = 0.01  # of the brightest pixel, the standard deviation of a photo's noise
+
+_PROBE = 3000  # pixels at which the noise is measured
+_BRIGHTEST = 0.999  # quantile that counts as the brightest pixel
+_UNKNOWN = 2  # numbers that a normal takes from a pixel's brightnesses, besides an albedo for each channel
+_LEAST_SUN = np.radians(2.0)  # apart, for light to differ
+
+
+@dataclass(frozen=True)
+class NormalMap:
+    """The normals of a picture; everything is 0 outside the mask."""
+
+    mask: NDArray[np.bool_]  # (H, W)
+    normal: Image  # (H, W, 3), unit vectors in the camera frame
+    albedo: Image  # (H, W, C), relative: the brightest hundredth is 1
+    error: Image  # (H, W), expected angle [deg] to the truth
+    residual: Image  # (H, W), what the model misses of the photos, as a share of the brightest pixel
+    network: NDArray[np.bool_]  # (H, W), where the network's normal was taken
+    noise: float  # of the photos and the model together, as a share of the brightest pixel
+
+
+def solve(
+    images: Image,
+    mask: NDArray[np.bool_],
+    skies: Skies,
+    pose: Pose,
+    *,
+    noise: float = NOISE,
+    network: Network | None = None,
+    progress: Progress = quiet,
+) -> NormalMap:
+    """Normals from images (T, H, W, C) under T skies of as many channels, of the pixels of a mask (H, W).
+
+    `noise` is the least standard deviation of the images as a share of the brightest pixel; where the model fits worse
+    than that, what is left counts. Raises PhotoError for an empty mask and images without light.
+    """
+    pixels = np.ascontiguousarray(np.moveaxis(images, 0, -2)[mask])  # (P, T, C)
+    if not len(pixels):
+        raise PhotoError("The mask leaves no pixel.")
+    white = float(np.quantile(pixels, _BRIGHTEST))
+    if not white > 0:
+        raise PhotoError("The photos are black where the mask is white.")
+    pixels /= white
+    table = candidates(skies, pose)
+    sigma = measured_noise(pixels, table, noise)
+    answer = search(pixels, table, sigma, progress)
+    found = _map(mask, pixels, answer, sigma)
+    if network is None:
+        return found
+    suns = to_camera(skies.sun_direction, pose)
+    return _improved(found, network, features(pixels, mask, suns, answer, sigma))
+
+
+def measured_noise(pixels: Image, table: Candidates, least: float) -> float:
+    """Standard deviation of what the model misses of pixels (P, T, C), in their unit, but at least `least`."""
+    moments, channels = pixels.shape[1:]
+    free = moments * channels - channels - _UNKNOWN
+    if free <= 0:
+        return least
+    chosen = pixels[:: max(1, len(pixels) // _PROBE)]
+    answer = search(chosen, table, least)
+    spread = np.sqrt(np.median(answer.residual**2) * moments * channels / free)
+    return float(max(least, spread))
+
+
+def _map(mask: NDArray[np.bool_], pixels: Image, answer: Answer, noise: float) -> NormalMap:
+    albedo = answer.albedo / max(float(np.quantile(answer.albedo, 0.99)), 1e-9)
+    nowhere = np.zeros(mask.shape, dtype=bool)
+    planes = (_filled(mask, plane) for plane in (answer.normal, albedo, answer.error, answer.residual))
+    return NormalMap(mask, *planes, nowhere, noise)
+
+
+def _filled(mask: NDArray[np.bool_], values: Image) -> Image:
+    """Values (P, ...) of a mask's pixels as a picture (H, W, ...)."""
+    picture = np.zeros((*mask.shape, *values.shape[1:]), dtype=np.float32)
+    picture[mask] = values
+    return picture
+
+
+def _improved(found: NormalMap, network: Network, planes: Any) -> NormalMap:
+    """The network's normals where it expects to err less than the search."""
+    normal, error = network.predict(planes)
+    better = found.mask & (error < found.error)
+    return replace(
+        found,
+        normal=np.where(better[..., None], normal, found.normal),
+        error=np.where(better, error, found.error),
+        network=better,
+    )
+
+
+def check_light(skies: Skies) -> None:
+    """PhotoError where the light of all moments is the same."""
+    suns = skies.sun_direction
+    if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _LEAST_SUN:
+        raise PhotoError("The sun stands in the same place in all photos; take them over hours.")
