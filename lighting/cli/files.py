@@ -98,11 +98,15 @@ def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, 
 
 
 def write_preview(output: str, photo: bytes, estimate: "Estimate") -> None:
-    from lighting.files import replacing
     from lighting.photo import read_photo
     from lighting.preview import PHOTO_SIDE, preview_png
 
-    data = preview_png(read_photo(photo, target=PHOTO_SIDE).pixels, estimate)
+    write_png(output, preview_png(read_photo(photo, target=PHOTO_SIDE).pixels, estimate))
+
+
+def write_png(output: str, data: bytes) -> None:
+    from lighting.files import replacing
+
     if output == "-":
         write_stdout(data)
     else:

@@ -16,7 +16,7 @@ from lighting.stereo.skies import HEIGHT, broken_skies, clear_skies, draw_sunshi
 Floats = NDArray[np.floating[Any]]
 Weather = Literal["clear", "overcast", "mixed"]
 
-DRAWS = 8  # of the clouds of a mixed day
+DRAWS = 32  # of the clouds of a mixed day
 DAY = 24 * 60  # min
 STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 

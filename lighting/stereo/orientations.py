@@ -32,24 +32,23 @@ def named_normals(facing: float | None) -> tuple[list[Named], Floats]:
         slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
         named = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
     else:
-        turned = [("ahead", 0.0, 0.0), ("45° clockwise", 45.0, 0.0), ("45° counter-clockwise", -45.0, 0.0)]
-        tilted = [("45° up", 0.0, 45.0), ("45° down", 0.0, -45.0)]
-        named = [(name, (facing + turn) % 360.0, elevation) for name, turn, elevation in turned + tilted]
+        ahead, *sides = ((facing + turn) % 360.0 for turn in (0.0, -45.0, 45.0))
+        tilted = [("ahead", ahead, 0.0), ("45° up", ahead, 45.0), ("45° down", ahead, -45.0)]
+        named = [*tilted, *((f"towards {azimuth:g}°", azimuth, 0.0) for azimuth in sides)]
     return named, direction([azimuth for _, azimuth, _ in named], [elevation for *_, elevation in named])
 
 
-def half_sphere(facing: float | None, size: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Unit normals (N, 3) of a sphere's pixels as a distant camera sees it, and which of (size, size) they are.
+def half_sphere(facing: float | None, size: int) -> Floats:
+    """Unit normals (size, size, 3) of a sphere's pixels as a distant camera sees it; around it those of its rim.
 
     The camera stands before the surface, upright; or, without a facing direction, above with north at the top.
     """
     side = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = np.meshgrid(side, -side)
-    inside = x**2 + y**2 < 1
-    x, y = x[inside], y[inside]
-    towards = np.sqrt(1 - x**2 - y**2)
+    beyond = np.maximum(np.hypot(x, y), 1.0)
+    x, y = x / beyond, y / beyond
+    seen = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
     if facing is None:
-        return np.stack([x, towards, -y], axis=-1), inside
+        return np.asarray(seen @ np.stack([direction(90.0, 0.0), direction(0.0, 0.0), direction(0.0, 90.0)]))
     left = direction(facing - 90.0, 0.0)  # the surface's left is the camera's right
-    axes = np.stack([left, np.array([0.0, 1.0, 0.0]), direction(facing, 0.0)])
-    return np.stack([x, y, towards], axis=-1) @ axes, inside
+    return np.asarray(seen @ np.stack([left, direction(0.0, 90.0), direction(facing, 0.0)]))

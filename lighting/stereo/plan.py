@@ -62,7 +62,7 @@ class Window:
     gain: float  # lambda_max, median
     rotation_free_gain: float  # 1 / sigma_min, median
     orientations: tuple[Orientation, ...]
-    sphere: Floats  # (S, S), lambda_max over the half sphere seen; NaN outside
+    sphere: Floats  # (S, S), lambda_max over the half sphere seen, see `half_sphere`
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -80,6 +80,7 @@ class Window:
 class Table:
     """All windows of a day, for a drawing by start and end."""
 
+    step: float  # min between starts and between ends
     start: Floats  # (W,) min since midnight
     end: Floats  # (W,)
     gain: Floats  # (W,) lambda_max, median; infinite where nothing is resolved

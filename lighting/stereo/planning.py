@@ -28,7 +28,7 @@ from lighting.stereo.gain import (
 )
 from lighting.stereo.orientations import half_sphere, named_normals, normals_of_interest
 from lighting.stereo.plan import HOURS, DayScore, Orientation, Plan, Question, Table, Window
-from lighting.stereo.windows import Windows, all_windows, windows_of, worth
+from lighting.stereo.windows import START_STEP, all_windows, windows_of, worth
 
 Floats = NDArray[np.floating[Any]]
 Progress = Callable[[Sequence[date]], Iterable[date]]
@@ -141,10 +141,9 @@ def _promises(part: Day, question: Question, scale: float) -> tuple[Orientation,
 
 
 def _sphere(part: Day, question: Question, scale: float) -> Floats:
-    normals, inside = half_sphere(question.facing, SPHERE)
-    picture = np.full((SPHERE, SPHERE), np.nan)
-    picture[inside] = np.median(gain_of(_inverses(part, normals, scale)).max(axis=-1), axis=0)
-    return picture
+    normals = half_sphere(question.facing, SPHERE).reshape(-1, 3)
+    gain = gain_of(_inverses(part, normals, scale)).max(axis=-1)
+    return np.asarray(np.median(gain, axis=0).reshape(SPHERE, SPHERE))
 
 
 def _inverses(part: Day, normals: Floats, scale: float) -> Floats:
@@ -153,5 +152,6 @@ def _inverses(part: Day, normals: Floats, scale: float) -> Floats:
 
 
 def _table(day: Day, light: Floats, normals: Floats, question: Question) -> Table:
-    windows: Windows = all_windows(day, question.shots)
-    return Table(windows.start, windows.end, worth(windows, light, normals).gain)
+    step = START_STEP if len(light) == 1 else 2 * START_STEP
+    windows = all_windows(day, question.shots, step)
+    return Table(step, windows.start, windows.end, worth(windows, light, normals).gain)

@@ -42,9 +42,9 @@ def windows_of(day: Day, hours: float, shots: int) -> Windows:
     return _in_light(day, start, start + 60 * hours, shots)
 
 
-def all_windows(day: Day, shots: int) -> Windows:
-    """The windows that start and end on quarters of an hour, SHORTEST or longer, and lie in light."""
-    grid = np.arange(0.0, DAY + 1e-6, START_STEP)
+def all_windows(day: Day, shots: int, step: float) -> Windows:
+    """The windows that start and end on multiples of `step` minutes, SHORTEST or longer, and lie in light."""
+    grid = np.arange(0.0, DAY + 1e-6, step)
     start, end = (side.ravel() for side in np.meshgrid(grid, grid, indexing="ij"))
     long = end - start >= SHORTEST
     return _in_light(day, start[long], end[long], shots)

@@ -1,0 +1,151 @@
+"""The commands about photometric stereo outdoors: when to photograph, and normals from the photos of a day."""
+
+import json
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli.files import write_png
+from lighting.cli.group import cli
+from lighting.cli.options import preview_file, quiet_option
+
+if TYPE_CHECKING:
+    from lighting.stereo.plan import Plan, Window
+    from lighting.stereo.planning import Progress
+    from lighting.stereo.request import Skies
+
+
+@cli.group()
+def stereo() -> None:
+    """The shape of a thing from photos of one day: when to take them, and its normals.
+
+    Directions are degrees clockwise from true north.
+    """
+
+
+def _offset(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
+    from lighting.errors import ParameterError
+    from lighting.photo.clock import read_offset
+
+    try:
+        return None if text is None else read_offset(text)
+    except ParameterError as error:
+        raise click.BadParameter(str(error)) from error
+
+
+_DATE = click.DateTime(formats=["%Y-%m-%d"])
+
+
+@stereo.command()
+@click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north.")
+@click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east.")
+@click.option("--date", "first", type=_DATE, metavar="DATE", help="The day: 2026-06-21.")
+@click.option("--until", "last", type=_DATE, metavar="DATE", help="Last day of a range, whose best day is planned.")
+@click.option(
+    "--sky", type=click.Choice(["clear", "overcast", "mixed"]), help="Modelled sky; mixed is broken cloud. [clear]"
+)
+@click.option(
+    "--probes",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Measured skies instead: DIR/YYYYMMDD/HHMMSS/envmap.exr.",
+)
+@click.option("--facing", type=float, metavar="DEG", help="Where the surface faces; else all around and up.")
+@click.option("--shots", type=int, default=8, show_default=True, help="Photos of a window.")
+@click.option(
+    "--noise", type=float, default=1.0, show_default=True, metavar="PERCENT", help="Of a pixel, of the brightest light."
+)
+@click.option(
+    "--utc-offset", metavar="HOURS", callback=_offset, help="Of the clock: +02:00 or 2; else by the longitude."
+)
+@click.option("-o", "--output", metavar="FILE.png", callback=preview_file, help='Also draw it; "-" is stdout.')
+@click.option("--json", "as_json", is_flag=True, help="JSON instead of words.")
+@quiet_option
+def plan(
+    output: str | None, as_json: bool, quiet: bool, facing: float | None, shots: int, noise: float, **said: Any
+) -> None:
+    """When to photograph a thing so that its normals come out best.
+
+    Compares windows of 1, 2, 3 and 6 hours of a day, or of the best day of a range, and says how far the normals will
+    be off.
+    """
+    from lighting.stereo.plan import Question
+    from lighting.stereo.request import answer, to_dict
+
+    if output == "-" and as_json:
+        raise click.UsageError('--json and "-o -" both go to stdout.')
+    skies, question = _skies(**said), Question(facing, shots, noise)
+    found = answer(skies, question, _progress(quiet))
+    if output:
+        _draw(output, skies, found)
+    if as_json:
+        click.echo(json.dumps(to_dict(skies, found), indent=2, allow_nan=False))
+    elif output != "-" and not quiet:
+        click.echo(_in_words(skies, found))
+
+
+def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "Skies":
+    """The skies asked for; wrong usage where what they need is missing or would do nothing."""
+    from lighting.stereo.request import MeasuredSkies, ModelledSkies
+
+    days = first.date() if first else None, last.date() if last else None
+    if last and not first:
+        raise click.UsageError("--until needs --date.")
+    if probes:
+        if sky or place["utc_offset"] is not None:
+            raise click.UsageError("--sky and --utc-offset are of modelled skies; --probes takes measured ones.")
+        return MeasuredSkies(probes, *days)
+    if days[0] is None or place["latitude"] is None or place["longitude"] is None:
+        raise click.UsageError("A plan needs --lat, --lon and --date, or --probes.")
+    return ModelledSkies(first=days[0], last=days[1] or days[0], sky=sky or "clear", **place)
+
+
+def _progress(quiet: bool) -> "Progress":
+    from tqdm import tqdm
+
+    return lambda days: tqdm(days, unit="day", disable=quiet or len(days) < 2 or not sys.stderr.isatty())
+
+
+def _draw(output: str, skies: "Skies", found: "Plan") -> None:
+    from lighting.stereo.picture import draw_plan
+    from lighting.stereo.request import conditions, title
+
+    write_png(output, draw_plan(found, f"When to photograph: {title(skies, found)}", conditions(skies, found.question)))
+
+
+def _in_words(skies: "Skies", found: "Plan") -> str:
+    """A line for each window, and a table of the errors by orientation."""
+    from lighting.stereo.picture import shown_error
+    from lighting.stereo.request import conditions, title
+
+    names = [orientation.name for orientation in found.windows[0].orientations]
+    width = max(map(len, names))
+    table = [f"{'':{width}}" + "".join(f"{window.hours:>6} h" for window in found.windows)]
+    for row, name in enumerate(names):
+        errors = (shown_error(window.orientations[row].error) for window in found.windows)
+        table.append(f"{name:{width}}" + "".join(f"{error:>8}" for error in errors))
+    lines = [f"{title(skies, found)}; {conditions(skies, found.question)}.", *map(_line, found.windows)]
+    return "\n".join([*lines, "Expected error of the normal by orientation:", *table, *_verdict(found)])
+
+
+def _line(window: "Window") -> str:
+    from lighting.stereo.picture import shown_error
+    from lighting.stereo.plan import clock
+
+    gain = f"{window.gain:.1f}" if window.gain < 1e4 else "infinite"
+    return (
+        f"{window.hours} h  {clock(window.start)} to {clock(window.end)}  "
+        f"median error {shown_error(window.error)}, noise gain {gain}"
+    )
+
+
+def _verdict(found: "Plan") -> list[str]:
+    """A sentence where no window is any good."""
+    from lighting.stereo.picture import HOPELESS
+
+    if min(window.error for window in found.windows) <= HOPELESS:
+        return []
+    return ["No window resolves the normals: the light comes from nearly one direction or one plane all day."]

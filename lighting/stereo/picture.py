@@ -1,0 +1,148 @@
+"""A plan as one picture: gain by start and end of the window, over the sphere for the best windows, errors in words."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.preview.ink import Colour, polygon, stroke, write
+from lighting.preview.picture import BACKGROUND, LINE, MUTED, PANEL, TEXT
+from lighting.stereo.plan import Plan, Table, Window, clock
+
+Floats = NDArray[np.floating[Any]]
+
+WIDTH, HEIGHT = 1600, 900
+HOPELESS = 45.0  # deg, a larger error says nothing of the normal
+LEAST_GAIN, MOST_GAIN = 1.0, 300.0  # the ends of the scale of colours
+
+_RAMP = np.array([[255, 224, 130], [240, 140, 80], [172, 74, 108], [84, 58, 110], [40, 44, 62]])  # low to high gain
+_TRIANGLE = (100, 150, 660)  # left, top and side of the panel by start and end
+_SCALE = (100, 862, 660, 12)  # left, top, width and height of the scale
+_RIGHT = 850  # where the spheres begin
+_FIRST, _SPHERE, _STEP = 1010, 126, 141  # left of the first sphere, their width, and from one to the next
+_ROWS = 390  # where the table of orientations begins
+_ROW = 42
+
+
+def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
+    """The picture (900, 1600, 3) of a plan under a title and a line that says for whom and when it holds."""
+    canvas = Image.new("RGB", (WIDTH, HEIGHT), BACKGROUND)
+    write(canvas, (40, 34), title, 30, TEXT)
+    write(canvas, (40, 76), subtitle, 18, MUTED)
+    _triangle(canvas, plan)
+    _scale(canvas)
+    write(canvas, (_RIGHT, 118), _sphere_caption(plan), 18, MUTED)
+    for column, window in enumerate(plan.windows):
+        _sphere(canvas, _FIRST + column * _STEP, window)
+    _orientations(canvas, plan.windows)
+    return np.asarray(canvas)
+
+
+def gain_colours(gain: Floats) -> NDArray[np.uint8]:
+    """Colours (..., 3) of noise gains (...), on a logarithmic scale from LEAST_GAIN, bright, to MOST_GAIN, dark."""
+    share = np.log(np.clip(gain, LEAST_GAIN, MOST_GAIN) / LEAST_GAIN) / np.log(MOST_GAIN / LEAST_GAIN)
+    stops = np.linspace(0, 1, len(_RAMP))
+    colours = [np.interp(share, stops, channel) for channel in _RAMP.T]
+    return np.round(np.stack(colours, axis=-1)).astype(np.uint8)
+
+
+def _triangle(canvas: Image.Image, plan: Plan) -> None:
+    """Start of the window to the right, its end upwards."""
+    left, top, side = _TRIANGLE
+    first, last = _hours(plan.table)
+    write(canvas, (left - 60, 118), "Noise gain by start and end of the window, median over orientations", 18, MUTED)
+    canvas.paste(_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
+    per_hour = side / (last - first)
+    every = 1 if last - first <= 12 else 2 if last - first <= 16 else 3
+    for hour in range(first, last + 1, every):
+        at = (hour - first) * per_hour
+        write(canvas, (left + at, top + side + 8), f"{hour}", 16, MUTED, anchor="ma")
+        write(canvas, (left - 10, top + side - at), f"{hour}", 16, MUTED, anchor="rm")
+    write(canvas, (left + side - 8, top + side - 10), "start", 16, MUTED, anchor="rd")
+    write(canvas, (left + 10, top + 10), "end", 16, MUTED)
+    for window in plan.windows:
+        spot = (left + (window.start / 60 - first) * per_hour, top + side - (window.end / 60 - first) * per_hour)
+        _ring(canvas, spot, f"{window.hours} h", after=window.hours < 3)
+
+
+def _hours(table: Table) -> tuple[int, int]:
+    """The first and the last hour of the axes."""
+    return int(np.floor(table.start.min() / 60)), int(np.ceil(table.end.max() / 60))
+
+
+def _raster(table: Table, first: int, last: int) -> Image.Image:
+    """The windows as one pixel each, the panel's ground where there is none."""
+    cells = 60 / table.step
+    side = round(cells * (last - first)) + 1
+    pixels = np.full((side, side, 3), PANEL, dtype=np.uint8)
+    column = np.rint((table.start / 60 - first) * cells).astype(np.intp)
+    row = np.rint((last - table.end / 60) * cells).astype(np.intp)
+    pixels[row, column] = gain_colours(table.gain)
+    return Image.fromarray(pixels)
+
+
+def _ring(canvas: Image.Image, spot: tuple[float, float], text: str, *, after: bool) -> None:
+    """A mark with its name after it, or before."""
+    turn = np.linspace(0, 2 * np.pi, 33)
+    circle = np.stack([spot[0] + 8 * np.cos(turn), spot[1] + 8 * np.sin(turn)], axis=-1)
+    for colour, width in (((0, 0, 0), 5.0), (TEXT, 2.5)):
+        stroke(canvas, [circle], colour, width)
+    beside = (spot[0] + (14 if after else -14), spot[1])
+    write(canvas, beside, text, 18, TEXT, anchor="lm" if after else "rm", shaded=True)
+
+
+def _scale(canvas: Image.Image) -> None:
+    left, top, width, height = _SCALE
+    gains = LEAST_GAIN * (MOST_GAIN / LEAST_GAIN) ** np.linspace(0, 1, width)
+    bar = Image.fromarray(np.broadcast_to(gain_colours(gains), (height, width, 3)).copy())
+    canvas.paste(bar, (left, top))
+    for gain in (1, 3, 10, 30, 100, 300):
+        x = left + width * np.log(gain / LEAST_GAIN) / np.log(MOST_GAIN / LEAST_GAIN)
+        write(canvas, (x, top + height + 3), f"{gain}" + ("+" if gain == MOST_GAIN else ""), 15, MUTED, anchor="ma")
+    write(canvas, (left - 10, top + 6), "gain", 15, MUTED, anchor="rm")
+
+
+def _sphere_caption(plan: Plan) -> str:
+    seen = "from above, north up" if plan.question.facing is None else "as its camera sees it"
+    return f"Noise gain over the sphere of normals {seen}"
+
+
+def _sphere(canvas: Image.Image, left: int, window: Window) -> None:
+    top = 156
+    picture = Image.fromarray(gain_colours(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
+    canvas.paste(picture, (left, top), mask=_disc(_SPHERE))
+    centre = left + _SPHERE / 2
+    write(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", 24, TEXT, anchor="ma")
+    write(canvas, (centre, top + _SPHERE + 46), f"{clock(window.start)} to {clock(window.end)}", 15, MUTED, anchor="ma")
+
+
+def _disc(size: int) -> Image.Image:
+    mask = Image.new("RGB", (size, size))
+    turn = np.linspace(0, 2 * np.pi, 181)[:-1]
+    polygon(mask, size / 2 + (size / 2 - 1) * np.stack([np.cos(turn), np.sin(turn)], axis=-1), (255, 255, 255))
+    return mask.convert("L")
+
+
+def _orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None:
+    """A row for each orientation, a column for each window."""
+    write(canvas, (_RIGHT, _ROWS), "Expected error of the normal, by orientation", 18, MUTED)
+    rows = [("median", [window.error for window in windows])]
+    names = [orientation.name for orientation in windows[0].orientations]
+    rows += [(name, [window.orientations[i].error for window in windows]) for i, name in enumerate(names)]
+    stroke(canvas, [np.array([[_RIGHT, _ROWS + 30], [WIDTH - 40, _ROWS + 30]])], LINE, 1.0)
+    for number, (name, errors) in enumerate(rows):
+        y = _ROWS + 52 + number * _ROW
+        write(canvas, (_RIGHT, y), name, 18, TEXT if number == 0 else MUTED, anchor="lm")
+        for column, error in enumerate(errors):
+            x = _FIRST + column * _STEP + _SPHERE
+            write(canvas, (x, y), shown_error(error), 20, _worth(error), anchor="rm")
+
+
+def shown_error(error: float) -> str:
+    """An error [deg] in words."""
+    return f">{HOPELESS:g}°" if error > HOPELESS else f"{error:.1f}°"
+
+
+def _worth(error: float) -> Colour:
+    return TEXT if error < 10 else MUTED

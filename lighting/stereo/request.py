@@ -1,0 +1,109 @@
+"""What a plan is asked for, checked, and its answer: under modelled skies of a place or under measured ones."""
+
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from lighting.errors import ParameterError
+from lighting.photo.clock import OFFSETS, YEARS
+from lighting.records import OPTIONAL_RANGES, check_range
+from lighting.stereo.days import Place, Weather, clear_brightness, modelled_day
+from lighting.stereo.plan import Plan, Question
+from lighting.stereo.planning import Progress, days_between, make_plan
+from lighting.stereo.probes import probe_days, read_day
+
+
+@dataclass(frozen=True)
+class ModelledSkies:
+    """A place and days there under a kind of sky; raises ParameterError for what is out of range."""
+
+    latitude: float  # deg, positive north
+    longitude: float  # deg, positive east
+    first: date
+    last: date
+    sky: Weather = "clear"
+    utc_offset: float | None = None  # h; None is the longitude's, a whole number of hours
+
+    def __post_init__(self) -> None:
+        check_range("latitude", self.latitude, *OPTIONAL_RANGES["latitude"])
+        check_range("longitude", self.longitude, *OPTIONAL_RANGES["longitude"])
+        if self.utc_offset is not None:
+            check_range("utc_offset", self.utc_offset, *OFFSETS)
+        for day in (self.first, self.last):
+            check_range("The year", day.year, YEARS[0] + 1, YEARS[1] - 1)
+        days_between(self.first, self.last)
+
+    @property
+    def place(self) -> Place:
+        offset = round(self.longitude / 15) if self.utc_offset is None else self.utc_offset
+        return Place(self.latitude, self.longitude, float(offset))
+
+
+@dataclass(frozen=True)
+class MeasuredSkies:
+    """A folder of probes, and the days of it that count; None is no limit."""
+
+    folder: Path
+    first: date | None = None
+    last: date | None = None
+
+    def days(self) -> list[date]:
+        """The days with probes, in order; EnvironmentMapError for an empty folder, ParameterError for another day."""
+        days = probe_days(self.folder)
+        first, last = self.first or days[0], self.last or self.first or days[-1]
+        days_between(first, last)
+        found = [day for day in days if first <= day <= last]
+        if not found:
+            when = f"on {first}" if first == last else f"from {first} to {last}"
+            raise ParameterError(f"{self.folder} has no probes {when}; it has some from {days[0]} to {days[-1]}.")
+        return found
+
+
+Skies = ModelledSkies | MeasuredSkies
+
+
+def answer(skies: Skies, question: Question, progress: Progress = iter) -> Plan:
+    """The plan of the best day; raises ParameterError where no window of any day has light."""
+    if isinstance(skies, MeasuredSkies):
+        folder = skies.folder
+        return make_plan(skies.days(), lambda day, _: read_day(folder, day), question, progress=progress)
+    place, weather, days = skies.place, skies.sky, days_between(skies.first, skies.last)
+    reference = clear_brightness(place, days)
+    return make_plan(
+        days, lambda day, coarse: modelled_day(place, day, weather, coarse=coarse), question, reference, progress
+    )
+
+
+def to_dict(skies: Skies, plan: Plan) -> dict[str, Any]:
+    """The question and its answer as JSON."""
+    if isinstance(skies, MeasuredSkies):
+        return {"sky": "probes", **plan.to_dict()}
+    place = skies.place
+    where = {"latitude": place.latitude, "longitude": place.longitude, "utc_offset": place.utc_offset}
+    return {**where, "sky": skies.sky, **plan.to_dict()}
+
+
+def title(skies: Skies, plan: Plan) -> str:
+    """A headline: where and when, under which sky."""
+    if isinstance(skies, MeasuredSkies):
+        return f"{plan.day}, measured skies of {skies.folder.name}"
+    place = skies.place
+    north, east = "N" if place.latitude >= 0 else "S", "E" if place.longitude >= 0 else "W"
+    where = f"{abs(place.latitude):.2f}° {north} {abs(place.longitude):.2f}° {east}"
+    return f"{plan.day}, {where}, {_SKY[skies.sky]}"
+
+
+def conditions(skies: Skies, question: Question) -> str:
+    """What the plan holds for, in words."""
+    clock = "times as filed" if isinstance(skies, MeasuredSkies) else f"times UTC{_hours(skies.place.utc_offset)}"
+    facing = "surface all around and up" if question.facing is None else f"surface facing {question.facing:g}°"
+    return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, {clock}"
+
+
+_SKY = {"clear": "clear sky", "overcast": "overcast", "mixed": "broken cloud"}
+
+
+def _hours(offset: float) -> str:
+    minutes = round(abs(offset) * 60)
+    return f"{'+' if offset >= 0 else '-'}{minutes // 60:02d}:{minutes % 60:02d}"
