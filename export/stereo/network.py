@@ -15,7 +15,7 @@ _CODE = 24  # planes of an image's code
 _WIDTHS = (24, 48, 64, 96)  # planes at each scale
 _TRUST = 3.0  # how much the search's best normal weighs at first, as a logit
 _CANDIDATES = 3  # best, mean and other normal, the first planes of the shared ones
-_ERROR = 11  # the shared plane with the search's expected error, in units of 30 deg
+_SPREAD = 11  # the shared plane with the search's spread, in units of 30 deg
 
 
 class NormalsNetwork(nn.Module):
@@ -63,7 +63,7 @@ class NormalsNetwork(nn.Module):
         weight = torch.softmax(head[:, :_CANDIDATES] + trust, dim=1)
         candidates = shared[:, : 3 * _CANDIDATES].unflatten(1, (_CANDIDATES, 3))
         normal = (candidates * weight[:, :, None]).sum(dim=1) + head[:, _CANDIDATES : _CANDIDATES + 3]
-        start = torch.log(shared[:, _ERROR : _ERROR + 1] * (torch.pi / 6) + 0.02)
+        start = torch.log(shared[:, _SPREAD : _SPREAD + 1] * (torch.pi / 6) + 0.02)
         error = torch.exp((start + head[:, -1:]).clamp(-5, 1))
         return F.normalize(normal, dim=1, eps=1e-6), error
 

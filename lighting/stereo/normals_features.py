@@ -11,7 +11,7 @@ from lighting.stereo.normals_search import Answer
 Image = NDArray[np.float32]
 
 BY_IMAGE = 6  # planes of each image: relative brightness, difference to the search's fit, cosine to the sun, sun x y z
-SHARED = 15  # planes of the search: best, mean and other normal, residual, odds, error, brightness, noise, mask
+SHARED = 15  # planes of the search: best, mean and other normal, residual, odds, spread, brightness, noise, mask
 
 _SOFT = 0.05  # of the mean brightness, what counts as a large difference
 
@@ -46,7 +46,7 @@ def _search_planes(answer: Answer, size: Image, noise: float) -> Image:
     numbers = (
         np.log1p(answer.residual / noise),
         np.tanh(answer.odds / 4),
-        answer.error / 30,
+        answer.spread / 30,
         np.clip(np.log(size / np.median(size)), -3, 3),
         np.clip(np.log(noise / size), -8, 0) / 4,
         np.ones_like(size),

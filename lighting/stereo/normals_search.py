@@ -52,10 +52,20 @@ class Answer:
     albedo: Image  # (P, C), in units of the images over those of the skies
     residual: Image  # (P,), root of the mean squared difference of the images, in their unit
     difference: Image  # (P, T), the images less what normal and albedo make, mean over channels
-    error: Image  # (P,), expected angle [deg] of the normal to the truth, as root of the mean square
+    error: Image  # (P,), expected angle [deg] of the normal to the truth
+    spread: Image  # (P,), the same as root of the mean square
     mean: Image  # (P, 3), mean of the distribution over normals; its length is less than 1
     other: Image  # (P, 3), the best normal that is APART from the first
     odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """What the search of every pixel uses."""
+
+    units: Image  # (C, T, K), brightnesses scaled to length 1 over the moments
+    chords: Image  # (K, K), distances between the normals
+    prior: Image  # (K,), logarithms
 
 
 Progress = Callable[[Iterable[Answer], int], Iterable[Answer]]  # sees answers pass, of so many in all
@@ -80,35 +90,41 @@ def search(images: Image, table: Candidates, noise: float, progress: Progress = 
 
     Pixels are searched in blocks, which `progress` sees pass and which so many threads share.
     """
-    units, size = _units(table), max(1, _BLOCK // len(table.normals))
+    grid, size = _grid(table), max(1, _BLOCK // len(table.normals))
     blocks = [images[start : start + size] for start in range(0, len(images), size)] or [images]
     with ThreadPoolExecutor(threads) as pool:
-        found = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
+        found = pool.map(lambda block: _search_block(block, table, noise, grid), blocks)
         parts = list(progress(found, len(blocks)))
     return Answer(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Answer)))
 
 
-def _units(table: Candidates) -> Image:
-    """Brightnesses (C, T, K) scaled to length 1 over the moments."""
+def _grid(table: Candidates) -> _Grid:
     length = np.sqrt(np.sum(table.brightness**2, axis=-1, keepdims=True))
-    return np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _TINY), 1, 2))
+    units = np.swapaxes(table.brightness / np.maximum(length, _TINY), 1, 2)
+    chords = np.sqrt(np.maximum(2 - 2 * (table.normals @ table.normals.T), 0))
+    return _Grid(np.ascontiguousarray(units), chords, np.log(table.normals[:, 2]))
 
 
-def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> Answer:
-    likelihood = _log_likelihood(images, units, noise)
-    likelihood += np.log(table.normals[:, 2])
+def _search_block(images: Image, table: Candidates, noise: float, grid: _Grid) -> Answer:
+    likelihood = _log_likelihood(images, grid.units, noise)
+    likelihood += grid.prior
     best = likelihood.argmax(axis=1)
-    rows = np.arange(len(best))
-    peak = likelihood[rows, best]
-    likelihood -= peak[:, None]
-    other, odds = _other(likelihood, table.normals, best)
+    likelihood -= likelihood[np.arange(len(best)), best][:, None]
+    chords = grid.chords[best]
+    other, odds = _other(likelihood, chords, table.normals)
     weight = np.exp(likelihood, out=likelihood)
-    mean = (weight @ table.normals) / weight.sum(axis=1, keepdims=True)
+    total = weight.sum(axis=1)
+    mean = (weight @ table.normals) / total[:, None]
+    error = _angle(np.einsum("pk,pk->p", weight, chords) / total)
     normal, albedo, difference = refine(images, table, best, noise)
     residual = np.sqrt(np.mean(difference**2, axis=(1, 2)))
-    cosine = np.clip(np.sum(normal * mean, axis=1), -1, 1)
-    error = np.degrees(2 * np.arcsin(np.sqrt((1 - cosine) / 2)))
-    return Answer(normal, albedo, residual, difference.mean(axis=2), error, mean, other, odds)
+    spread = _angle(np.sqrt(np.maximum(2 - 2 * np.sum(normal * mean, axis=1), 0)))
+    return Answer(normal, albedo, residual, difference.mean(axis=2), error, spread, mean, other, odds)
+
+
+def _angle(chord: Image) -> Image:
+    """Angles [deg] between unit vectors at distances (P,)."""
+    return np.asarray(np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1))))
 
 
 def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
@@ -121,9 +137,9 @@ def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
     return total
 
 
-def _other(likelihood: Image, normals: Image, best: NDArray[np.intp]) -> tuple[Image, Image]:
+def _other(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:
     """The likeliest normal (P, 3) APART from the best one, and its logarithm of likelihood (P,) relative to that."""
-    near = normals[best] @ normals.T > np.float32(np.cos(np.radians(APART)))
+    near = chords < np.float32(2 * np.sin(np.radians(APART) / 2))
     rest = np.where(near, np.float32(-np.inf), likelihood)
     index = rest.argmax(axis=1)
     return normals[index], np.maximum(rest[np.arange(len(index)), index], np.float32(-1e4))

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import PhotoError
+from lighting.model import available_cpus
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_features import features
+from lighting.stereo.normals_features import Features, features
 from lighting.stereo.normals_frame import Pose, to_camera
 from lighting.stereo.normals_network import Network
 from lighting.stereo.normals_search import Answer, Candidates, Progress, candidates, quiet, search
@@ -52,6 +53,20 @@ def solve(
     `noise` is the least standard deviation of the images as a share of the brightest pixel; where the model fits worse
     than that, what is left counts. Raises PhotoError for an empty mask and images without light.
     """
+    found, planes = solve_with_planes(images, mask, skies, pose, noise=noise, progress=progress)
+    return found if network is None else improved(found, network, planes)
+
+
+def solve_with_planes(
+    images: Image,
+    mask: NDArray[np.bool_],
+    skies: Skies,
+    pose: Pose,
+    *,
+    noise: float = NOISE,
+    progress: Progress = quiet,
+) -> tuple[NormalMap, Features]:
+    """What `solve` finds by search alone, and the planes that the network improves it from."""
     pixels = np.ascontiguousarray(np.moveaxis(images, 0, -2)[mask])  # (P, T, C)
     if not len(pixels):
         raise PhotoError("The mask leaves no pixel.")
@@ -61,12 +76,9 @@ def solve(
     pixels /= white
     table = candidates(skies, pose)
     sigma = measured_noise(pixels, table, noise)
-    answer = search(pixels, table, sigma, progress)
-    found = _map(mask, pixels, answer, sigma)
-    if network is None:
-        return found
-    suns = to_camera(skies.sun_direction, pose)
-    return _improved(found, network, features(pixels, mask, suns, answer, sigma))
+    answer = search(pixels, table, sigma, progress, available_cpus())
+    planes = features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
+    return _map(mask, pixels, answer, sigma), planes
 
 
 def measured_noise(pixels: Image, table: Candidates, least: float) -> float:
@@ -95,7 +107,7 @@ def _filled(mask: NDArray[np.bool_], values: Image) -> Image:
     return picture
 
 
-def _improved(found: NormalMap, network: Network, planes: Any) -> NormalMap:
+def improved(found: NormalMap, network: Network, planes: Features) -> NormalMap:
     """The network's normals where it expects to err less than the search."""
     normal, error = network.predict(planes)
     better = found.mask & (error < found.error)

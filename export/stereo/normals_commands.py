@@ -1,0 +1,50 @@
+"""`python -m export stereo train|onnx|evaluate`: the network of normals, and how far normals are off."""
+
+from pathlib import Path
+
+import click
+
+from export.stereo.commands import stereo
+
+_FOLDER = click.Path(path_type=Path)
+_DATA = "../shared/stereo-data"
+
+
+@stereo.command()
+@click.option("--out", type=_FOLDER, default="runs/normals", show_default=True, help="Resumed if it has a checkpoint.")
+@click.option("--meshes", type=_FOLDER, default=f"{_DATA}/meshes", show_default=True, help="Folder of OBJ files.")
+@click.option("--minutes", type=click.FloatRange(0), default=70.0, show_default=True, help="Of training in all.")
+@click.option("--seed", type=int, default=1, show_default=True)
+@click.option("--threads", type=click.IntRange(1), default=1, show_default=True)
+def train(out: Path, meshes: Path, minutes: float, seed: int, threads: int) -> None:
+    """Train the network of normals on simulated days, or go on where a run stopped."""
+    from export.stereo.train import Config
+    from export.stereo.train import train as run
+
+    checkpoint = run(Config(out=str(out), meshes=str(meshes), minutes=minutes, seed=seed, threads=threads))
+    click.echo(f"{checkpoint}")
+
+
+@stereo.command()
+@click.argument("run", type=_FOLDER)
+@click.option("--version", default="1.0.0", show_default=True)
+@click.option("--out", type=_FOLDER, default=None, help="File to write. [RUN/normals-VERSION.onnx]")
+def onnx(run: Path, version: str, out: Path | None) -> None:
+    """Write the averaged network of a run as ONNX; compare it with torch."""
+    from export.stereo.onnx import export
+
+    target = out or run / f"normals-{version}.onnx"
+    difference = export(run, target, version)
+    click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
+
+
+@stereo.command()
+@click.option("--data", type=_FOLDER, default=_DATA, show_default=True, help="Has scanned_objects and meshes.")
+@click.option("--network", type=_FOLDER, default=None, help="Network to score. [the one in the package]")
+@click.option("--quick", is_flag=True, help="Thin the shapes, which moves medians by up to a degree.")
+def evaluate(data: Path, network: Path | None, quick: bool) -> None:
+    """Print how far normals are off on shapes and latitudes that training never saw; half an hour on one core."""
+    from export.stereo.evaluate import evaluate as run
+    from lighting.stereo.normals_network import Network
+
+    run(data, Network.load(network), click.echo, quick=quick)

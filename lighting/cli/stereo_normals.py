@@ -1,0 +1,98 @@
+"""The command that finds normals from the photos of a day."""
+
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli.options import quiet_option
+from lighting.cli.stereo import stereo, _offset
+
+if TYPE_CHECKING:
+    from lighting.stereo.normals import Known, Solved, Watch
+    from lighting.stereo.normals_network import Network
+
+_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+
+
+@stereo.command()
+@click.argument("day", type=_FOLDER)
+@click.option("-o", "--output", required=True, metavar="FOLDER", type=click.Path(file_okay=False, path_type=Path))
+@click.option("--lat", "latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
+@click.option("--lon", "longitude", type=click.FloatRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
+@click.option("--heading", type=float, metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
+@click.option("--pitch", type=click.FloatRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
+@click.option("--roll", type=float, default=0.0, metavar="DEG", help="How far it is turned clockwise.")
+@click.option("--utc-offset", metavar="HOURS", callback=_offset, help="Of the camera's clock: +02:00 or 2.")
+@click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
+@click.option("--turbidity", type=click.FloatRange(1, 10), help="Of the modelled sky. [3]")
+@click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
+@click.option("--mask", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="White where the thing is.")
+@click.option("--curve", type=click.Choice(["linear", "srgb"]), help="How values are coded, against what files say.")
+@click.option("--size", type=click.IntRange(0), metavar="PIXELS", help="Longer side; 0 keeps all. [1024]")
+@click.option("--noise", type=click.FloatRange(0.01, 50), metavar="PERCENT", help="Least, of the brightest pixel. [1]")
+@click.option("--network/--no-network", default=True, help="Let the network answer where it expects to err less.")
+@quiet_option
+def normals(day: Path, output: Path, network: bool, quiet: bool, **said: Any) -> None:
+    """Find the normals of a thing from photos of one DAY, taken by a camera that stood still.
+
+    DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos, or a capture in DiLiGenT's layout. Times and place come from
+    EXIF, times else from times.csv, the mask from mask.png. FOLDER receives normals, albedo, uncertainty and a mesh.
+    """
+    if said["probes"] and (said["sky"] or said["turbidity"]):
+        raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
+    from lighting.stereo.normals import solve_day, write
+
+    solved = solve_day(day, _known(**said), _network() if network else None, _watch(quiet))
+    write(output, solved)
+    for warning in solved.warnings:
+        click.echo(f"Warning: {warning}", err=True)
+    if not quiet:
+        click.echo(_in_words(day, output, solved))
+
+
+def _known(sky: str | None, noise: float | None, size: int | None, **said: Any) -> "Known":  # noqa: ARG001
+    """What was said; what was not keeps its default."""
+    from lighting.stereo.normals import Known
+
+    given = {name: value for name, value in said.items() if value is not None}
+    if noise is not None:
+        given["noise"] = noise / 100
+    if size is not None:
+        given["size"] = size or None
+    return Known(**given)
+
+
+def _network() -> "Network":
+    from lighting.stereo.normals_network import Network
+
+    return Network.load()
+
+
+def _watch(quiet: bool) -> "Watch":
+    from tqdm import tqdm
+
+    from lighting.stereo.normals import Watch
+
+    hidden = quiet or not sys.stderr.isatty()
+
+    def photos(paths: Sequence[Path]) -> Iterable[Path]:
+        return tqdm(paths, desc="photos", unit="photo", disable=hidden)
+
+    def pixels(parts: Iterable[Any], count: int) -> Iterable[Any]:
+        return tqdm(parts, total=count, desc="search", unit="block", disable=hidden)
+
+    return Watch(photos, pixels)
+
+
+def _in_words(day: Path, output: Path, solved: "Solved") -> str:
+    record = solved.record
+    words = f"{day}: {record['pixels']} normals from {len(record['photos'])} photos in {output}; "
+    words += f"expected error of the median pixel {record['expected_error_median']:.1f} deg"
+    if record["by_network"]:
+        words += f", {100 * record['by_network']:.0f} % by the network"
+    if "mean_error" in record:
+        words += f"; against Normal_gt: mean {record['mean_error']:.1f}, median {record['median_error']:.1f} deg"
+    return words + "."
