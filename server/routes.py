@@ -9,6 +9,7 @@ from server import tasks
 from server.answers import caching, estimates, map_response
 from server.checks import check_photos, refuse_given
 from server.model_figures import accuracy
+from server.plans import PlanQuery, StereoPlan
 from server.problems import documented
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkyQuery, SkySceneQuery
 from server.records import parse_record
@@ -135,6 +136,20 @@ async def estimate_scene(
     """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP."""
     data = await admission.run(tasks.scene_file_of_photo, admission.service, photo, query)
     return Response(data, media_type="application/zip")
+
+
+@router.get(
+    "/stereo/plan",
+    summary="When to photograph a surface for photometric stereo",
+    response_model=StereoPlan,
+    responses={304: FRESH, **documented(422, 500, 503)},
+)
+async def plan_stereo(request: Request, admitted: Admitted, query: Annotated[PlanQuery, Query()]) -> Response:
+    """The hours of a day, or of the best of several days, whose light resolves its normals best."""
+    headers, unchanged = caching(request, admitted.service, query)
+    if unchanged:
+        return unchanged
+    return JSONResponse(await admitted.run(tasks.plan_record, query), headers=headers)
 
 
 @router.get("/model", summary="The network that answers", responses=documented(500, 503))

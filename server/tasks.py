@@ -1,6 +1,8 @@
 """The CPU work of requests, in steps; between two steps a request stops if its client has disconnected."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from datetime import date
+from typing import Any
 
 import numpy as np
 from anyio.from_thread import check_cancelled
@@ -12,6 +14,7 @@ from lighting.photo import Photo
 from lighting.preview import PHOTO_SIDE, preview_png
 from lighting.records import Estimate, Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
+from server.plans import PlanQuery
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
 from server.service import Service
 
@@ -76,3 +79,17 @@ def scene_file_of_sky(query: SkySceneQuery) -> bytes:
     width, height = query.plate_width, query.plate_height
     grey = np.full((height, width, 3), MID_GREY, dtype=np.uint8)
     return scene_file(Photo(grey, width, height, "PNG"), query.lighting(), query)
+
+
+def plan_record(query: PlanQuery) -> dict[str, Any]:
+    """When to photograph for photometric stereo, as JSON."""
+    from lighting.stereo.request import answer, to_dict
+
+    skies = query.skies()
+    return to_dict(skies, answer(skies, query.question(), _cancellable))
+
+
+def _cancellable(days: Sequence[date]) -> Iterator[date]:
+    for day in days:
+        check_cancelled()
+        yield day

@@ -53,17 +53,22 @@ def _triangle(canvas: Image.Image, plan: Plan) -> None:
     first, last = _hours(plan.table)
     write(canvas, (left - 60, 118), "Noise gain by start and end of the window, median over orientations", 18, MUTED)
     canvas.paste(_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
-    per_hour = side / (last - first)
     every = 1 if last - first <= 12 else 2 if last - first <= 16 else 3
     for hour in range(first, last + 1, every):
-        at = (hour - first) * per_hour
+        at = _place(60.0 * hour, plan.table, first, last)
         write(canvas, (left + at, top + side + 8), f"{hour}", 16, MUTED, anchor="ma")
         write(canvas, (left - 10, top + side - at), f"{hour}", 16, MUTED, anchor="rm")
     write(canvas, (left + side - 8, top + side - 10), "start", 16, MUTED, anchor="rd")
-    write(canvas, (left + 10, top + 10), "end", 16, MUTED)
+    write(canvas, (left + 10, top + 10), "end", 16, TEXT, shaded=True)
     for window in plan.windows:
-        spot = (left + (window.start / 60 - first) * per_hour, top + side - (window.end / 60 - first) * per_hour)
-        _ring(canvas, spot, f"{window.hours} h", after=window.hours < 3)
+        x, y = (_place(minutes, plan.table, first, last) for minutes in (window.start, window.end))
+        _ring(canvas, (left + x, top + side - y), f"{window.hours} h", after=window.hours < 3)
+
+
+def _place(minutes: float, table: Table, first: int, last: int) -> float:
+    """Where along an axis a time is [pixels]: the middle of its cell."""
+    cells = 60 * (last - first) / table.step + 1
+    return ((minutes - 60 * first) / table.step + 0.5) / cells * _TRIANGLE[2]
 
 
 def _hours(table: Table) -> tuple[int, int]:

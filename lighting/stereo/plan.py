@@ -14,6 +14,7 @@ Floats = NDArray[np.floating[Any]]
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
 FEWEST_SHOTS, MOST_SHOTS = 3, 1000
+NOISES = (0.001, 100.0)  # per cent
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Question:
 
     def __post_init__(self) -> None:
         check_range("shots", self.shots, FEWEST_SHOTS, MOST_SHOTS)
-        check_range("noise", self.noise, 0.001, 100.0)
+        check_range("noise", self.noise, *NOISES)
         if self.facing is not None:
             check_range("facing", self.facing, -360.0, 360.0)
 
