@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import angle_between, direction
-from lighting.stereo.days import DRAWS, Day, Place, Weather, clear_brightness, modelled_day
+from lighting.stereo.days import DRAWS, SPELLS, Day, Place, Weather, clear_brightness, modelled_day
 from lighting.stereo.gain import angular_spread, gram, inverse, largest_gain, noise_gain, rotation_free_gain
 from lighting.stereo.mean_light import Skies, illumination
 from lighting.stereo.orientations import normals_of_interest
@@ -41,8 +41,7 @@ class Case:
         """Its light, scaled to the brightest clear sky."""
         found = modelled_day(self.place, self.day, self.sky, coarse=coarse)
         scale = clear_brightness(self.place, [self.day])
-        skies = tuple(_scaled(each, 1 / scale) for each in found.skies)
-        return replace(found, skies=skies)
+        return replace(found, skies=_scaled(found.skies, 1 / scale))
 
 
 CASES = (
@@ -64,11 +63,12 @@ def spread_of_noise(day: Day, hours: float, noise: float, draws: int) -> tuple[f
     Pixels of every orientation of interest over one window about noon, estimated by iterated least squares.
     """
     normals, window = normals_of_interest(None), windows_of(day, hours, SHOTS)
-    part = day.only(window.moments[int(np.argmin(np.abs(window.start + 30 * hours - 720)))])
-    matrix = part.light(normals)[0]
+    noon = int(np.argmin(np.abs(window.start + 30 * hours - 720)))
+    skies = day.skies.at(window.moments[0, noon])
+    matrix = illumination(skies, normals)[..., 0]
     resolved = noise * angular_spread(inverse(gram(matrix)), normals) < 0.05
     normals, matrix = normals[resolved], matrix[resolved]
-    found = estimates(part.skies[0], normals, noise, draws, np.random.default_rng(5))
+    found = estimates(skies, normals, noise, draws, np.random.default_rng(5))
     scatter = (found - normals).std(axis=0) / (noise * noise_gain(matrix))
     turn = np.radians(_rms(angle_between(found, normals)))
     expected = noise * angular_spread(inverse(gram(matrix)), normals)
@@ -104,24 +104,23 @@ def study(case: Case) -> Studied:
 
 
 def simulated(light: Floats, normals: Floats, draws: int) -> float:
-    """Error [deg] of normals (N, 3) from noisy pixels, by least squares with their mean light vectors (K, N, T, 3):
+    """Error [deg] of normals (N, 3) from noisy pixels, by least squares with their mean light vectors (N, K, T, 3):
     the median over normals and draws of the clouds of the root mean square."""
-    bright = np.einsum("cntk,nk->cnt", light, normals)
+    bright = np.einsum("nctk,nk->nct", light, normals)
     noisy = bright + FAINT * np.random.default_rng(7).standard_normal((draws, *bright.shape))
-    apart = angle_between(_solve(light, noisy) + 1e-300, np.broadcast_to(normals, (draws, *light.shape[:2], 3)))
-    return float(np.median(_rms(apart)))
+    found = _solve(light, noisy) + 1e-300  # where nothing is resolved a direction like any other
+    return float(np.median(_rms(angle_between(found, np.broadcast_to(normals[:, None], found.shape)))))
 
 
 def choice(studied: Studied, hours: int) -> tuple[float, float]:
     """The simulated error [deg] in the plan's window, and the least over windows; of clouds that the plan never saw."""
-    day, normals = studied.day, normals_of_interest(None)[::2]
-    if len(day.variant) > 1:
-        fresh = [draw_sunshine(day.minutes, seed) for seed in range(DRAWS, 2 * DRAWS)]
-        day = replace(day, variant=np.stack(fresh).astype(np.intp))
+    day, normals = studied.day, normals_of_interest(None)
+    if len(day.clouds) > 1:
+        day = replace(day, clouds=draw_sunshine(DRAWS, SPELLS, seed=1).astype(np.intp))
     windows, light = windows_of(day, hours, SHOTS), day.light(normals)
     (chosen,) = (window for window in studied.plan.windows if window.hours == hours)
-    draws = -(-_TRIALS // len(day.variant))
-    errors = [simulated(light[..., moments, :], normals, draws) for moments in windows.moments]
+    draws = -(-_TRIALS // len(day.clouds))
+    errors = [simulated(light[:, windows.moments[:, i]], normals, draws) for i in range(len(windows))]
     return errors[int(np.flatnonzero(windows.start == chosen.start)[0])], min(errors)
 
 

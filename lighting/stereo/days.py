@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from lighting.colour import LUMINANCE_WEIGHTS
 from lighting.errors import ParameterError
 from lighting.stereo.mean_light import Skies, illumination
-from lighting.stereo.skies import HEIGHT, broken_skies, clear_skies, draw_sunshine, overcast_skies, suns_at
+from lighting.stereo.skies import HEIGHT, SPELL, broken_skies, clear_skies, draw_sunshine, overcast_skies, suns_at
 
 Floats = NDArray[np.floating[Any]]
 Weather = Literal["clear", "overcast", "mixed"]
 
 DRAWS = 32  # of the clouds of a mixed day
 DAY = 24 * 60  # min
+SPELLS = int(DAY / SPELL)
+ONE_SKY = np.zeros((1, SPELLS), dtype=np.intp)  # the clouds of a day that has one variant
 STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 
 
@@ -30,37 +32,31 @@ class Place:
 
 @dataclass(frozen=True)
 class Day:
-    """Skies of one day at T moments in one channel, and which of them each of K draws of its clouds sees."""
+    """Skies of one day at T moments in one channel, in one variant or in several between which clouds choose."""
 
     date: date
     minutes: Floats  # (T,) since midnight by the clock of the place, ascending
     tolerance: float  # min by which a photo's moment may miss the time wanted
-    skies: tuple[Skies, ...]  # variants of every moment
-    variant: NDArray[np.intp]  # (K, T), which of the variants it is
+    skies: Skies  # of V x T moments: all of the first variant, then all of the next
+    clouds: NDArray[np.intp]  # (K, spells of a day), which variant each draw of the clouds shows in each spell
 
     def light(self, normals: Floats) -> Floats:
-        """Mean light vectors (K, N, T, 3) of unit normals (N, 3)."""
-        variants = np.stack([illumination(skies, normals)[..., 0] for skies in self.skies])
-        moments = np.arange(len(self.minutes))
-        return np.stack([variants[row, :, moments].swapaxes(0, 1) for row in self.variant])
-
-    def only(self, moments: NDArray[np.intp]) -> "Day":
-        """The day at some of its moments alone (M,), in that order."""
-        skies = tuple(
-            Skies(each.radiance[moments], each.sun_direction[moments], each.sun_irradiance[moments])
-            for each in self.skies
-        )
-        return Day(self.date, self.minutes[moments], self.tolerance, skies, self.variant[:, moments])
+        """Mean light vectors (N, V x T, 3) of unit normals (N, 3)."""
+        return np.asarray(illumination(self.skies, normals)[..., 0])
 
     def moments(self, start: Floats, end: Floats, shots: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Indices (W, shots) of photos spread evenly from start (W,) to end (W,) [min], both ends in; whether (W,)
-        every photo finds light within the day's tolerance."""
+        """Indices (K, W, shots) of the moments of photos spread evenly from start (W,) to end (W,) [min], both ends in;
+        and whether (W,) every photo finds light within the day's tolerance.
+
+        Spells of clouds are counted from the start of each window, so that all windows meet the same clouds.
+        """
         wanted = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, shots)
         after = np.clip(np.searchsorted(self.minutes, wanted), 1, len(self.minutes) - 1)
         late = self.minutes[after] - wanted < wanted - self.minutes[after - 1]
         index = np.where(late, after, after - 1)
         reached = np.abs(self.minutes[index] - wanted) <= self.tolerance
-        return index, np.asarray(reached.all(axis=1))
+        spell = ((wanted - start[:, None]) / SPELL).astype(np.intp) % self.clouds.shape[1]
+        return index + len(self.minutes) * self.clouds[:, spell], np.asarray(reached.all(axis=1))
 
 
 def modelled_day(place: Place, day: date, weather: Weather, *, coarse: bool = False) -> Day:
@@ -76,17 +72,23 @@ def modelled_day(place: Place, day: date, weather: Weather, *, coarse: bool = Fa
         raise ParameterError(_night(place, day, day))
     minutes, suns = minutes[up], suns[up]
     clear = in_grey(clear_skies(suns, height=height))
-    skies, variant = _weather(clear, minutes, weather)
-    return Day(day, minutes, step / 2, skies, variant)
+    return Day(day, minutes, step / 2, *_weather(clear, weather))
 
 
-def _weather(clear: Skies, minutes: Floats, weather: Weather) -> tuple[tuple[Skies, ...], NDArray[np.intp]]:
-    """Variants of every moment, and which of them each draw of the clouds sees."""
+def _weather(clear: Skies, weather: Weather) -> tuple[Skies, NDArray[np.intp]]:
+    """The variants of all moments, and which of them each draw of the clouds shows."""
     if weather == "mixed":
-        draws = [draw_sunshine(minutes, seed) for seed in range(DRAWS)]  # the same every day
-        both = tuple(broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True))
-        return both, np.stack(draws).astype(np.intp)
-    return (clear if weather == "clear" else overcast_skies(clear),), np.zeros((1, len(clear)), dtype=np.intp)
+        hidden, shining = (broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True))
+        return _joined(hidden, shining), draw_sunshine(DRAWS, SPELLS, seed=0).astype(np.intp)
+    return clear if weather == "clear" else overcast_skies(clear), ONE_SKY
+
+
+def _joined(a: Skies, b: Skies) -> Skies:
+    return Skies(
+        np.concatenate([a.radiance, b.radiance]),
+        np.concatenate([a.sun_direction, b.sun_direction]),
+        np.concatenate([a.sun_irradiance, b.sun_irradiance]),
+    )
 
 
 def _utc(place: Place, day: date, minutes: Floats) -> NDArray[np.datetime64]:

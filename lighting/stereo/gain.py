@@ -101,20 +101,20 @@ def angular_error(spread: ArrayLike, noise: float, albedo: float = 1.0) -> Float
 
 
 def window_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
-    """(M^T M)^-1 (..., W, 3, 3) of windows, of illumination matrices (..., T, 3) over a day.
+    """(M^T M)^-1 (N, ..., 3, 3) of windows, of illumination matrices (N, T, 3) over a day.
 
-    `moments` (W, shots) are the indices of each window's photos; each holds the same number, so that gains compare.
+    `moments` (..., shots) are the indices of each window's photos; each holds the same number, so that gains compare.
     """
     m = np.asarray(matrix, dtype=np.float64)
     products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER], axis=-1)
-    total = np.zeros((*m.shape[:-2], len(moments), 6))
-    for index in moments.T:
-        total += np.take(products, index, axis=-2)
+    total = np.zeros((len(m), *moments.shape[:-1], 6))
+    for index in np.moveaxis(moments, -1, 0):
+        total += np.take(products, index, axis=1)
     return _inverse(total)
 
 
 def gain_over_windows(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
-    """lambda_max (..., W) of windows with photos at `moments` (W, shots), see `window_inverses`."""
+    """lambda_max (N, ...) of windows with photos at `moments` (..., shots), see `window_inverses`."""
     return np.asarray(gain_of(window_inverses(matrix, moments)).max(axis=-1))
 
 

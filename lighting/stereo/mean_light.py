@@ -45,6 +45,10 @@ class Skies:
     def __len__(self) -> int:
         return len(self.radiance)
 
+    def at(self, moments: NDArray[np.intp]) -> "Skies":
+        """The skies of some moments (M,) alone, in that order."""
+        return Skies(self.radiance[moments], self.sun_direction[moments], self.sun_irradiance[moments])
+
 
 def skies_of_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
     """Skies of maps (T, H, 2H, 3) that show the sun at directions (T, 3), the disc taken out of each.

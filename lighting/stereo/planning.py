@@ -21,11 +21,11 @@ from lighting.stereo.gain import (
     angular_error,
     angular_spread,
     gain_of,
-    gram,
     interval_95,
-    inverse,
     rotation_free_gain,
+    window_inverses,
 )
+from lighting.stereo.mean_light import illumination
 from lighting.stereo.orientations import half_sphere, named_normals, normals_of_interest
 from lighting.stereo.plan import HOURS, DayScore, Orientation, Plan, Question, Table, Window
 from lighting.stereo.windows import START_STEP, all_windows, windows_of, worth
@@ -106,33 +106,32 @@ def _look(day: date, read: Reader, question: Question, *, coarse: bool) -> _Look
 
 
 def _best_windows(day: Day, light: Floats, normals: Floats, question: Question, scale: float) -> Iterable[Window]:
-    """The best of each length, of scaled mean light vectors (K, N, T, 3)."""
+    """The best of each length, of a day's scaled mean light vectors (N, moments, 3)."""
     for hours in HOURS:
         windows = windows_of(day, hours, question.shots)
         if not len(windows):
             continue
         worths = worth(windows, light, normals)
         best = int(np.argmin(worths.spread))
-        moments = windows.moments[best]
-        part = day.only(moments)
+        moments = windows.moments[:, best]
         yield Window(
             hours=hours,
             start=float(windows.start[best]),
             end=float(windows.end[best]),
             error=float(angular_error(worths.spread[best], question.noise / 100)),
             gain=float(worths.gain[best]),
-            rotation_free_gain=float(np.median(rotation_free_gain(light[..., moments, :]))),
-            orientations=_promises(part, question, scale),
-            sphere=_sphere(part, question, scale),
+            rotation_free_gain=float(np.median(rotation_free_gain(light[:, moments]))),
+            orientations=_promises(day, moments, question, scale),
+            sphere=_sphere(day, moments, question, scale),
         )
 
 
-def _promises(part: Day, question: Question, scale: float) -> tuple[Orientation, ...]:
-    """What each named orientation gets of all moments of a part of a day."""
+def _promises(day: Day, moments: NDArray[np.intp], question: Question, scale: float) -> tuple[Orientation, ...]:
+    """What each named orientation gets of photos at moments (K, shots)."""
     names, normals = named_normals(question.facing)
-    inverses, noise = _inverses(part, normals, scale), question.noise / 100
-    error = np.median(angular_error(angular_spread(inverses, normals), noise), axis=0)
-    gain = np.median(gain_of(inverses), axis=0)
+    inverses, noise = _inverses(day, moments, normals, scale), question.noise / 100
+    error = np.median(angular_error(angular_spread(inverses, normals[:, None]), noise), axis=1)
+    gain = np.median(gain_of(inverses), axis=1)
     interval = interval_95(gain, noise)
     return tuple(
         Orientation(*name, float(e), float(g.max()), (float(i[0]), float(i[1]), float(i[2])))
@@ -140,18 +139,20 @@ def _promises(part: Day, question: Question, scale: float) -> tuple[Orientation,
     )
 
 
-def _sphere(part: Day, question: Question, scale: float) -> Floats:
+def _sphere(day: Day, moments: NDArray[np.intp], question: Question, scale: float) -> Floats:
     normals = half_sphere(question.facing, SPHERE).reshape(-1, 3)
-    gain = gain_of(_inverses(part, normals, scale)).max(axis=-1)
-    return np.asarray(np.median(gain, axis=0).reshape(SPHERE, SPHERE))
+    gain = gain_of(_inverses(day, moments, normals, scale)).max(axis=-1)
+    return np.asarray(np.median(gain, axis=1).reshape(SPHERE, SPHERE))
 
 
-def _inverses(part: Day, normals: Floats, scale: float) -> Floats:
-    """(M^T M)^-1 (K, N, 3, 3) of a photo at each moment of a part of a day."""
-    return inverse(gram(part.light(normals) / scale))
+def _inverses(day: Day, moments: NDArray[np.intp], normals: Floats, scale: float) -> Floats:
+    """(M^T M)^-1 (N, K, 3, 3) of photos at moments (K, shots) for normals (N, 3)."""
+    used, index = np.unique(moments, return_inverse=True)
+    light = illumination(day.skies.at(used), normals)[..., 0] / scale
+    return window_inverses(light, index.reshape(moments.shape))
 
 
 def _table(day: Day, light: Floats, normals: Floats, question: Question) -> Table:
-    step = START_STEP if len(light) == 1 else 2 * START_STEP
+    step = START_STEP if len(day.clouds) == 1 else 2 * START_STEP
     windows = all_windows(day, question.shots, step)
     return Table(step, windows.start, windows.end, worth(windows, light, normals).gain)

@@ -17,7 +17,7 @@ from lighting.errors import EnvironmentMapError
 from lighting.files.exr import checked_map, read_exr
 from lighting.geometry import latlong_directions
 from lighting.prefilter import shrink
-from lighting.stereo.days import Day, in_grey
+from lighting.stereo.days import ONE_SKY, Day, in_grey
 from lighting.stereo.mean_light import Skies, skies_of_maps
 from lighting.stereo.skies import HEIGHT
 
@@ -43,7 +43,7 @@ def read_day(folder: Path, day: date) -> Day:
     minutes = np.array(sorted(files))
     skies = in_grey(read_skies([files[minute] for minute in minutes]))
     tolerance = min(float(np.diff(minutes).max()), LONGEST_GAP) / 2
-    return Day(day, minutes, tolerance, (skies,), np.zeros((1, len(minutes)), dtype=np.intp))
+    return Day(day, minutes, tolerance, skies, ONE_SKY)
 
 
 def read_skies(files: list[Path]) -> Skies:

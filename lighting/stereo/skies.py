@@ -69,13 +69,12 @@ def broken_skies(clear: Skies, shines: ArrayLike, cover: float = COVER, ground_a
     return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, disc)
 
 
-def draw_sunshine(minutes: ArrayLike, seed: int, cover: float = COVER) -> NDArray[np.bool_]:
-    """Whether the sun shines at times of a day (T,) [minutes], one draw by `seed` for each SPELL of broken cloud.
+def draw_sunshine(draws: int, spells: int, seed: int, cover: float = COVER) -> NDArray[np.bool_]:
+    """Whether the sun shines (draws, spells) in spells of broken cloud, each SPELL minutes long and drawn by itself.
 
     In a share `cover` of the spells a cloud hides it.
     """
-    spell = np.floor(np.asarray(minutes, dtype=np.float64) / SPELL).astype(np.intp)
-    return np.asarray(np.random.default_rng(seed).random(int(24 * 60 / SPELL))[spell] >= cover)
+    return np.asarray(np.random.default_rng(seed).random((draws, spells)) >= cover)
 
 
 def horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:

@@ -22,7 +22,7 @@ class Windows:
 
     start: Floats  # (W,) min since midnight
     end: Floats  # (W,)
-    moments: NDArray[np.intp]  # (W, shots), indices of the photos' moments in the day
+    moments: NDArray[np.intp]  # (K, W, shots), the photos' moments in the day's light, under each draw of the clouds
 
     def __len__(self) -> int:
         return len(self.start)
@@ -51,20 +51,20 @@ def all_windows(day: Day, shots: int, step: float) -> Windows:
 
 
 def worth(windows: Windows, light: Floats, normals: Floats) -> Worth:
-    """What windows are worth for normals (N, 3) with mean light vectors (K, N, T, 3)."""
-    draws, count = light.shape[:2]
+    """What windows are worth for normals (N, 3) with a day's mean light vectors (N, moments, 3)."""
+    draws, count = len(windows.moments), len(normals)
     step = max(1, _CHUNK // (draws * count))
-    parts = [_worth(windows.moments[i : i + step], light, normals) for i in range(0, len(windows), step)]
+    parts = [_worth(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
     empty = np.empty(0)
     return Worth(*(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("spread", "gain")))
 
 
 def _worth(moments: NDArray[np.intp], light: Floats, normals: Floats) -> Worth:
     inverses = window_inverses(light, moments)
-    spread, gain = angular_spread(inverses, normals[:, None]), gain_of(inverses).max(axis=-1)
+    spread, gain = angular_spread(inverses, normals[:, None, None]), gain_of(inverses).max(axis=-1)
     return Worth(np.median(spread, axis=(0, 1)), np.median(gain, axis=(0, 1)))
 
 
 def _in_light(day: Day, start: Floats, end: Floats, shots: int) -> Windows:
     moments, reached = day.moments(start, end, shots)
-    return Windows(start[reached], end[reached], moments[reached])
+    return Windows(start[reached], end[reached], moments[:, reached])
