@@ -1,4 +1,4 @@
-"""`python -m export label|synthesize|train|merge|onnx|evaluate`: from panoramas to the network that ships."""
+"""`python -m export label|synthesize|train|merge|onnx|evaluate|stereo`: from panoramas to the network that ships."""
 
 import sys
 from collections.abc import Callable
@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from export.stereo.commands import stereo
 from lighting.errors import LightingError
 
 FOLDER = click.Path(path_type=Path)
@@ -38,6 +39,9 @@ labels = option("--labels", "CSV file of `label`.", default="runs/labels.csv")
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def cli() -> None:
     """From a folder of panoramas to the network that ships. export/README.md describes the folder's format."""
+
+
+cli.add_command(stereo)
 
 
 @cli.command()

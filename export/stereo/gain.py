@@ -97,9 +97,9 @@ class Studied:
     plan: Plan
 
 
-def study(case: Case) -> Studied:
+def study(case: Case, *, coarse: bool = False) -> Studied:
     """The case planned."""
-    day = case.light()
+    day = case.light(coarse=coarse)
     return Studied(case, day, make_plan([case.day], lambda *_: day, Question(shots=SHOTS), reference=1.0))
 
 
@@ -108,7 +108,7 @@ def simulated(light: Floats, normals: Floats, draws: int) -> float:
     the median over normals and draws of the clouds of the root mean square."""
     bright = np.einsum("nctk,nk->nct", light, normals)
     noisy = bright + FAINT * np.random.default_rng(7).standard_normal((draws, *bright.shape))
-    found = _solve(light, noisy) + 1e-300  # where nothing is resolved a direction like any other
+    found = _solve(light, noisy) + 1e-30  # where nothing is resolved a direction like any other
     return float(np.median(_rms(angle_between(found, np.broadcast_to(normals[:, None], found.shape)))))
 
 

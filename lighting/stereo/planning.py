@@ -35,7 +35,7 @@ Progress = Callable[[Sequence[date]], Iterable[date]]
 Reader = Callable[[date, bool], Day]  # a day's light; coarse for a first look at one of many, else fine
 
 MOST_DAYS = 366
-SPHERE = 45  # normals across a drawn half sphere
+SPHERE = 31  # normals across a drawn half sphere
 
 
 def days_between(first: date, last: date) -> list[date]:

@@ -28,6 +28,7 @@ OPERATIONS = {
     "draw_preview": ("post", "/v1/preview"),
     "render_scene": ("get", "/v1/scene"),
     "estimate_scene": ("post", "/v1/scene"),
+    "plan_stereo": ("get", "/v1/stereo/plan"),
     "describe_model": ("get", "/v1/model"),
     "livez": ("get", "/livez"),
     "readyz": ("get", "/readyz"),

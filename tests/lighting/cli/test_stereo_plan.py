@@ -1,0 +1,83 @@
+"""`lighting stereo plan`: words, JSON, a picture, and one sentence for whatever goes wrong."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from lighting.cli import cli
+from lighting.files.exr import write_exr
+
+PLACE = ["--lat", "47", "--lon", "10"]
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli, ["stereo", "plan", *map(str, arguments)], prog_name="lighting")
+
+
+def test_words_and_a_picture(tmp_path: Path) -> None:
+    picture = tmp_path / "plan.png"
+    result = run(*PLACE, "--date", "2026-06-21", "--facing", "180", "-o", picture)
+    assert result.exit_code == 0, result.output
+    first, *windows = result.stdout.splitlines()[:5]
+    assert first.startswith("2026-06-21, 47.00° N 10.00° E, clear sky; surface facing 180°")
+    assert first.endswith("times UTC+01:00.")
+    assert [line.split()[0] for line in windows] == ["1", "2", "3", "6"]
+    assert "45° down" in result.stdout
+    with Image.open(picture) as drawn:
+        assert drawn.size == (1600, 900)
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.png"]
+
+
+def test_json_of_an_overcast_day_has_null_where_nothing_is_resolved() -> None:
+    result = run(*PLACE, "--date", "2026-12-21", "--sky", "overcast", "--utc-offset", "-3.5", "--json")
+    record = json.loads(result.stdout)
+    assert record["utc_offset"] == -3.5
+    assert record["windows"][0]["gain"] is None
+    assert [window["hours"] for window in record["windows"]] == [1, 2, 3, 6]
+    assert record["days"] == [{"date": "2026-12-21", "errors": [90, 90, 90, 90]}]
+
+
+def test_an_overcast_day_is_called_useless() -> None:
+    assert "No window resolves the normals" in run(*PLACE, "--date", "2026-12-21", "--sky", "overcast").stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (["--lat", "80", "--lon", "10", "--date", "2026-12-21"], 1, "it is night all day."),
+        ([*PLACE, "--date", "2026-06-21", "--until", "2026-06-20"], 1, "is before the first"),
+        ([*PLACE, "--date", "2026-06-21", "--shots", "2"], 1, "shots is 2"),
+        ([*PLACE, "--date", "2026-06-21", "--noise", "nan"], 1, "noise"),
+        (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 1, "latitude is 91"),
+        ([*PLACE, "--date", "2200-06-21"], 1, "year"),
+        ([*PLACE, "--date", "21 June"], 2, "does not match the format"),
+        (PLACE, 2, "A plan needs --lat, --lon and --date, or --probes."),
+        ([*PLACE, "--until", "2026-06-21"], 2, "--until needs --date."),
+        ([*PLACE, "--date", "2026-06-21", "--json", "-o", "-"], 2, "both go to stdout"),
+        ([*PLACE, "--date", "2026-06-21", "-o", "plan.jpg"], 2, "must end in .png"),
+        (["--probes", "no such folder"], 2, "does not exist"),
+    ],
+)
+def test_what_goes_wrong_is_one_sentence(arguments: list[str], status: int, said: str) -> None:
+    result = run(*arguments)
+    assert result.exit_code == status
+    assert said in result.stderr
+    assert result.stdout == ""
+
+
+def test_probes_are_read_and_their_folder_named(tmp_path: Path) -> None:
+    assert "holds no sky probes" in run("--probes", tmp_path).stderr
+    assert "of modelled skies" in run("--probes", tmp_path, "--sky", "clear").stderr
+    rng = np.random.default_rng(0)
+    for minute in range(0, 75, 15):
+        folder = tmp_path / "20260621" / f"{10 + minute // 60}{minute % 60:02d}00"
+        folder.mkdir(parents=True)
+        write_exr(folder / "envmap.exr", rng.random((16, 32, 3), dtype=np.float32) ** 8)
+    result = run("--probes", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert f"2026-06-21, measured skies of {tmp_path.name}" in result.stdout
+    assert "1 h  10:00 to 11:00" in result.stdout
