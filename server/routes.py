@@ -144,12 +144,12 @@ async def estimate_scene(
     response_model=StereoPlan,
     responses={304: FRESH, **documented(422, 500, 503)},
 )
-async def plan_stereo(request: Request, admitted: Admitted, query: Annotated[PlanQuery, Query()]) -> Response:
+async def plan_stereo(request: Request, admission: Admitted, query: Annotated[PlanQuery, Query()]) -> Response:
     """The hours of a day, or of the best of several days, whose light resolves its normals best."""
-    headers, unchanged = caching(request, admitted.service, query)
+    headers, unchanged = caching(request, admission.service, query)
     if unchanged:
         return unchanged
-    return JSONResponse(await admitted.run(tasks.plan_record, query), headers=headers)
+    return JSONResponse(await admission.run(tasks.plan_record, query), headers=headers)
 
 
 @router.get("/model", summary="The network that answers", responses=documented(500, 503))

@@ -3,12 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.geometry import angle_between, direction
+from lighting.geometry import Floats, angle_between, direction
 from lighting.stereo.days import DRAWS, SPELLS, Day, Place, Weather, clear_brightness, modelled_day
 from lighting.stereo.gain import angular_spread, gram, inverse, largest_gain, noise_gain, rotation_free_gain
 from lighting.stereo.mean_light import Skies, illumination
@@ -17,8 +15,6 @@ from lighting.stereo.plan import HOURS, Plan, Question
 from lighting.stereo.planning import make_plan
 from lighting.stereo.skies import draw_sunshine
 from lighting.stereo.windows import windows_of
-
-Floats = NDArray[np.floating[Any]]
 
 LIFTS = (10, 15, 20, 30, 45, 60, 75, 90)  # deg out of the solar plane
 DEGREES_PER_HOUR = 15

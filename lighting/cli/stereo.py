@@ -110,10 +110,12 @@ def _progress(quiet: bool) -> "Progress":
 
 
 def _draw(output: str, skies: "Skies", found: "Plan") -> None:
+    from lighting.files import encode_png
     from lighting.stereo.picture import draw_plan
     from lighting.stereo.request import conditions, title
 
-    write_png(output, draw_plan(found, f"When to photograph: {title(skies, found)}", conditions(skies, found.question)))
+    headline = f"When to photograph: {title(skies, found)}"
+    write_png(output, encode_png(draw_plan(found, headline, conditions(skies, found.question))))
 
 
 def _in_words(skies: "Skies", found: "Plan") -> str:

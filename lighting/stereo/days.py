@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import LUMINANCE_WEIGHTS
 from lighting.errors import ParameterError
+from lighting.geometry import Floats
 from lighting.stereo.mean_light import Skies, illumination
 from lighting.stereo.skies import HEIGHT, SPELL, broken_skies, clear_skies, draw_sunshine, overcast_skies, suns_at
 
-Floats = NDArray[np.floating[Any]]
 Weather = Literal["clear", "overcast", "mixed"]
 
 DRAWS = 32  # of the clouds of a mixed day

@@ -8,12 +8,10 @@ the least singular value of M, does not and is at least as large. Both fall as 1
 1 / exposure: compare only what shares both. What no light resolves has an infinite gain.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
 
 SURE = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
 WORST_ERROR = 90.0  # deg, an error so large says nothing of the normal

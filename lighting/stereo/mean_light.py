@@ -18,11 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import EnvironmentMapError
-from lighting.geometry import latlong_directions, latlong_solid_angle
+from lighting.geometry import SUN_RADIUS, Floats, latlong_directions, latlong_solid_angle
 from lighting.prefilter import without_sun
-from lighting.sky import SUN_HALF_APERTURE
-
-Floats = NDArray[np.floating[Any]]
 
 _CHUNK = 1 << 22  # weights of pixels held at once
 
@@ -112,10 +109,10 @@ def sky_light(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
 def sun_light(sun_direction: Floats, sun_irradiance: Floats, normals: Floats) -> Floats:
     """Mean light vectors (N, T, 3, C) of suns' discs alone, at directions (T, 3) with irradiances (T, C).
 
-    The integral over a uniform disc of SUN_HALF_APERTURE of which the patch's plane cuts off a segment: the share of
+    The integral over a uniform disc of SUN_RADIUS of which the patch's plane cuts off a segment: the share of
     the disc above the plane times the disc's direction, and the segment's first moment along the normal.
     """
-    radius = np.radians(SUN_HALF_APERTURE)
+    radius = np.radians(SUN_RADIUS)
     cosine = np.clip(normals @ sun_direction.T, -1, 1)
     height = np.clip(np.arcsin(cosine) / radius, -1, 1)  # of the disc's centre above the plane, in radii
     inside = np.sqrt(1 - height**2)

@@ -1,14 +1,10 @@
 """Orientations of a surface: those a plan is judged by, those it names, and the half sphere it draws."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.geometry import direction
+from lighting.geometry import Floats, direction
 from lighting.stereo.gain import sphere_normals
 
-Floats = NDArray[np.floating[Any]]
 Named = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
 
 NORMALS = 180  # over the whole sphere, of which those of interest count

@@ -1,16 +1,13 @@
 """A plan as one picture: gain by start and end of the window, over the sphere for the best windows, errors in words."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.geometry import Floats
 from lighting.preview.ink import Colour, polygon, stroke, write
-from lighting.preview.picture import BACKGROUND, LINE, MUTED, PANEL, TEXT
+from lighting.preview.palette import BACKGROUND, LINE, MUTED, PANEL, TEXT
 from lighting.stereo.plan import Plan, Table, Window, clock
-
-Floats = NDArray[np.floating[Any]]
 
 WIDTH, HEIGHT = 1600, 900
 HOPELESS = 45.0  # deg, a larger error says nothing of the normal

@@ -5,12 +5,8 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lighting.geometry import Floats
 from lighting.records import check_range
-
-Floats = NDArray[np.floating[Any]]
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
 FEWEST_SHOTS, MOST_SHOTS = 3, 1000

@@ -10,12 +10,12 @@ error of the normal.
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
+from lighting.geometry import Floats
 from lighting.stereo.days import Day
 from lighting.stereo.gain import (
     angular_error,
@@ -30,7 +30,6 @@ from lighting.stereo.orientations import half_sphere, named_normals, normals_of_
 from lighting.stereo.plan import HOURS, DayScore, Orientation, Plan, Question, Table, Window
 from lighting.stereo.windows import START_STEP, all_windows, windows_of, worth
 
-Floats = NDArray[np.floating[Any]]
 Progress = Callable[[Sequence[date]], Iterable[date]]
 Reader = Callable[[date, bool], Day]  # a day's light; coarse for a first look at one of many, else fine
 

@@ -7,7 +7,6 @@ the probes were filed with.
 import re
 from datetime import date
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,11 @@ from numpy.typing import NDArray
 from lighting.colour import luminance
 from lighting.errors import EnvironmentMapError
 from lighting.files.exr import checked_map, read_exr
-from lighting.geometry import latlong_directions
+from lighting.geometry import Floats, latlong_directions
 from lighting.prefilter import shrink
 from lighting.stereo.days import ONE_SKY, Day, in_grey
 from lighting.stereo.mean_light import Skies, skies_of_maps
 from lighting.stereo.skies import HEIGHT
-
-Floats = NDArray[np.floating[Any]]
 
 FILE = "envmap.exr"
 LONGEST_GAP = 20.0  # min between two probes that photos may be planned in

@@ -7,12 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ParameterError
 from lighting.evidence.ephemeris import sun_position
-from lighting.geometry import direction, latlong_directions
+from lighting.geometry import Floats, direction, latlong_directions
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.stereo.mean_light import Skies
-
-Floats = NDArray[np.floating[Any]]
 
 HEIGHT = 64  # rows of a modelled map
 TURBIDITY = 3.0  # of a clear day in the country

@@ -1,15 +1,13 @@
 """Windows of a day and what they are worth for given orientations."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.stereo.days import DAY, Day
 from lighting.stereo.gain import angular_spread, gain_of, window_inverses
-
-Floats = NDArray[np.floating[Any]]
 
 START_STEP = 15.0  # min between the starts of windows
 SHORTEST = 30.0  # min

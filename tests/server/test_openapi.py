@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from datetime import date
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ from lighting import render
 from lighting.pipeline import Estimator
 from server import tasks
 from server.app import create_app
+from server.plans import PlanQuery
 from server.schemas import Problem
 from server.settings import Settings
 from tests.conftest import encode, scene
@@ -89,7 +91,14 @@ def test_every_reference_leads_somewhere(document: dict[str, Any]) -> None:
         assert name in document["components"]["schemas"]
 
 
-WITH_CONDITIONS = ("estimate_lighting", "estimate_envmap", "draw_preview", "render_scene", "estimate_scene")
+WITH_CONDITIONS = (
+    "estimate_lighting",
+    "estimate_envmap",
+    "draw_preview",
+    "render_scene",
+    "estimate_scene",
+    "plan_stereo",
+)
 TOGETHER = {  # parameters that are each right may not fit each other: a time of night, a latitude alone
     "positive_data_acceptance": {"expected-statuses": ["2xx", "401", "403", "404", "422"]}
 }
@@ -107,6 +116,9 @@ def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     monkeypatch.setattr(tasks, "preview_png", lambda *_: encode(scene(16, 16), "PNG"))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: None)
+    june = PlanQuery(lat=47, lon=10, date=date(2026, 6, 21), sky="overcast")
+    plan = tasks.plan_record(june)
+    monkeypatch.setattr(tasks, "plan_record", lambda _: plan)
     app = create_app(Settings(), estimator)
     app.state.service.answer_once()
     return app

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
-from lighting.geometry import direction, latlong_directions
-from lighting.sky import SUN_HALF_APERTURE, sun_disc_points
+from lighting.geometry import SUN_RADIUS, direction, latlong_directions
+from lighting.sky import sun_disc_points
 from lighting.stereo.mean_light import Skies, illumination, mean_light, skies_of_maps, sky_light, sun_light
 
 Floats = NDArray[np.floating[Any]]
@@ -68,7 +68,7 @@ def test_a_sun_is_taken_out_of_a_map_and_integrated() -> None:
     row, column = np.unravel_index(np.argmax(d @ sun), d.shape[:2])
     solid_angle = 2 * np.pi / (2 * height) * np.pi / height * np.hypot(d[row, column, 0], d[row, column, 2])
     image[row, column] += np.float32(5.0 * np.pi / solid_angle)
-    lit = n @ sun > np.sin(np.radians(SUN_HALF_APERTURE))
+    lit = n @ sun > np.sin(np.radians(SUN_RADIUS))
     expected = plain[lit] + 5.0 * sun[:, None]
     np.testing.assert_allclose(mean_light(image, n, sun)[lit], expected, rtol=2e-3, atol=2e-3)
 
