@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Floats
-from lighting.preview.ink import Colour, polygon, stroke, write
+from lighting.preview.ink import Colour, Style, polygon, stroke, write
 from lighting.preview.palette import BACKGROUND, LINE, MUTED, PANEL, TEXT
 from lighting.stereo.plan import Plan, Table, Window, clock
 
@@ -25,11 +25,11 @@ _ROW = 42
 def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
     """The picture (900, 1600, 3) of a plan under a title and a line that says for whom and when it holds."""
     canvas = Image.new("RGB", (WIDTH, HEIGHT), BACKGROUND)
-    write(canvas, (40, 34), title, 30, TEXT)
-    write(canvas, (40, 76), subtitle, 18, MUTED)
+    write(canvas, (40, 34), title, Style(30, TEXT))
+    write(canvas, (40, 76), subtitle, Style(18, MUTED))
     _triangle(canvas, plan)
     _scale(canvas)
-    write(canvas, (_RIGHT, 118), _sphere_caption(plan), 18, MUTED)
+    write(canvas, (_RIGHT, 118), _sphere_caption(plan), Style(18, MUTED))
     for column, window in enumerate(plan.windows):
         _sphere(canvas, _FIRST + column * _STEP, window)
     _orientations(canvas, plan.windows)
@@ -48,15 +48,20 @@ def _triangle(canvas: Image.Image, plan: Plan) -> None:
     """Start of the window to the right, its end upwards."""
     left, top, side = _TRIANGLE
     first, last = _hours(plan.table)
-    write(canvas, (left - 60, 118), "Noise gain by start and end of the window, median over orientations", 18, MUTED)
+    write(
+        canvas,
+        (left - 60, 118),
+        "Noise gain by start and end of the window, median over orientations",
+        Style(18, MUTED),
+    )
     canvas.paste(_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
     every = 1 if last - first <= 12 else 2 if last - first <= 16 else 3
     for hour in range(first, last + 1, every):
         at = _place(60.0 * hour, plan.table, first, last)
-        write(canvas, (left + at, top + side + 8), f"{hour}", 16, MUTED, anchor="ma")
-        write(canvas, (left - 10, top + side - at), f"{hour}", 16, MUTED, anchor="rm")
-    write(canvas, (left + side - 8, top + side - 10), "start", 16, MUTED, anchor="rd")
-    write(canvas, (left + 10, top + 10), "end", 16, TEXT, shaded=True)
+        write(canvas, (left + at, top + side + 8), f"{hour}", Style(16, MUTED, anchor="ma"))
+        write(canvas, (left - 10, top + side - at), f"{hour}", Style(16, MUTED, anchor="rm"))
+    write(canvas, (left + side - 8, top + side - 10), "start", Style(16, MUTED, anchor="rd"))
+    write(canvas, (left + 10, top + 10), "end", Style(16, TEXT, shaded=True))
     for window in plan.windows:
         x, y = (_place(minutes, plan.table, first, last) for minutes in (window.start, window.end))
         _ring(canvas, (left + x, top + side - y), f"{window.hours} h", after=window.hours < 3)
@@ -91,7 +96,7 @@ def _ring(canvas: Image.Image, spot: tuple[float, float], text: str, *, after: b
     for colour, width in (((0, 0, 0), 5.0), (TEXT, 2.5)):
         stroke(canvas, [circle], colour, width)
     beside = (spot[0] + (14 if after else -14), spot[1])
-    write(canvas, beside, text, 18, TEXT, anchor="lm" if after else "rm", shaded=True)
+    write(canvas, beside, text, Style(18, TEXT, anchor="lm" if after else "rm", shaded=True))
 
 
 def _scale(canvas: Image.Image) -> None:
@@ -101,8 +106,10 @@ def _scale(canvas: Image.Image) -> None:
     canvas.paste(bar, (left, top))
     for gain in (1, 3, 10, 30, 100, 300):
         x = left + width * np.log(gain / LEAST_GAIN) / np.log(MOST_GAIN / LEAST_GAIN)
-        write(canvas, (x, top + height + 3), f"{gain}" + ("+" if gain == MOST_GAIN else ""), 15, MUTED, anchor="ma")
-    write(canvas, (left - 10, top + 6), "gain", 15, MUTED, anchor="rm")
+        write(
+            canvas, (x, top + height + 3), f"{gain}" + ("+" if gain == MOST_GAIN else ""), Style(15, MUTED, anchor="ma")
+        )
+    write(canvas, (left - 10, top + 6), "gain", Style(15, MUTED, anchor="rm"))
 
 
 def _sphere_caption(plan: Plan) -> str:
@@ -115,8 +122,13 @@ def _sphere(canvas: Image.Image, left: int, window: Window) -> None:
     picture = Image.fromarray(gain_colours(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
     canvas.paste(picture, (left, top), mask=_disc(_SPHERE))
     centre = left + _SPHERE / 2
-    write(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", 24, TEXT, anchor="ma")
-    write(canvas, (centre, top + _SPHERE + 46), f"{clock(window.start)} to {clock(window.end)}", 15, MUTED, anchor="ma")
+    write(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", Style(24, TEXT, anchor="ma"))
+    write(
+        canvas,
+        (centre, top + _SPHERE + 46),
+        f"{clock(window.start)} to {clock(window.end)}",
+        Style(15, MUTED, anchor="ma"),
+    )
 
 
 def _disc(size: int) -> Image.Image:
@@ -128,17 +140,17 @@ def _disc(size: int) -> Image.Image:
 
 def _orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None:
     """A row for each orientation, a column for each window."""
-    write(canvas, (_RIGHT, _ROWS), "Expected error of the normal, by orientation", 18, MUTED)
+    write(canvas, (_RIGHT, _ROWS), "Expected error of the normal, by orientation", Style(18, MUTED))
     rows = [("median", [window.error for window in windows])]
     names = [orientation.name for orientation in windows[0].orientations]
     rows += [(name, [window.orientations[i].error for window in windows]) for i, name in enumerate(names)]
     stroke(canvas, [np.array([[_RIGHT, _ROWS + 30], [WIDTH - 40, _ROWS + 30]])], LINE, 1.0)
     for number, (name, errors) in enumerate(rows):
         y = _ROWS + 52 + number * _ROW
-        write(canvas, (_RIGHT, y), name, 18, TEXT if number == 0 else MUTED, anchor="lm")
+        write(canvas, (_RIGHT, y), name, Style(18, TEXT if number == 0 else MUTED, anchor="lm"))
         for column, error in enumerate(errors):
             x = _FIRST + column * _STEP + _SPHERE
-            write(canvas, (x, y), shown_error(error), 20, _worth(error), anchor="rm")
+            write(canvas, (x, y), shown_error(error), Style(20, _worth(error), anchor="rm"))
 
 
 def shown_error(error: float) -> str:
