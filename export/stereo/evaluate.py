@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from export.stereo.days import hours_of
 from export.stereo.objects import Subject, subjects
-from export.stereo.trials import SEASONS, Errors, Trial, errors, solved
+from export.stereo.trials import SEASONS, Found, Trial, session
 from lighting.errors import LightingError
 from lighting.stereo.normals_depth import depth_error, integrate
 from lighting.stereo.normals_network import Network
@@ -22,7 +22,7 @@ from lighting.stereo.normals_network import Network
 Image = NDArray[np.float32]
 Say = Callable[[str], None]
 
-COARSE = 3  # every so many pixels of the shapes, in the tables beside the first
+FINE, COARSE = 2, 3  # every so many pixels of the shapes, in the first tables and in the others
 
 _DATES = ("2024-03-21", "2024-06-21", "2024-12-21")
 _WRONG: dict[str, dict[str, Any]] = {
@@ -36,55 +36,54 @@ _WRONG: dict[str, dict[str, Any]] = {
 
 
 def evaluate(data: Path, network: Network, say: Say, *, quick: bool = False) -> None:
-    """Print every table; `quick` thins the shapes of the first one too. LightingError where no shape is at hand."""
+    """Print every table; `quick` thins the shapes of the first ones too. LightingError where no shape is at hand."""
     coarse = list(subjects(data, COARSE))
     if not coarse:
         raise LightingError(f"{data} holds no scanned_objects and no meshes.")
-    fine = coarse if quick else list(subjects(data))
-    _seasons(fine, network, say)
-    _objects(fine, network, say)
+    _seasons(coarse if quick else list(subjects(data, FINE)), network, say)
     scanned = [subject for subject in coarse if subject.scale] or coarse
-    _depths(scanned, network, say)
     _table("What is wrong", _WRONG, scanned, network, say)
     _counts(scanned, network, say)
-    _table("Heading off by", {f"{d:+d}°": {"heading_error": float(d)} for d in (-5, -2, 0, 2, 5)}, scanned, network, say)
+    _table(
+        "Heading off by", {f"{d:+d}°": {"heading_error": float(d)} for d in (-5, -2, 0, 2, 5)}, scanned, network, say
+    )
     told = {f"{t:g}": {"turbidity_error": 3.0 - t, "sky": t} for t in (2.0, 3.0, 4.0, 6.0)}
     _table("Turbidity, told 3", told, scanned, network, say)
     _table("Gloss", {f"{g:g}": {"gloss": g} for g in (0.0, 0.05, 0.1, 0.2)}, scanned, network, say)
 
 
 def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
+    """By group of shapes, channels and cast shadows; then the shapes one by one, and their depths."""
     say("\nSearch and network by season; eight photos from 9 to 16 h, 1 % noise, level camera that looks north\n")
     _head(("shapes", "channels", "cast shadows"), say)
+    plain: list[list[Found]] = []
     for group in dict.fromkeys(shape.group for shape in shapes):
-        for colour in (False, True):
-            for shadows in (False, True):
-                trials = [Trial(day, shadows=shadows, colour=colour) for day in SEASONS.values()]
-                chosen = [shape for shape in shapes if shape.group == group]
-                cells = [_cell(chosen, trial, network) for trial in trials]
-                _row((group, "3" if colour else "1", "yes" if shadows else "no"), cells, say)
+        chosen = [shape for shape in shapes if shape.group == group]
+        for colour, shadows in ((False, False), (False, True), (True, False), (True, True)):
+            trials = [Trial(day, shadows=shadows, colour=colour) for day in SEASONS.values()]
+            found = [session(chosen, trial, network) for trial in trials]
+            plain += [] if colour or shadows else [list(row) for row in zip(*found, strict=True)]
+            names = (group, "3" if colour else "1", "yes" if shadows else "no")
+            _row(names, [_cell(season) for season in found], say)
+    _each(plain, say)
 
 
-def _objects(shapes: Sequence[Subject], network: Network, say: Say) -> None:
+def _each(found: Sequence[Sequence[Found]], say: Say) -> None:
     say("\nThe same by shape; one channel, no cast shadows\n")
     _head(("shape",), say)
-    for shape in shapes:
-        _row((shape.name,), [_cell([shape], Trial(day), network) for day in SEASONS.values()], say)
-
-
-def _depths(shapes: Sequence[Subject], network: Network, say: Say) -> None:
+    for seasons in found:
+        _row((seasons[0].subject.name,), [_cell([season]) for season in seasons], say)
     say("\nMean error of the integrated depth [mm] on the scanned objects: of true normals, search, network\n")
     _head(("shape",), say)
-    for shape in shapes:
-        _row((shape.name,), [_depth(shape, Trial(day), network) for day in SEASONS.values()], say)
+    for seasons in found:
+        if seasons[0].subject.scale:
+            _row((seasons[0].subject.name,), [_depth(season) for season in seasons], say)
 
 
-def _depth(shape: Subject, trial: Trial, network: Network) -> str:
-    alone, both = solved(shape, trial, network)
-    surface = shape.surface
-    found = (integrate(normal, surface.mask) for normal in (surface.normals, alone.normal, both.normal))
-    scale = shape.scale or 1.0
-    return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in found)
+def _depth(found: Found) -> str:
+    surface, scale = found.subject.surface, found.subject.scale
+    depths = (integrate(normals, surface.mask) for normals in (surface.normals, found.search, found.network))
+    return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in depths)
 
 
 def _counts(shapes: Sequence[Subject], network: Network, say: Say) -> None:
@@ -96,7 +95,7 @@ def _table(title: str, rows: dict[str, dict[str, Any]], shapes: Sequence[Subject
     say(f"\n{title}; scanned objects, every {COARSE}rd pixel, one channel\n")
     _head((title,), say)
     for name, change in rows.items():
-        cells = [_cell(shapes, _trial(season, change), network) for season in range(len(SEASONS))]
+        cells = [_cell(session(shapes, _trial(season, change), network)) for season in range(len(SEASONS))]
         _row((name,), cells, say)
 
 
@@ -111,11 +110,9 @@ def _trial(season: int, change: dict[str, Any]) -> Trial:
     return Trial(day, **rest)
 
 
-def _cell(shapes: Sequence[Subject], trial: Trial, network: Network) -> str:
-    found = Errors()
-    for shape in shapes:
-        found.add(errors(shape, trial, network))
-    return f"{_both(found.search)}, {_both(found.network)}"
+def _cell(found: Sequence[Found]) -> str:
+    """Median / mean error of the search, and of search and network together."""
+    return ", ".join(_both(parts) for parts in zip(*(shape.errors() for shape in found), strict=True))
 
 
 def _both(parts: Iterable[Image]) -> str:

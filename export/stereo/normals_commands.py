@@ -41,9 +41,9 @@ def onnx(run: Path, version: str, out: Path | None) -> None:
 @stereo.command()
 @click.option("--data", type=_FOLDER, default=_DATA, show_default=True, help="Has scanned_objects and meshes.")
 @click.option("--network", type=_FOLDER, default=None, help="Network to score. [the one in the package]")
-@click.option("--quick", is_flag=True, help="Thin the shapes, which moves medians by up to a degree.")
+@click.option("--quick", is_flag=True, help="Thin the shapes of the first tables like those of the others.")
 def evaluate(data: Path, network: Path | None, quick: bool) -> None:
-    """Print how far normals are off on shapes and latitudes that training never saw; half an hour on one core."""
+    """Print how far normals are off on shapes and latitudes that training never saw; a quarter of an hour."""
     from export.stereo.evaluate import evaluate as run
     from lighting.stereo.normals_network import Network
 

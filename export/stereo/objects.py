@@ -37,14 +37,16 @@ def subjects(data: Path, step: int = 1) -> Iterator[Subject]:
     for name in OBJECTS:
         if (data / "scanned_objects" / name).is_dir():
             yield _thinned(_scanned(data / "scanned_objects" / name), step)
-    rng = np.random.default_rng(0)
     for file in sorted((data / "meshes").glob("*.obj")):
         if file.stem.split("-")[0].split("_")[0] in HELD_OUT:
-            mesh = read_mesh(file)
-            yield from (
-                _thinned(Subject(f"{file.stem} {n + 1}", "held-out meshes", view(mesh, random_turn(rng), _VIEW, rng)), step)
-                for n in range(2)
-            )
+            yield from (_thinned(subject, step) for subject in _views(file))
+
+
+def _views(file: Path) -> Iterator[Subject]:
+    """Two views of a mesh, the same every time."""
+    rng, mesh = np.random.default_rng(0), read_mesh(file)
+    for number in (1, 2):
+        yield Subject(f"{file.stem} {number}", "held-out meshes", view(mesh, random_turn(rng), _VIEW, rng))
 
 
 def _scanned(folder: Path) -> Subject:

@@ -1,7 +1,7 @@
 """Training samples: crops of surfaces on random days, as the network's planes and the true normals."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +77,7 @@ def _of_surface(surface: Surface, day: Day, rng: np.random.Generator) -> Iterato
     noise = float(np.exp(rng.normal(np.log(0.01), 0.5)))
     for window in _windows(surface, rng):
         mask = surface.mask[window]
-        pixels = np.argwhere(mask) + [window[0].start, window[1].start]
+        pixels = np.argwhere(mask) + np.array([window[0].start, window[1].start])
         normals = surface.normals[window][mask]
         lit = cast_shadows(surface, pixels, to_camera(skies.sun_direction, day.pose)) if shadows else None
         gloss = rng.uniform(0.02, 0.15) if glossy else 0.0
@@ -89,9 +89,8 @@ def _of_surface(surface: Surface, day: Day, rng: np.random.Generator) -> Iterato
 
 def grey(table: Candidates) -> Candidates:
     """The same candidates for pictures of one channel, the mean of the three."""
-    return Candidates(
-        table.normals, table.light.mean(axis=-1, keepdims=True), table.brightness.mean(axis=0, keepdims=True)
-    )
+    light, brightness = table.light.mean(axis=-1, keepdims=True), table.brightness.mean(axis=0, keepdims=True)
+    return replace(table, light=light, brightness=brightness)
 
 
 def _windows(surface: Surface, rng: np.random.Generator) -> Iterator[tuple[slice, slice]]:

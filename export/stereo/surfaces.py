@@ -4,6 +4,7 @@ The camera is orthographic, so that a picture's pixels are the unit of all three
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ def read_mesh(path: Path) -> tuple[Image, NDArray[np.intp]]:
             vertices.append([float(value) for value in rest[:3]])
         elif word == "f":
             corners = [int(corner.split("/")[0]) - 1 for corner in rest]
-            triangles += [(corners[0], a, b) for a, b in zip(corners[1:-1], corners[2:], strict=True)]
+            triangles += [(corners[0], a, b) for a, b in pairwise(corners[1:])]
     return np.array(vertices, dtype=np.float32), np.array(triangles, dtype=np.intp)
 
 
@@ -116,8 +117,7 @@ def of_height(height: Image, mask: NDArray[np.bool_]) -> Surface:
 
 
 def turned(surface: Surface, quarters: int, *, mirrored: bool = False) -> Surface:
-    """The surface turned counter-clockwise in the picture by quarters of a turn, after a mirror swapped left and right.
-    """
+    """The surface turned counter-clockwise in the picture by quarters of a turn, after a mirror swapped left and right."""
     normals, height, mask = surface.normals, surface.height, surface.mask
     if mirrored:
         normals, height, mask = normals[:, ::-1] * np.array([-1, 1, 1], np.float32), height[:, ::-1], mask[:, ::-1]

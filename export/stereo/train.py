@@ -116,7 +116,9 @@ def batch(chosen: list[Sample], *, mirrored: bool = False) -> tuple[Tensor, Tens
     return (by_image, present, shared, truth) if not mirrored else _mirrored(by_image, present, shared, truth)
 
 
-def _mirrored(by_image: Tensor, present: Tensor, shared: Tensor, truth: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _mirrored(
+    by_image: Tensor, present: Tensor, shared: Tensor, truth: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     by_image, shared, truth = (planes.flip(-1) for planes in (by_image, shared, truth))
     by_image[:, :, 3] *= -1
     signs = torch.ones(SHARED)

@@ -1,6 +1,7 @@
 """Simulated sessions: a shape photographed over a day, solved from what the photographer knows of it."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,10 @@ from export.stereo.days import Day, hours_of
 from export.stereo.objects import Subject
 from export.stereo.shading import Material, cast_shadows, shade
 from lighting.stereo.days import in_grey
+from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals_frame import to_camera
 from lighting.stereo.normals_network import Network
-from lighting.stereo.normals_solve import NormalMap, improved, solve_with_planes
+from lighting.stereo.normals_solve import improved, solve_with_planes
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
@@ -25,6 +27,7 @@ SEASONS = {
 }
 
 _ALBEDO = 0.6
+_GAP = 8  # pixels between shapes
 
 
 @dataclass(frozen=True)
@@ -48,52 +51,66 @@ class Trial:
         return replace(day, times=day.times + late, turbidity=day.turbidity + self.turbidity_error, pose=pose)
 
 
-@dataclass
-class Errors:
-    """Angles [deg] between found and true normals, gathered over shapes."""
+@dataclass(frozen=True)
+class Found:
+    """What was found of one shape."""
 
-    search: list[Image] = field(default_factory=list)
-    network: list[Image] = field(default_factory=list)
-    expected: list[Image] = field(default_factory=list)  # by the network, or by the search without one
+    subject: Subject
+    search: Image  # (H, W, 3), normals
+    network: Image  # (H, W, 3), those of search and network together
+    expected: Image  # (H, W), expected error of the latter [deg]
 
-    def add(self, other: "Errors") -> None:
-        """Take over what another one gathered."""
-        self.search += other.search
-        self.network += other.network
-        self.expected += other.expected
+    def errors(self) -> tuple[Image, Image]:
+        """Angles [deg] to the truth (P,), of the search and of both."""
+        surface = self.subject.surface
+        truth = surface.normals[surface.mask]
+        search, network = (angle(normals[surface.mask], truth) for normals in (self.search, self.network))
+        return search, network
 
 
-def photograph(subject: Subject, trial: Trial) -> Image:
-    """Images (T, H, W, C) with noise; the shape is the same every time it is photographed alike."""
-    surface, day = subject.surface, trial.day
-    skies = day.skies() if trial.colour else in_grey(day.skies())
+def photograph(subject: Subject, trial: Trial, skies: Skies) -> Image:
+    """Images (T, H, W, C) without noise."""
+    surface, pose = subject.surface, trial.day.pose
     lit = None
     if trial.shadows:
-        lit = cast_shadows(surface, np.argwhere(surface.mask), to_camera(skies.sun_direction, day.pose))
+        lit = cast_shadows(surface, np.argwhere(surface.mask), to_camera(skies.sun_direction, pose))
     normals = surface.normals[surface.mask]
     material = Material(np.full(len(normals), _ALBEDO, dtype=np.float32), trial.gloss)
-    values = shade(normals, skies, day.pose, material, lit)
-    values += np.random.default_rng(7).normal(0, trial.noise * values.max(), values.shape).astype(np.float32)
+    values = shade(normals, skies, pose, material, lit)
     images = np.zeros((values.shape[1], *surface.mask.shape, values.shape[2]), dtype=np.float32)
-    images[:, surface.mask] = np.moveaxis(np.maximum(values, 0), 1, 0)
+    images[:, surface.mask] = np.moveaxis(values, 1, 0)
     return images
 
 
-def solved(subject: Subject, trial: Trial, network: Network | None) -> tuple[NormalMap, NormalMap]:
-    """What the search alone and the default, search and network, find."""
-    told = trial.told()
-    skies = told.skies() if trial.colour else in_grey(told.skies())
-    images, mask = photograph(subject, trial), subject.surface.mask
-    alone, planes = solve_with_planes(images, mask, skies, told.pose)
-    return alone, alone if network is None else improved(alone, network, planes)
+def session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[Found]:
+    """Shapes that stand side by side in the photos of one day, solved together."""
+    told, skies = trial.told(), trial.day.skies()
+    believed = told.skies()
+    if not trial.colour:
+        skies, believed = in_grey(skies), in_grey(believed)
+    sheet, windows = _side_by_side([photograph(subject, trial, skies) for subject in subjects])
+    mask = np.zeros(sheet.shape[1:3], dtype=bool)
+    for subject, window in zip(subjects, windows, strict=True):
+        mask[window] = subject.surface.mask
+    noise = np.random.default_rng(7).normal(0, trial.noise * sheet.max(), sheet.shape).astype(np.float32)
+    alone, planes = solve_with_planes(np.maximum(sheet + noise, 0), mask, believed, told.pose)
+    both = alone if network is None else improved(alone, network, planes)
+    return [
+        Found(subject, alone.normal[window], both.normal[window], both.error[window])
+        for subject, window in zip(subjects, windows, strict=True)
+    ]
 
 
-def errors(subject: Subject, trial: Trial, network: Network | None) -> Errors:
-    """How far the normals are off at each pixel."""
-    alone, both = solved(subject, trial, network)
-    mask = subject.surface.mask
-    truth = subject.surface.normals[mask]
-    return Errors([angle(alone.normal[mask], truth)], [angle(both.normal[mask], truth)], [both.error[mask]])
+def _side_by_side(pictures: list[Image]) -> tuple[Image, list[tuple[slice, slice]]]:
+    """Pictures (T, H, W, C) of any sizes in one, and where each is."""
+    height = max(picture.shape[1] for picture in pictures)
+    padded = [np.pad(p, [(0, 0), (0, height - p.shape[1]), (0, _GAP), (0, 0)]) for p in pictures]
+    starts = np.cumsum([0, *(picture.shape[2] for picture in padded)])
+    windows = [
+        (slice(0, picture.shape[1]), slice(int(start), int(start) + picture.shape[2]))
+        for picture, start in zip(pictures, starts[:-1], strict=True)
+    ]
+    return np.concatenate(padded, axis=2), windows
 
 
 def angle(a: Floats, b: Floats) -> Image:

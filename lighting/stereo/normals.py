@@ -19,9 +19,9 @@ from lighting.stereo.normals_files import MESH, RECORD, write_map, write_mesh, w
 from lighting.stereo.normals_frame import Pose
 from lighting.stereo.normals_images import Curve
 from lighting.stereo.normals_network import Network
+from lighting.stereo.normals_probes import nearest_skies
 from lighting.stereo.normals_search import Progress, quiet
 from lighting.stereo.normals_solve import NOISE, NormalMap, check_light, solve
-from lighting.stereo.normals_probes import nearest_skies
 from lighting.stereo.skies import TURBIDITY, clear_skies, suns_at
 
 Floats = NDArray[np.floating[Any]]

@@ -77,7 +77,9 @@ def read_shots(
         images=images,
         times=times,
         mask=kept,
-        place=next(((f.latitude, f.longitude) for f in facts if f.latitude is not None and f.longitude is not None), None),
+        place=next(
+            ((f.latitude, f.longitude) for f in facts if f.latitude is not None and f.longitude is not None), None
+        ),
         heading=next((f.heading for f in facts if f.heading is not None and f.heading_reference == "true"), None),
         focal_length=next((f.focal_length for f in facts if f.focal_length is not None), None),
         warnings=_warnings(shots, lost),

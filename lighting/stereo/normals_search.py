@@ -32,16 +32,13 @@ _TINY = np.float32(1e-12)
 
 @dataclass(frozen=True)
 class Candidates:
-    """A grid of normals and how a day lights them, in the camera frame."""
+    """What a pixel may be: normals in the camera frame and how a day lights them."""
 
     normals: Image  # (K, 3)
     light: Image  # (K, T, 3, C), mean light vectors
     brightness: Image  # (C, K, T), of white patches
-
-    @property
-    def reach(self) -> float:
-        """The distance [rad] between neighbours of the grid."""
-        return float(np.sqrt(2 * np.pi / len(self.normals)))
+    prior: Image  # (K,), logarithms of how likely each is before any image is seen, up to a constant
+    spacing: float  # rad, between neighbouring normals
 
 
 @dataclass(frozen=True)
@@ -59,25 +56,17 @@ class Answer:
     odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """What the search of every pixel uses."""
-
-    units: Image  # (C, T, K), brightnesses scaled to length 1 over the moments
-    chords: Image  # (K, K), distances between the normals
-    prior: Image  # (K,), logarithms
-
-
 Progress = Callable[[Iterable[Answer], int], Iterable[Answer]]  # sees answers pass, of so many in all
 
 
 def candidates(skies: Skies, pose: Pose, count: int = CANDIDATES) -> Candidates:
-    """The grid of normals that a camera can see, under skies of T moments and C channels."""
+    """The normals that a camera can see, under skies of T moments and C channels."""
     normals = visible_normals(count)
     vectors = illumination(skies, to_world(normals, pose))  # (K, T, 3, C)
     light = np.moveaxis(to_camera(np.moveaxis(vectors, -2, -1), pose), -1, -2)
     brightness = np.einsum("ktjc,kj->ckt", light, normals)
-    return Candidates(normals, light.astype(np.float32), brightness.astype(np.float32))
+    spacing = float(np.sqrt(2 * np.pi / count))
+    return Candidates(normals, light.astype(np.float32), brightness.astype(np.float32), np.log(normals[:, 2]), spacing)
 
 
 def quiet(parts: Iterable[Answer], count: int) -> Iterable[Answer]:  # noqa: ARG001
@@ -90,27 +79,26 @@ def search(images: Image, table: Candidates, noise: float, progress: Progress = 
 
     Pixels are searched in blocks, which `progress` sees pass and which so many threads share.
     """
-    grid, size = _grid(table), max(1, _BLOCK // len(table.normals))
+    units, size = _units(table), max(1, _BLOCK // len(table.normals))
     blocks = [images[start : start + size] for start in range(0, len(images), size)] or [images]
     with ThreadPoolExecutor(threads) as pool:
-        found = pool.map(lambda block: _search_block(block, table, noise, grid), blocks)
+        found = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
         parts = list(progress(found, len(blocks)))
     return Answer(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Answer)))
 
 
-def _grid(table: Candidates) -> _Grid:
+def _units(table: Candidates) -> Image:
+    """Brightnesses (C, T, K) scaled to length 1 over the moments."""
     length = np.sqrt(np.sum(table.brightness**2, axis=-1, keepdims=True))
-    units = np.swapaxes(table.brightness / np.maximum(length, _TINY), 1, 2)
-    chords = np.sqrt(np.maximum(2 - 2 * (table.normals @ table.normals.T), 0))
-    return _Grid(np.ascontiguousarray(units), chords, np.log(table.normals[:, 2]))
+    return np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _TINY), 1, 2))
 
 
-def _search_block(images: Image, table: Candidates, noise: float, grid: _Grid) -> Answer:
-    likelihood = _log_likelihood(images, grid.units, noise)
-    likelihood += grid.prior
+def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> Answer:
+    likelihood = _log_likelihood(images, units, noise)
+    likelihood += table.prior
     best = likelihood.argmax(axis=1)
     likelihood -= likelihood[np.arange(len(best)), best][:, None]
-    chords = grid.chords[best]
+    chords = np.sqrt(np.maximum(2 - 2 * (table.normals[best] @ table.normals.T), 0))
     other, odds = _other(likelihood, chords, table.normals)
     weight = np.exp(likelihood, out=likelihood)
     total = weight.sum(axis=1)
@@ -155,10 +143,10 @@ def refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: floa
     albedo = _albedo(images, _shading(light, start))
     rows = np.swapaxes(light * albedo[:, None, None, :], 2, 3).reshape(len(best), -1, 3)
     missing = images.reshape(len(best), -1) - np.einsum("prj,pj->pr", rows, start)
-    damping = np.float32((noise / table.reach) ** 2)
+    damping = np.float32((noise / table.spacing) ** 2)
     square = np.swapaxes(rows, 1, 2) @ rows + damping * np.eye(3, dtype=np.float32)
     step = np.linalg.solve(square, np.swapaxes(rows, 1, 2) @ missing[:, :, None])[..., 0]
-    step *= np.minimum(1, table.reach / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), _TINY))
+    step *= np.minimum(1, table.spacing / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), _TINY))
     normal = start + step
     normal[:, 2] = np.maximum(normal[:, 2], 0)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)

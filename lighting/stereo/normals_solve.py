@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import PhotoError
-from lighting.model import available_cpus
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals_features import Features, features
 from lighting.stereo.normals_frame import Pose, to_camera
 from lighting.stereo.normals_network import Network
 from lighting.stereo.normals_search import Answer, Candidates, Progress, candidates, quiet, search
+from lighting.stereo.normals_shadows import search_shadowed, shadowed
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
@@ -76,7 +76,7 @@ def solve_with_planes(
     pixels /= white
     table = candidates(skies, pose)
     sigma = measured_noise(pixels, table, noise)
-    answer = search(pixels, table, sigma, progress, available_cpus())
+    answer = search_shadowed(pixels, table, shadowed(skies, pose), sigma, progress)
     planes = features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
     return _map(mask, pixels, answer, sigma), planes
 

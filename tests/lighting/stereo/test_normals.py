@@ -1,0 +1,133 @@
+"""A ball's day from folder to files, through the command."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+from scipy.io import savemat
+
+from lighting.cli import cli
+from lighting.files.exr import write_exr
+from lighting.geometry import latlong_directions, latlong_solid_angle
+from lighting.stereo.normals_files import write_png16
+from lighting.stereo.normals_frame import Pose, to_world
+from lighting.stereo.normals_images import read_shot
+from lighting.stereo.skies import clear_skies
+from tests.lighting.stereo.sphere import JUNE, angles, ball, june_suns, photos
+
+FILES = ["normals_camera", "normals_world", "albedo", "uncertainty"]
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli, ["stereo", "normals", *map(str, arguments)], prog_name="lighting")
+
+
+@pytest.fixture(scope="module")
+def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder: Path = tmp_path_factory.mktemp("day")
+    normals, mask, _ = ball()
+    images = photos(normals, mask, clear_skies(june_suns()), Pose(heading=20.0))
+    for index, image in enumerate(images):
+        write_png16(folder / f"{index}.png", 65535 * image)
+    rows = "".join(f"{index}.png,{time}+00:00\n" for index, time in enumerate(JUNE))
+    (folder / "times.csv").write_text("file,time\n" + rows)
+    Image.fromarray((255 * mask).astype(np.uint8)).save(folder / "mask.png")
+    return folder
+
+
+def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path: Path) -> None:
+    result = run(day, "--lat", "47", "--lon", "0", "--heading", "20", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "normals from 8 photos" in result.stdout
+    names = sorted([*(f"{name}.{suffix}" for name in FILES for suffix in ("png", "exr")), "mesh.ply", "normals.json"])
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
+    truth, mask, _ = ball()
+    found = read_shot(tmp_path / "out" / "normals_camera.exr").pixels
+    error = angles(found[mask], truth[mask])
+    assert np.median(error) < 4  # of three channels in June; the pilot's one channel had 3.5
+    coded = read_shot(tmp_path / "out" / "normals_camera.png", "linear").pixels
+    np.testing.assert_allclose(coded[mask] * 2 - 1, found[mask], atol=1e-4)
+    world = read_shot(tmp_path / "out" / "normals_world.exr").pixels
+    np.testing.assert_allclose(world[mask], to_world(found[mask], Pose(20.0)), atol=1e-5)
+    assert not found[~mask].any()
+
+
+def test_the_mesh_holds_every_pixel_and_its_triangles_face_the_camera(day: Path, tmp_path: Path) -> None:
+    run(day, "--lat", "47", "--lon", "0", "--heading", "20", "--no-network", "-o", tmp_path)
+    header, _, body = (tmp_path / "mesh.ply").read_bytes().partition(b"end_header\n")
+    points = int(header.split(b"element vertex ")[1].split()[0])
+    faces = int(header.split(b"element face ")[1].split()[0])
+    assert points == ball()[1].sum() == json.loads((tmp_path / "normals.json").read_text())["pixels"]
+    kinds = [("point", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)]
+    vertex = np.frombuffer(body, kinds, points)["point"]
+    corners = np.frombuffer(body[27 * points :], [("count", "u1"), ("corners", "<i4", 3)], faces)["corners"]
+    a, b, c = (vertex[corners[:, corner]] for corner in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+
+
+def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Path) -> None:
+    skies = clear_skies(june_suns(), height=128)
+    for time, radiance, sun, power in zip(JUNE, skies.radiance, skies.sun_direction, skies.sun_irradiance, strict=True):
+        text = str(time).replace("-", "").replace(":", "")
+        folder = tmp_path / "probes" / text[:8] / text[9:15]
+        folder.mkdir(parents=True)
+        row, column = np.unravel_index(int((latlong_directions(128) @ sun).argmax()), (128, 256))
+        image = radiance.copy()
+        image[row, column] += power / latlong_solid_angle(128)[row]
+        write_exr(folder / "envmap.exr", image)
+    result = run(day, "--probes", tmp_path / "probes", "--heading", "20", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    truth, mask, _ = ball()
+    error = angles(read_shot(tmp_path / "out" / "normals_camera.exr").pixels[mask], truth[mask])
+    assert np.median(error) < 4
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--lat", "47", "--lon", "180", "--heading", "0"], "below the horizon"),
+        (["--lat", "47", "--lon", "0"], "--heading"),
+        (["--heading", "0"], "--lat"),
+        (["--probes", ".", "--heading", "0"], "no sky probe"),
+    ],
+)
+def test_what_is_missing_ends_in_a_sentence(day: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
+    result = run(day, *options, "-o", tmp_path / "out")
+    assert result.exit_code == 1
+    assert sentence in result.stderr
+    assert result.stderr.startswith("Error: ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_probes_and_a_modelled_sky_exclude_each_other(day: Path, tmp_path: Path) -> None:
+    result = run(day, "--probes", tmp_path, "--turbidity", "3", "-o", tmp_path / "out")
+    assert result.exit_code == 2
+
+
+def test_a_folder_in_the_layout_of_diligent(tmp_path: Path) -> None:
+    truth, mask, _ = ball(40)
+    lights = np.array([[0.5, 0, 0.87], [-0.5, 0.1, 0.86], [0, 0.6, 0.8], [0.1, -0.6, 0.79], [0, 0, 1.0]])
+    lights /= np.linalg.norm(lights, axis=1, keepdims=True)
+    power = np.linspace(0.6, 1.0, 15).reshape(5, 3)
+    _write_diligent(tmp_path, truth, mask, lights, power)
+    result = run(tmp_path, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    record: dict[str, Any] = json.loads((tmp_path / "out" / "normals.json").read_text())
+    assert record["median_error"] < 1
+    assert "against Normal_gt" in result.stdout
+
+
+def _write_diligent(folder: Path, truth: Any, mask: Any, lights: Any, power: Any) -> None:
+    names = [f"{index:03d}.png" for index in range(len(lights))]
+    for name, light, strength in zip(names, lights, power, strict=True):
+        image = np.maximum(truth @ light, 0)[..., None] * strength * mask[..., None]
+        write_png16(folder / name, 50000 * image)
+    (folder / "filenames.txt").write_text("\n".join(names))
+    np.savetxt(folder / "light_directions.txt", lights)
+    np.savetxt(folder / "light_intensities.txt", power)
+    Image.fromarray((255 * mask).astype(np.uint8)).save(folder / "mask.png")
+    savemat(folder / "Normal_gt.mat", {"Normal_gt": truth})

@@ -1,0 +1,124 @@
+"""Folders of a day: what is read, and one sentence for each way in which photos cannot be used."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import ExifTags, Image
+
+from lighting.errors import ParameterError, PhotoError
+from lighting.stereo.normals_day import read_shots
+from lighting.stereo.normals_files import write_png16
+
+NOON = datetime(2024, 6, 21, 10)
+
+
+def scene(seed: int = 0, side: int = 64) -> NDArray[Any]:
+    """Blocks of several greys, which have edges whatever the light."""
+    return np.asarray(np.kron(np.random.default_rng(seed).uniform(0.1, 0.7, (side // 8, side // 8)), np.ones((8, 8))))
+
+
+def jpeg(path: Path, picture: NDArray[Any], time: datetime | None, seconds: float = 0.01, **tags: Any) -> None:
+    exif = Image.Exif()
+    camera = exif.get_ifd(ExifTags.IFD.Exif)
+    if time is not None:
+        camera[ExifTags.Base.DateTimeOriginal] = f"{time:%Y:%m:%d %H:%M:%S}"
+    camera[ExifTags.Base.ExposureTime] = seconds
+    camera[ExifTags.Base.FocalLengthIn35mmFilm] = 50
+    for name, value in tags.items():
+        camera[ExifTags.Base[name]] = value
+    pixels = np.repeat((picture * 255).astype(np.uint8)[..., None], 3, axis=-1)
+    Image.fromarray(pixels).save(path, exif=exif, quality=95)
+
+
+def fill(folder: Path, count: int = 4, gap: float = 60.0, **tags: Any) -> None:
+    for index in range(count):
+        jpeg(folder / f"{index}.jpg", scene(), NOON + timedelta(minutes=gap * index), **tags)
+
+
+def test_a_day_of_jpegs(tmp_path: Path) -> None:
+    fill(tmp_path, OffsetTimeOriginal="+02:00")
+    shots = read_shots(tmp_path, size=32)
+    assert shots.images.shape == (4, 32, 32, 3)
+    assert shots.times[0] == np.datetime64("2024-06-21T08:00:00")
+    assert shots.focal_length == 50
+    assert shots.mask.all()
+    assert "JPEG" in shots.warnings[0]
+
+
+def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
+    for index in range(3):
+        write_png16(tmp_path / f"{index}.png", 60000 * scene()[..., None])
+    (tmp_path / "times.csv").write_text(
+        "file,time\n" + "".join(f"{i}.png,2024-06-21T1{3 - i}:00+00:00\n" for i in range(3))
+    )
+    inside = np.zeros((64, 64), dtype=np.uint8)
+    inside[10:30, 10:30] = 255
+    Image.fromarray(inside).save(tmp_path / "mask.png")
+    shots = read_shots(tmp_path)
+    assert shots.names == ("2.png", "1.png", "0.png")  # in the order of their times
+    assert shots.mask.sum() == 400
+    assert shots.images.shape[-1] == 1
+
+
+def _one_brighter(folder: Path) -> None:
+    jpeg(folder / "3.jpg", scene(), NOON + timedelta(hours=3), seconds=0.02)
+
+
+def _one_larger(folder: Path) -> None:
+    jpeg(folder / "3.jpg", scene(side=128), NOON + timedelta(hours=3))
+
+
+def _one_moved(folder: Path) -> None:
+    jpeg(folder / "3.jpg", np.roll(scene(), 5, axis=1), NOON + timedelta(hours=3))
+
+
+def _one_clipped(folder: Path) -> None:
+    jpeg(folder / "3.jpg", np.minimum(2 * scene(), 1), NOON + timedelta(hours=3))
+
+
+def _one_undated(folder: Path) -> None:
+    jpeg(folder / "3.jpg", scene(), None)
+
+
+def _one_same(folder: Path) -> None:
+    jpeg(folder / "3.jpg", scene(), NOON)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentence"),
+    [
+        (_one_brighter, "differ in exposure"),
+        (_one_larger, "differ in size"),
+        (_one_moved, "must not move"),
+        (_one_clipped, "clipped"),
+        (_one_undated, "when it was taken"),
+        (_one_same, "times do not differ"),
+    ],
+)
+def test_one_bad_photo_is_named(tmp_path: Path, spoil: Callable[[Path], None], sentence: str) -> None:
+    fill(tmp_path, 3)
+    spoil(tmp_path)
+    with pytest.raises(PhotoError, match=sentence):
+        read_shots(tmp_path, utc_offset=0.0)
+
+
+def test_other_days_that_cannot_be_used(tmp_path: Path) -> None:
+    with pytest.raises(PhotoError, match="no folder"):
+        read_shots(tmp_path / "none")
+    fill(tmp_path, 2)
+    with pytest.raises(PhotoError, match="at least 3"):
+        read_shots(tmp_path, utc_offset=0.0)
+    fill(tmp_path, 3, gap=1)
+    with pytest.raises(PhotoError, match="over hours"):
+        read_shots(tmp_path, utc_offset=0.0)
+    fill(tmp_path, 3)
+    with pytest.raises(PhotoError, match="--utc-offset"):
+        read_shots(tmp_path)
+    (tmp_path / "times.csv").write_text("file,time\n0.jpg,soon\n")
+    with pytest.raises(ParameterError, match="soon"):
+        read_shots(tmp_path, utc_offset=0.0)

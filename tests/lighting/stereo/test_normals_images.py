@@ -1,0 +1,63 @@
+"""Photos as linear values: 16 bits exactly, coded ones said to be, gamma tags not passed over."""
+
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lighting.errors import PhotoError
+from lighting.stereo.normals_files import write_picture, write_png16
+from lighting.stereo.normals_images import read_shot
+
+
+def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).integers(0, 60000, (20, 30, 3)).astype(np.float64)
+    write_png16(tmp_path / "a.png", values)
+    write_picture(tmp_path / "a.exr", (values / 65535).astype(np.float32))
+    for name in ("a.png", "a.exr"):
+        shot = read_shot(tmp_path / name)
+        np.testing.assert_allclose(shot.pixels, values / 65535, rtol=1e-6)
+        assert not shot.coded
+        assert not shot.clipped.any()
+
+
+def test_16_bit_tiff_of_one_channel(tmp_path: Path) -> None:
+    values = np.arange(600, dtype=np.uint16).reshape(20, 30) * 100
+    Image.fromarray(values).save(tmp_path / "a.tif")
+    np.testing.assert_allclose(read_shot(tmp_path / "a.tif").pixels[..., 0], values / 65535, rtol=1e-6)
+
+
+def test_a_jpeg_is_decoded_from_srgb_turned_upright_and_its_white_is_clipped(tmp_path: Path) -> None:
+    pixels = np.full((32, 64, 3), 188, dtype=np.uint8)
+    pixels[:, :32] = 255
+    exif = Image.Exif()
+    exif[0x0112] = 6  # to be turned clockwise
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", quality=95, exif=exif)
+    shot = read_shot(tmp_path / "a.jpg")
+    assert shot.coded
+    assert shot.pixels.shape == (64, 32, 3)
+    assert abs(float(shot.pixels[50, 16, 1]) - 0.5029) < 0.02  # sRGB's 188 is half of white, IEC 61966-2-1
+    assert shot.clipped[:24].all()
+    assert not shot.clipped[40:].any()
+
+
+def test_16_bits_that_say_they_are_coded_are_refused_unless_told(tmp_path: Path) -> None:
+    write_png16(tmp_path / "a.png", np.full((8, 8, 3), 30000.0))
+    data = (tmp_path / "a.png").read_bytes()
+    tag = b"sRGB\0"
+    chunk = struct.pack(">I", 1) + tag + struct.pack(">I", zlib.crc32(tag))
+    (tmp_path / "a.png").write_bytes(data[:33] + chunk + data[33:])
+    with pytest.raises(PhotoError, match="gamma-coded"):
+        read_shot(tmp_path / "a.png")
+    assert abs(float(read_shot(tmp_path / "a.png", "linear").pixels[0, 0, 0]) - 30000 / 65535) < 1e-6
+    assert read_shot(tmp_path / "a.png", "srgb").pixels[0, 0, 0] < 0.2
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "a.dng"])
+def test_what_is_no_photo_ends_in_a_sentence(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"nothing of the kind")
+    with pytest.raises(PhotoError, match=name):
+        read_shot(tmp_path / name)
