@@ -1,6 +1,6 @@
 """Days to photograph: a place, a date, the hours, the sky and how the camera stands."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ class Day:
     longitude: float = 0.0  # deg
     turbidity: float = TURBIDITY
     ground_albedo: float = 0.3
-    pose: Pose = Pose()
+    pose: Pose = field(default_factory=Pose)
 
     def suns(self) -> Floats:
         """Unit vectors (T, 3) to the sun in world axes."""

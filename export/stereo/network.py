@@ -2,7 +2,7 @@
 
 One encoder looks at each image alone; the largest and the mean of what it finds over the images go on, so that their
 number and order are free (as in PS-FCN, Chen et al., ECCV 2018). A U-Net (Ronneberger et al., MICCAI 2015) weighs the
-search's candidates by what is around a pixel and adds a correction. Fresh from its initialisation it repeats the search.
+search's candidates by what is around a pixel and adds a correction. Before any training it repeats the search.
 """
 
 import torch
@@ -37,7 +37,7 @@ class NormalsNetwork(nn.Module):
             inputs = width
         self.head = nn.Conv2d(inputs, _CANDIDATES + 3 + 1, 1)
         nn.init.zeros_(self.head.weight)
-        nn.init.zeros_(self.head.bias)
+        self.head.bias.data.zero_() if self.head.bias is not None else None
 
     def forward(self, by_image: Tensor, present: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """From planes (N, T, BY_IMAGE, H, W) of which (N, T) are present, 1 or 0, and (N, SHARED, H, W)."""
@@ -61,7 +61,7 @@ class NormalsNetwork(nn.Module):
     def _answer(self, head: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         trust = torch.tensor([_TRUST, 0.0, 0.0]).view(1, _CANDIDATES, 1, 1)
         weight = torch.softmax(head[:, :_CANDIDATES] + trust, dim=1)
-        candidates = shared[:, : 3 * _CANDIDATES].unflatten(1, (_CANDIDATES, 3))
+        candidates = torch.unflatten(shared[:, : 3 * _CANDIDATES], 1, (_CANDIDATES, 3))
         normal = (candidates * weight[:, :, None]).sum(dim=1) + head[:, _CANDIDATES : _CANDIDATES + 3]
         start = torch.log(shared[:, _SPREAD : _SPREAD + 1] * (torch.pi / 6) + 0.02)
         error = torch.exp((start + head[:, -1:]).clamp(-5, 1))

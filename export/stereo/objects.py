@@ -54,13 +54,13 @@ def _scanned(folder: Path) -> Subject:
     mask = np.asarray(Image.open(folder / "mask.png").convert("L")) > 127
     depth = np.load(folder / "depth_gt.npz")["depth_gt"]
     mask &= np.isfinite(depth)
-    normals = coded / 127.5 - 1
+    normals = np.asarray(coded / 127.5 - 1)
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
     scale = float(np.median(depth[mask]) / np.loadtxt(folder / "K.txt")[0, 0])
     height = np.where(mask, -depth / scale, np.nan).astype(np.float32)
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     window = tuple(slice(max(0, found[0] - _MARGIN), found[-1] + 1 + _MARGIN) for found in (rows, columns))
-    whole = Surface((normals * mask[..., None]).astype(np.float32), height, mask)
+    whole = Surface(np.asarray(normals * mask[..., None], dtype=np.float32), height, mask)
     return Subject(folder.name, "scanned objects", _cut(whole, window), scale)
 
 

@@ -87,7 +87,7 @@ def _panel(size: int, rng: np.random.Generator) -> Floats:
     depth = rng.choice([-1, 1]) * width * rng.uniform(0.3, 1.2)
     profile = np.clip(1 - near / width, 0, 1)
     profile = profile if rng.random() < 0.5 else np.minimum(1, 2 * profile)
-    return depth * profile + x * rng.normal(0, 0.15) + y * rng.normal(0, 0.15)
+    return np.asarray(depth * profile + x * rng.normal(0, 0.15) + y * rng.normal(0, 0.15))
 
 
 def _facade(size: int, rng: np.random.Generator) -> Floats:

@@ -80,14 +80,14 @@ def shade(
 
 
 def _exact_sky(skies: Skies, world: Image) -> Floats:
-    return np.einsum("ptjc,pj->ptc", sky_light(skies.radiance, world), world)
+    return np.asarray(np.einsum("ptjc,pj->ptc", sky_light(skies.radiance, world), world))
 
 
 def _quick_sky(skies: Skies, normals: Image, pose: Pose) -> Floats:
     grid = visible_normals(_GRID)
     light = sky_light(skies.radiance, to_world(grid, pose))
     nearest = (normals @ grid.T).argmax(axis=1)
-    return np.einsum("ptjc,pj->ptc", light[nearest], to_world(normals, pose))
+    return np.asarray(np.einsum("ptjc,pj->ptc", light[nearest], to_world(normals, pose)))
 
 
 def _gloss(normals: Image, skies: Skies, pose: Pose, material: Material) -> Floats:

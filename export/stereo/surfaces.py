@@ -91,8 +91,8 @@ def _nearest(points: Image, normals: Image, size: int) -> Surface:
     facing = np.zeros((size * size, 3), dtype=np.float32)
     height[pixel[order]] = points[order, 2]
     facing[pixel[order]] = normals[order]
-    height = height.reshape(size, size)
-    return Surface(facing.reshape(size, size, 3), height, np.isfinite(height))
+    image = height.reshape(size, size)
+    return Surface(facing.reshape(size, size, 3), image, np.isfinite(image))
 
 
 def random_turn(rng: np.random.Generator) -> Floats:
@@ -117,7 +117,7 @@ def of_height(height: Image, mask: NDArray[np.bool_]) -> Surface:
 
 
 def turned(surface: Surface, quarters: int, *, mirrored: bool = False) -> Surface:
-    """The surface turned counter-clockwise in the picture by quarters of a turn, after a mirror swapped left and right."""
+    """The surface turned counter-clockwise by quarters of a turn, after a mirror swapped left and right."""
     normals, height, mask = surface.normals, surface.height, surface.mask
     if mirrored:
         normals, height, mask = normals[:, ::-1] * np.array([-1, 1, 1], np.float32), height[:, ::-1], mask[:, ::-1]

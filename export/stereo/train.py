@@ -92,7 +92,7 @@ def _step(run: _Run, chosen: list[Sample], config: Config, *, mirrored: bool) ->
     chord = torch.sqrt(((normal - truth) ** 2).sum(dim=1) + 1e-6)
     loss = _mean(chord, mask) + 0.1 * _mean(chord.detach() / error[:, 0] + torch.log(error[:, 0]), mask)
     run.optimiser.zero_grad(set_to_none=True)
-    loss.backward()
+    loss.backward()  # type: ignore[no-untyped-call]
     torch.nn.utils.clip_grad_norm_(run.network.parameters(), 1.0)
     run.optimiser.step()
     run.step += 1
@@ -101,7 +101,10 @@ def _step(run: _Run, chosen: list[Sample], config: Config, *, mirrored: bool) ->
     return {"loss": float(loss.detach()), "network": _degrees(chord, mask), "search": _degrees(searched, mask)}
 
 
-def batch(chosen: list[Sample], *, mirrored: bool = False) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+Batch = tuple[Tensor, Tensor, Tensor, Tensor]
+
+
+def batch(chosen: list[Sample], *, mirrored: bool = False) -> Batch:
     """Planes of images (N, T, BY_IMAGE, H, W), which are present (N, T), shared planes and true normals.
 
     Mirrored, left and right change places, in the pictures and in all directions.
@@ -116,9 +119,7 @@ def batch(chosen: list[Sample], *, mirrored: bool = False) -> tuple[Tensor, Tens
     return (by_image, present, shared, truth) if not mirrored else _mirrored(by_image, present, shared, truth)
 
 
-def _mirrored(
-    by_image: Tensor, present: Tensor, shared: Tensor, truth: Tensor
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _mirrored(by_image: Tensor, present: Tensor, shared: Tensor, truth: Tensor) -> Batch:
     by_image, shared, truth = (planes.flip(-1) for planes in (by_image, shared, truth))
     by_image[:, :, 3] *= -1
     signs = torch.ones(SHARED)

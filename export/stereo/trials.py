@@ -13,8 +13,9 @@ from export.stereo.shading import Material, cast_shadows, shade
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals_frame import to_camera
+from lighting.stereo.normals_haze import fitted_turbidity
 from lighting.stereo.normals_network import Network
-from lighting.stereo.normals_solve import improved, solve_with_planes
+from lighting.stereo.normals_solve import Session, improved, solve_with_planes
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
@@ -42,6 +43,7 @@ class Trial:
     heading_error: float = 0.0  # deg
     clock_error: float = 0.0  # min
     turbidity_error: float = 0.0
+    fitted: bool = False  # whether the turbidity is found from the photos
 
     def told(self) -> Day:
         """The day as its photographer believes it to be."""
@@ -85,15 +87,20 @@ def photograph(subject: Subject, trial: Trial, skies: Skies) -> Image:
 def session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[Found]:
     """Shapes that stand side by side in the photos of one day, solved together."""
     told, skies = trial.told(), trial.day.skies()
-    believed = told.skies()
-    if not trial.colour:
-        skies, believed = in_grey(skies), in_grey(believed)
+    skies = skies if trial.colour else in_grey(skies)
     sheet, windows = _side_by_side([photograph(subject, trial, skies) for subject in subjects])
     mask = np.zeros(sheet.shape[1:3], dtype=bool)
     for subject, window in zip(subjects, windows, strict=True):
         mask[window] = subject.surface.mask
     noise = np.random.default_rng(7).normal(0, trial.noise * sheet.max(), sheet.shape).astype(np.float32)
-    alone, planes = solve_with_planes(np.maximum(sheet + noise, 0), mask, believed, told.pose)
+    images = np.maximum(sheet + noise, 0)
+
+    def believed(turbidity: float, height: int = 32) -> Session:
+        seen = replace(told, turbidity=turbidity).skies(height)
+        return Session(images, mask, seen if trial.colour else in_grey(seen), told.pose)
+
+    turbidity = fitted_turbidity(believed) if trial.fitted else told.turbidity
+    alone, planes = solve_with_planes(believed(turbidity, 64))
     both = alone if network is None else improved(alone, network, planes)
     return [
         Found(subject, alone.normal[window], both.normal[window], both.error[window])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.cli.options import quiet_option
-from lighting.cli.stereo import stereo, _offset
+from lighting.cli.stereo import _offset, stereo
 
 if TYPE_CHECKING:
     from lighting.stereo.normals import Known, Solved, Watch
@@ -27,7 +27,7 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option("--roll", type=float, default=0.0, metavar="DEG", help="How far it is turned clockwise.")
 @click.option("--utc-offset", metavar="HOURS", callback=_offset, help="Of the camera's clock: +02:00 or 2.")
 @click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
-@click.option("--turbidity", type=click.FloatRange(1, 10), help="Of the modelled sky. [3]")
+@click.option("--turbidity", type=click.FloatRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
 @click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
 @click.option("--mask", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="White where the thing is.")
 @click.option("--curve", type=click.Choice(["linear", "srgb"]), help="How values are coded, against what files say.")
@@ -78,10 +78,10 @@ def _watch(quiet: bool) -> "Watch":
 
     hidden = quiet or not sys.stderr.isatty()
 
-    def photos(paths: Sequence[Path]) -> Iterable[Path]:
+    def photos(paths: Sequence[Path]) -> Any:
         return tqdm(paths, desc="photos", unit="photo", disable=hidden)
 
-    def pixels(parts: Iterable[Any], count: int) -> Iterable[Any]:
+    def pixels(parts: Iterable[Any], count: int) -> Any:
         return tqdm(parts, total=count, desc="search", unit="block", disable=hidden)
 
     return Watch(photos, pixels)

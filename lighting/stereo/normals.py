@@ -17,15 +17,17 @@ from lighting.stereo.normals_depth import integrate
 from lighting.stereo.normals_diligent import is_diligent, read_diligent
 from lighting.stereo.normals_files import MESH, RECORD, write_map, write_mesh, write_record
 from lighting.stereo.normals_frame import Pose
+from lighting.stereo.normals_haze import fitted_turbidity
 from lighting.stereo.normals_images import Curve
 from lighting.stereo.normals_network import Network
 from lighting.stereo.normals_probes import nearest_skies
 from lighting.stereo.normals_search import Progress, quiet
-from lighting.stereo.normals_solve import NOISE, NormalMap, check_light, solve
-from lighting.stereo.skies import TURBIDITY, clear_skies, suns_at
+from lighting.stereo.normals_solve import NOISE, NormalMap, Session, check_light, solve
+from lighting.stereo.skies import HEIGHT, clear_skies, suns_at
 
 Floats = NDArray[np.floating[Any]]
 
+_FITTED_HEIGHT = 32  # rows of the skies that a turbidity is found with
 _DIAGONAL = float(np.hypot(36.0, 24.0))  # mm, that focal lengths in 35 mm terms refer to
 
 
@@ -39,7 +41,7 @@ class Known:
     pitch: float = 0.0  # deg, positive looks up
     roll: float = 0.0  # deg, positive turns the camera clockwise as its holder sees it
     utc_offset: float | None = None  # h, of the camera's clock and of the probes' names
-    turbidity: float = TURBIDITY  # of a modelled sky
+    turbidity: float | None = None  # of a modelled sky; None is found from the photos
     ground_albedo: float = GROUND_ALBEDO
     probes: Path | None = None  # folder of measured skies in place of a modelled one
     mask: Path | None = None
@@ -86,12 +88,17 @@ def solve_day(folder: Path, known: Known, network: Network | None = None, watch:
         progress=seen.photos,
     )
     pose = Pose(_heading(shots, known), known.pitch, known.roll)
-    skies = _skies(shots, known)
+    skies, turbidity = _skies(shots, known, pose)
     check_light(skies)
-    found = solve(shots.images, shots.mask, skies, pose, noise=known.noise, network=network, progress=seen.pixels)
+    found = solve(Session(shots.images, shots.mask, skies, pose), known.noise, network, seen.pixels)
     focal = None if shots.focal_length is None else _focal(shots.focal_length, *shots.mask.shape)
     record = _record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
-    record |= {"sun_direction": skies.sun_direction.tolist(), "sky": str(known.probes or "clear"), **asdict(pose)}
+    record |= {
+        "sun_direction": skies.sun_direction.tolist(),
+        "sky": str(known.probes or "clear"),
+        "turbidity": turbidity,
+        **asdict(pose),
+    }
     return Solved(found, pose, focal, record, shots.warnings)
 
 
@@ -120,7 +127,7 @@ def surface(solved: Solved) -> Floats:
 
 def _solve_diligent(folder: Path, known: Known, watch: Watch) -> Solved:
     lit = read_diligent(folder)
-    found = solve(lit.images, lit.mask, lit.skies, Pose(), noise=known.noise, progress=watch.pixels)
+    found = solve(Session(lit.images, lit.mask, lit.skies, Pose()), known.noise, progress=watch.pixels)
     record = _record(found, lit.names)
     if lit.truth is not None:
         record |= _against(found, lit.truth)
@@ -140,14 +147,20 @@ def _heading(shots: Shots, known: Known) -> float:
     return heading
 
 
-def _skies(shots: Shots, known: Known) -> Skies:
-    """Skies of the photos' moments, in as many channels as the photos have."""
+def _skies(shots: Shots, known: Known, pose: Pose) -> tuple[Skies, float | None]:
+    """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modelled."""
     if known.probes is not None:
         offset = np.timedelta64(round(3600 * (known.utc_offset or 0.0)), "s")
         skies = nearest_skies(known.probes, shots.times + offset)
-    else:
-        skies = clear_skies(_suns(shots, known), known.turbidity, known.ground_albedo)
-    return skies if shots.images.shape[-1] == 3 else in_grey(skies)
+        return skies if shots.images.shape[-1] == 3 else in_grey(skies), None
+    suns = _suns(shots, known)
+
+    def session(turbidity: float, height: int = _FITTED_HEIGHT) -> Session:
+        skies = clear_skies(suns, turbidity, known.ground_albedo, height)
+        return Session(shots.images, shots.mask, skies if shots.images.shape[-1] == 3 else in_grey(skies), pose)
+
+    turbidity = fitted_turbidity(session) if known.turbidity is None else known.turbidity
+    return session(turbidity, HEIGHT).skies, turbidity
 
 
 def _suns(shots: Shots, known: Known) -> Floats:

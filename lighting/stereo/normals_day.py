@@ -17,6 +17,7 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.photo.clock import in_utc, read_time
+from lighting.photo.exif import PhotoFacts
 from lighting.stereo.normals_images import FORMATS, Curve, Exposure, Shot, read_shot
 from lighting.stereo.normals_still import check_still
 
@@ -77,13 +78,15 @@ def read_shots(
         images=images,
         times=times,
         mask=kept,
-        place=next(
-            ((f.latitude, f.longitude) for f in facts if f.latitude is not None and f.longitude is not None), None
-        ),
+        place=next((place for f in facts if (place := _place(f))), None),
         heading=next((f.heading for f in facts if f.heading is not None and f.heading_reference == "true"), None),
         focal_length=next((f.focal_length for f in facts if f.focal_length is not None), None),
         warnings=_warnings(shots, lost),
     )
+
+
+def _place(facts: PhotoFacts) -> tuple[float, float] | None:
+    return None if facts.latitude is None or facts.longitude is None else (facts.latitude, facts.longitude)
 
 
 def _photos(folder: Path) -> list[Path]:
@@ -101,7 +104,7 @@ def _reduced(shot: Shot, size: int | None) -> Shot:
     rows, columns = height // factor, width // factor
     cut = shot.pixels[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor, -1)
     clipped = shot.clipped[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
-    return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=clipped.any(axis=(1, 3)))
+    return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=np.asarray(clipped.any(axis=(1, 3))))
 
 
 def _times(folder: Path, shots: list[Shot], utc_offset: float | None) -> NDArray[np.datetime64]:

@@ -48,7 +48,7 @@ def read_diligent(folder: Path) -> Lit:
     pictures = [read_shot(folder / name, "linear").pixels for name in names]
     if len({picture.shape for picture in pictures}) > 1:
         raise PhotoError(f"The pictures of {folder} differ in size.")
-    images = np.stack(pictures) / intensities[:, None, None, :].astype(np.float32)
+    images = np.asarray(np.stack(pictures) / intensities[:, None, None, :], dtype=np.float32)
     return Lit(names, images, _mask(folder, images.shape[1:3]), _lights(directions), _truth(folder))
 
 

@@ -1,7 +1,7 @@
 """What a solved day is written as: normals, albedo and uncertainty as pictures, the surface as a mesh.
 
-Normals are stored as (n + 1) / 2 of 16 bits in PNG, red x, green y, blue z, and as they are in EXR; outside the mask all
-is 0. Uncertainty is in degrees in EXR and in hundredths of a degree in the 16-bit PNG.
+Normals are stored as (n + 1) / 2 of 16 bits in PNG, red x, green y, blue z, and as they are in EXR; outside the mask
+all is 0. Uncertainty is in degrees in EXR and in hundredths of a degree in the 16-bit PNG.
 """
 
 import json

@@ -81,7 +81,7 @@ def _read(path: Path, curve: Curve | None) -> Shot:
 def _shot(name: str, values: NDArray[Any], header: Image.Image | None, *, coded: bool) -> Shot:
     share = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
     pixels = share if share.ndim == 3 else share[..., None]
-    clipped = (pixels >= _CLIPPED).any(axis=-1)
+    clipped = np.asarray((pixels >= _CLIPPED).any(axis=-1))
     linear = np.ascontiguousarray(srgb_decode(pixels) if coded else pixels, dtype=np.float32)
     if header is None:
         return Shot(name, linear, clipped, coded)

@@ -53,7 +53,7 @@ class Network:
             slice(max(0, part.start - _MARGIN), min(size, part.stop + _MARGIN))
             for part, size in zip(tile, planes.shared.shape[1:], strict=True)
         )
-        by_image, shared = (_padded(every[(..., *around)]) for every in (planes.by_image, planes.shared))
+        by_image, shared = (_padded(every[..., around[0], around[1]]) for every in (planes.by_image, planes.shared))
         try:
             normal, error = self.session.run(("normal", "error"), {"by_image": by_image[None], "shared": shared[None]})
         except Exception as failure:  # onnxruntime's errors share no public base class

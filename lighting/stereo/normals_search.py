@@ -134,10 +134,10 @@ def _other(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Ima
 
 
 def refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: float) -> tuple[Image, Image, Image]:
-    """Normal (P, 3), albedo (P, C) and what is left of the images (P, T, C), by a step from the grid's normals (P,).
+    """Normal (P, 3), albedo (P, C) and what they leave of the images (P, T, C), by one step from candidates (P,).
 
-    The step is of least squares, damped by the grid's spacing, so that noise along an axis that the light does not tell apart moves the
-    normal no farther than to the edge of its cell.
+    The step is of least squares, damped by the grid's spacing, so that noise along an axis that the light does not tell
+    apart moves the normal no farther than to the edge of its cell.
     """
     start, light = table.normals[best], table.light[best]
     albedo = _albedo(images, _shading(light, start))
@@ -158,7 +158,7 @@ def refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: floa
 
 def _shading(light: Image, normal: Image) -> Image:
     """Brightnesses (P, T, C) of white patches."""
-    return np.maximum(np.einsum("ptjc,pj->ptc", light, normal), 0)
+    return np.asarray(np.maximum(np.einsum("ptjc,pj->ptc", light, normal), 0))
 
 
 def _albedo(images: Image, shading: Image) -> Image:

@@ -22,7 +22,19 @@ NOISE = 0.01  # of the brightest pixel, the standard deviation of a photo's nois
 _PROBE = 3000  # pixels at which the noise is measured
 _BRIGHTEST = 0.999  # quantile that counts as the brightest pixel
 _UNKNOWN = 2  # numbers that a normal takes from a pixel's brightnesses, besides an albedo for each channel
+_COARSE = 1000  # normals of the grid on which skies are compared
+_LEAST_NOISE = 2e-3  # taken for the noise where skies are compared
 _LEAST_SUN = np.radians(2.0)  # apart, for light to differ
+
+
+@dataclass(frozen=True)
+class Session:
+    """What is solved: a camera's photos of several moments and the light of each."""
+
+    images: Image  # (T, H, W, C), linear, in one unit
+    mask: NDArray[np.bool_]  # (H, W), the pixels to solve
+    skies: Skies  # of T moments and C channels
+    pose: Pose
 
 
 @dataclass(frozen=True)
@@ -39,46 +51,42 @@ class NormalMap:
 
 
 def solve(
-    images: Image,
-    mask: NDArray[np.bool_],
-    skies: Skies,
-    pose: Pose,
-    *,
-    noise: float = NOISE,
-    network: Network | None = None,
-    progress: Progress = quiet,
+    session: Session, noise: float = NOISE, network: Network | None = None, progress: Progress = quiet
 ) -> NormalMap:
-    """Normals from images (T, H, W, C) under T skies of as many channels, of the pixels of a mask (H, W).
+    """The normals of a session's pixels.
 
     `noise` is the least standard deviation of the images as a share of the brightest pixel; where the model fits worse
     than that, what is left counts. Raises PhotoError for an empty mask and images without light.
     """
-    found, planes = solve_with_planes(images, mask, skies, pose, noise=noise, progress=progress)
+    found, planes = solve_with_planes(session, noise, progress)
     return found if network is None else improved(found, network, planes)
 
 
-def solve_with_planes(
-    images: Image,
-    mask: NDArray[np.bool_],
-    skies: Skies,
-    pose: Pose,
-    *,
-    noise: float = NOISE,
-    progress: Progress = quiet,
-) -> tuple[NormalMap, Features]:
+def solve_with_planes(session: Session, noise: float = NOISE, progress: Progress = quiet) -> tuple[NormalMap, Features]:
     """What `solve` finds by search alone, and the planes that the network improves it from."""
-    pixels = np.ascontiguousarray(np.moveaxis(images, 0, -2)[mask])  # (P, T, C)
+    mask, skies, pose = session.mask, session.skies, session.pose
+    pixels = _pixels(session)
+    table = candidates(skies, pose)
+    sigma = measured_noise(pixels, table, noise)
+    answer = search_shadowed(pixels, table, shadowed(skies, pose), sigma, progress)
+    planes = features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
+    return _map(mask, answer, sigma), planes
+
+
+def session_noise(session: Session) -> float:
+    """Standard deviation of what a session's skies leave unexplained, as a share of the brightest pixel."""
+    return measured_noise(_pixels(session), candidates(session.skies, session.pose, _COARSE), _LEAST_NOISE)
+
+
+def _pixels(session: Session) -> Image:
+    """Brightnesses (P, T, C) in the mask, as shares of the brightest pixel."""
+    pixels = np.ascontiguousarray(np.moveaxis(session.images, 0, -2)[session.mask])
     if not len(pixels):
         raise PhotoError("The mask leaves no pixel.")
     white = float(np.quantile(pixels, _BRIGHTEST))
     if not white > 0:
         raise PhotoError("The photos are black where the mask is white.")
-    pixels /= white
-    table = candidates(skies, pose)
-    sigma = measured_noise(pixels, table, noise)
-    answer = search_shadowed(pixels, table, shadowed(skies, pose), sigma, progress)
-    planes = features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
-    return _map(mask, pixels, answer, sigma), planes
+    return np.asarray(pixels / np.float32(white))
 
 
 def measured_noise(pixels: Image, table: Candidates, least: float) -> float:
@@ -93,11 +101,17 @@ def measured_noise(pixels: Image, table: Candidates, least: float) -> float:
     return float(max(least, spread))
 
 
-def _map(mask: NDArray[np.bool_], pixels: Image, answer: Answer, noise: float) -> NormalMap:
+def _map(mask: NDArray[np.bool_], answer: Answer, noise: float) -> NormalMap:
     albedo = answer.albedo / max(float(np.quantile(answer.albedo, 0.99)), 1e-9)
-    nowhere = np.zeros(mask.shape, dtype=bool)
-    planes = (_filled(mask, plane) for plane in (answer.normal, albedo, answer.error, answer.residual))
-    return NormalMap(mask, *planes, nowhere, noise)
+    return NormalMap(
+        mask,
+        normal=_filled(mask, answer.normal),
+        albedo=_filled(mask, albedo.astype(np.float32)),
+        error=_filled(mask, answer.error),
+        residual=_filled(mask, answer.residual),
+        network=np.zeros(mask.shape, dtype=bool),
+        noise=noise,
+    )
 
 
 def _filled(mask: NDArray[np.bool_], values: Image) -> Image:

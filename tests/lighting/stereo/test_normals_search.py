@@ -54,11 +54,11 @@ def test_lights_in_one_plane_tell_only_how_a_normal_leans_within_it() -> None:
     skies = lights(np.stack([np.sin(turn), np.zeros(4), np.cos(turn)], axis=1))  # all in y = 0
     truth = np.array([[0.1, 0.6, 0.8], [0.3, -0.5, 0.866]], dtype=np.float32)
     images = np.maximum(truth @ skies.sun_direction.T, 0)[..., None].astype(np.float32)
-    answer = search(images, candidates(skies, Pose()), noise=1e-3)
+    answer = search(images, candidates(skies, Pose()), noise=0.05)
     lean, true_lean = (np.degrees(np.arctan2(n[:, 0], n[:, 2])) for n in (answer.normal, truth))
-    np.testing.assert_allclose(lean, true_lean, atol=1.0)
+    np.testing.assert_allclose(lean, true_lean, atol=2.0)
     assert (answer.error > 15).all()  # the rest of the normal is unknown, and the answer says so
-    np.testing.assert_allclose(answer.mean[:, 1], 0, atol=0.05)  # up or down: both alike
+    np.testing.assert_allclose(answer.mean[:, 1], 0, atol=0.1)  # up or down: both alike
 
 
 def test_a_clear_day_in_june_and_what_it_expects_to_err() -> None:
