@@ -11,7 +11,7 @@ import click
 from lighting.files import encode_png
 from lighting.stereo.picture import draw_plan, shown_error
 from lighting.stereo.plan import Plan, Question, clock
-from lighting.stereo.request import ModelledSkies, answer, conditions, title
+from lighting.stereo.request import ModelledSkies, conditions, plan_photos, title
 
 PICTURE = Path(__file__).with_name("stereo-plan.png")
 WALL = Question(facing=180.0)
@@ -20,7 +20,7 @@ DAYS = (date(2026, 3, 20), date(2026, 6, 21), date(2026, 12, 21))
 
 def wall(day: date, sky: str) -> tuple[ModelledSkies, Plan]:
     skies = ModelledSkies(47.5, 9.75, day, day, sky)  # type: ignore[arg-type]
-    return skies, answer(skies, WALL)
+    return skies, plan_photos(skies, WALL)
 
 
 def main() -> None:

@@ -7,8 +7,7 @@ from pydantic import BaseModel, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from lighting.errors import ParameterError
-from lighting.stereo.plan import FEWEST_SHOTS, MOST_SHOTS, NOISES, Question
-from lighting.stereo.request import ModelledSkies
+from lighting.stereo import FEWEST_SHOTS, MOST_SHOTS, NOISES, ModelledSkies, Question
 from server.queries import Offset, Query
 from server.schemas import Between, named
 

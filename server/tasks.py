@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from anyio.from_thread import check_cancelled
 
+from lighting import stereo
 from lighting.envmap import render
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap
@@ -83,10 +84,8 @@ def scene_file_of_sky(query: SkySceneQuery) -> bytes:
 
 def plan_record(query: PlanQuery) -> dict[str, Any]:
     """When to photograph for photometric stereo, as JSON."""
-    from lighting.stereo.request import answer, to_dict
-
     skies = query.skies()
-    return to_dict(skies, answer(skies, query.question(), _cancellable))
+    return stereo.plan_record(skies, stereo.plan_photos(skies, query.question(), _cancellable))
 
 
 def _cancellable(days: Sequence[date]) -> Iterator[date]:

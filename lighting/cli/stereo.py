@@ -28,7 +28,7 @@ def stereo() -> None:
 
 def _offset(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
     from lighting.errors import ParameterError
-    from lighting.photo.clock import read_offset
+    from lighting.photo import read_offset
 
     try:
         return None if text is None else read_offset(text)
@@ -72,24 +72,23 @@ def plan(
     Compares windows of 1, 2, 3 and 6 hours of a day, or of the best day of a range, and says how far the normals will
     be off.
     """
-    from lighting.stereo.plan import Question
-    from lighting.stereo.request import answer, to_dict
+    from lighting.stereo import Question, plan_photos, plan_record
 
     if output == "-" and as_json:
         raise click.UsageError('--json and "-o -" both go to stdout.')
     skies, question = _skies(**said), Question(facing, shots, noise)
-    found = answer(skies, question, _progress(quiet))
+    found = plan_photos(skies, question, _progress(quiet))
     if output:
         _draw(output, skies, found)
     if as_json:
-        click.echo(json.dumps(to_dict(skies, found), indent=2, allow_nan=False))
+        click.echo(json.dumps(plan_record(skies, found), indent=2, allow_nan=False))
     elif output != "-" and not quiet:
         click.echo(_in_words(skies, found))
 
 
 def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "Skies":
     """The skies asked for; wrong usage where what they need is missing or would do nothing."""
-    from lighting.stereo.request import MeasuredSkies, ModelledSkies
+    from lighting.stereo import MeasuredSkies, ModelledSkies
 
     days = first.date() if first else None, last.date() if last else None
     if last and not first:

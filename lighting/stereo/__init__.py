@@ -1,1 +1,20 @@
-"""Outdoor photometric stereo: mean light vectors, the gain of noise, when to shoot, normals."""
+"""Photometric stereo outdoors: mean light vectors, what noise does to normals, when to photograph, normals."""
+
+from lighting.stereo.mean_light import Skies, illumination, mean_light
+from lighting.stereo.plan import FEWEST_SHOTS, MOST_SHOTS, NOISES, Plan, Question
+from lighting.stereo.request import MeasuredSkies, ModelledSkies, plan_photos, plan_record
+
+__all__ = [
+    "FEWEST_SHOTS",
+    "MOST_SHOTS",
+    "NOISES",
+    "MeasuredSkies",
+    "ModelledSkies",
+    "Plan",
+    "Question",
+    "Skies",
+    "illumination",
+    "mean_light",
+    "plan_photos",
+    "plan_record",
+]

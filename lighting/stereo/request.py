@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from lighting.errors import ParameterError
-from lighting.photo.clock import OFFSETS, YEARS
+from lighting.photo import OFFSETS, YEARS
 from lighting.records import OPTIONAL_RANGES, check_range
 from lighting.stereo.days import Place, Weather, clear_brightness, modelled_day
 from lighting.stereo.plan import Plan, Question
@@ -63,7 +63,7 @@ class MeasuredSkies:
 Skies = ModelledSkies | MeasuredSkies
 
 
-def answer(skies: Skies, question: Question, progress: Progress = iter) -> Plan:
+def plan_photos(skies: Skies, question: Question, progress: Progress = iter) -> Plan:
     """The plan of the best day; raises ParameterError where no window of any day has light."""
     if isinstance(skies, MeasuredSkies):
         folder = skies.folder
@@ -75,7 +75,7 @@ def answer(skies: Skies, question: Question, progress: Progress = iter) -> Plan:
     )
 
 
-def to_dict(skies: Skies, plan: Plan) -> dict[str, Any]:
+def plan_record(skies: Skies, plan: Plan) -> dict[str, Any]:
     """The question and its answer as JSON."""
     if isinstance(skies, MeasuredSkies):
         return {"sky": "probes", **plan.to_dict()}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ParameterError
-from lighting.evidence.ephemeris import sun_position
+from lighting.evidence import sun_position
 from lighting.geometry import Floats, direction, latlong_directions
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance

@@ -16,6 +16,7 @@ from starlette.testclient import TestClient
 
 from lighting import render
 from lighting.pipeline import Estimator
+from lighting.stereo import plan_photos, plan_record
 from server import tasks
 from server.app import create_app
 from server.plans import PlanQuery
@@ -117,7 +118,7 @@ def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: None)
     june = PlanQuery(lat=47, lon=10, date=date(2026, 6, 21), sky="overcast")
-    plan = tasks.plan_record(june)
+    plan = plan_record(june.skies(), plan_photos(june.skies(), june.question()))
     monkeypatch.setattr(tasks, "plan_record", lambda _: plan)
     app = create_app(Settings(), estimator)
     app.state.service.answer_once()

@@ -16,7 +16,7 @@ from lighting.stereo.orientations import half_sphere, named_normals, normals_of_
 from lighting.stereo.picture import draw_plan
 from lighting.stereo.plan import Plan, Question
 from lighting.stereo.planning import days_between
-from lighting.stereo.request import MeasuredSkies, ModelledSkies, answer, to_dict
+from lighting.stereo.request import MeasuredSkies, ModelledSkies, plan_photos, plan_record
 from lighting.stereo.skies import clear_skies, suns_at
 
 JUNE = date(2026, 6, 21)
@@ -26,7 +26,7 @@ JUNE = date(2026, 6, 21)
 def plan(
     latitude: float, first: date, last: date | None = None, facing: float | None = None, noise: float = 1.0
 ) -> Plan:
-    return answer(ModelledSkies(latitude, 10.0, first, last or first), Question(facing, noise=noise))
+    return plan_photos(ModelledSkies(latitude, 10.0, first, last or first), Question(facing, noise=noise))
 
 
 @pytest.mark.parametrize("case", [CASES[1], CASES[2]], ids=lambda case: case.name)
@@ -95,8 +95,8 @@ def test_a_day_shorter_than_an_hour_says_so() -> None:
 
 
 def test_an_overcast_day_resolves_nothing() -> None:
-    found = answer(ModelledSkies(47.0, 10.0, JUNE, JUNE, "overcast"), Question())
-    record = to_dict(ModelledSkies(47.0, 10.0, JUNE, JUNE, "overcast"), found)
+    found = plan_photos(ModelledSkies(47.0, 10.0, JUNE, JUNE, "overcast"), Question())
+    record = plan_record(ModelledSkies(47.0, 10.0, JUNE, JUNE, "overcast"), found)
     assert record["windows"][0]["gain"] is None
     assert record["windows"][0]["error"] == 90
 
@@ -152,7 +152,7 @@ def probes(folder: Path, day: date, minutes: range) -> None:
 
 def test_probes_are_planned_as_the_skies_they_are_of(tmp_path: Path) -> None:
     probes(tmp_path, JUNE, range(480, 1000, 20))
-    found = answer(MeasuredSkies(tmp_path), Question())
+    found = plan_photos(MeasuredSkies(tmp_path), Question())
     assert found.day == JUNE
     (six,) = (window for window in found.windows if window.hours == 6)
     modelled = plan(47.0, JUNE).windows[-1]
@@ -163,13 +163,13 @@ def test_probes_are_planned_as_the_skies_they_are_of(tmp_path: Path) -> None:
 
 def test_folders_without_probes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(EnvironmentMapError, match="holds no sky probes"):
-        answer(MeasuredSkies(tmp_path), Question())
+        plan_photos(MeasuredSkies(tmp_path), Question())
     probes(tmp_path, JUNE, range(600, 610, 20))
     with pytest.raises(EnvironmentMapError, match="two or more"):
-        answer(MeasuredSkies(tmp_path), Question())
+        plan_photos(MeasuredSkies(tmp_path), Question())
     with pytest.raises(ParameterError, match="no probes on 2026-06-22"):
-        answer(MeasuredSkies(tmp_path, date(2026, 6, 22)), Question())
+        plan_photos(MeasuredSkies(tmp_path, date(2026, 6, 22)), Question())
     (tmp_path / "20260621" / "110000").mkdir()
     (tmp_path / "20260621" / "110000" / "envmap.exr").write_bytes(b"no map")
     with pytest.raises(EnvironmentMapError, match="110000"):
-        answer(MeasuredSkies(tmp_path), Question())
+        plan_photos(MeasuredSkies(tmp_path), Question())
