@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from export.stereo.commands import stereo
+from export.stereo.normals_commands import stereo
 from lighting.errors import LightingError
 
 FOLDER = click.Path(path_type=Path)

@@ -93,12 +93,8 @@ def solve_day(folder: Path, known: Known, network: Network | None = None, watch:
     found = solve(Session(shots.images, shots.mask, skies, pose), known.noise, network, seen.pixels)
     focal = None if shots.focal_length is None else _focal(shots.focal_length, *shots.mask.shape)
     record = _record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
-    record |= {
-        "sun_direction": skies.sun_direction.tolist(),
-        "sky": str(known.probes or "clear"),
-        "turbidity": turbidity,
-        **asdict(pose),
-    }
+    record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
+    record |= {"sky": str(known.probes or "clear"), "turbidity": turbidity}
     return Solved(found, pose, focal, record, shots.warnings)
 
 

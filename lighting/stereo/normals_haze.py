@@ -1,7 +1,7 @@
 """The turbidity of a day from the photos themselves: the one whose skies explain them best.
 
-How haze dims a low sun against a high one changes the brightnesses over a day more than most normals do, so that a wrong
-turbidity bends all of them; few photographers know it.
+Haze dims a low sun more than a high one, which changes the brightnesses over a day as much as normals do. So a wrong
+turbidity bends all of them, and few photographers know it.
 """
 
 from collections.abc import Callable
