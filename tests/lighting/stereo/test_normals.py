@@ -45,6 +45,8 @@ def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path
     assert "normals from 8 photos" in result.stdout
     names = sorted([*(f"{name}.{suffix}" for name in FILES for suffix in ("png", "exr")), "mesh.ply", "normals.json"])
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
+    record = json.loads((tmp_path / "out" / "normals.json").read_text())
+    assert abs(record["turbidity"] - 3) < 0.5  # nobody said it; the photos are of 3
     truth, mask, _ = ball()
     found = read_shot(tmp_path / "out" / "normals_camera.exr").pixels
     error = angles(found[mask], truth[mask])
@@ -57,7 +59,7 @@ def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path
 
 
 def test_the_mesh_holds_every_pixel_and_its_triangles_face_the_camera(day: Path, tmp_path: Path) -> None:
-    run(day, "--lat", "47", "--lon", "0", "--heading", "20", "--no-network", "-o", tmp_path)
+    run(day, "--lat", "47", "--lon", "0", "--heading", "20", "--no-network", "--turbidity", "3", "-o", tmp_path)
     header, _, body = (tmp_path / "mesh.ply").read_bytes().partition(b"end_header\n")
     points = int(header.split(b"element vertex ")[1].split()[0])
     faces = int(header.split(b"element face ")[1].split()[0])
