@@ -73,5 +73,5 @@ def _thinned(subject: Subject, step: int) -> Subject:
     if step == 1:
         return subject
     part = _cut(subject.surface, (slice(None, None, step), slice(None, None, step)))
-    smaller = Surface(part.normals, part.height / step, part.mask)
+    smaller = Surface(part.normals, np.asarray(part.height / step, dtype=np.float32), part.mask)
     return Subject(subject.name, subject.group, smaller, subject.scale * step)
