@@ -1,4 +1,4 @@
-"""`python -m export label|synthesize|train|merge|onnx|evaluate|stereo`: from panoramas to the network that ships."""
+"""`python -m export label|synthesize|train|merge|onnx|evaluate|probe|stereo`: from panoramas to a shipped network."""
 
 import sys
 from collections.abc import Callable
@@ -154,6 +154,16 @@ def evaluate(model: Path | None, compare: tuple[Path, ...], relight: bool, card:
     click.echo(evaluation.report)
     if card:
         write_card(evaluation, options)
+
+
+@cli.command()
+@click.option("--stack", type=FOLDER, default=None, help="Folder of a fisheye sky in exposures of unknown length.")
+def probe(stack: Path | None) -> None:
+    """Print how exactly skies are merged, aligned and oriented; a few minutes on two cores."""
+    from export.probe.report import report
+
+    for line in report(stack):
+        click.echo(line)
 
 
 def main() -> None:

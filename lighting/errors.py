@@ -28,6 +28,10 @@ class EnvironmentMapError(LightingError):
     """A file is not an environment map that can be read, or cannot be written."""
 
 
+class ProbeError(LightingError):
+    """Exposures do not make a sky, or a sky does not tell what was asked of it."""
+
+
 class SceneError(LightingError):
     """A scene's tool is unknown, or its folder cannot be written."""
 

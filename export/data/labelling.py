@@ -5,10 +5,10 @@ import math
 from export.data.labels import Label
 from export.data.panoramas import Panorama
 from export.data.pictures import read_linear
-from export.data.regions import HEIGHT
-from export.data.sky_fit import fit_sky
-from export.data.sun_finder import FoundSun, find_sun
 from lighting.geometry import direction
+from lighting.probe.regions import HEIGHT
+from lighting.probe.sky_fit import fit_sky
+from lighting.probe.sun_finder import FoundSun, find_sun
 
 LARGEST_UNCERTAINTY = 12.0  # deg, of a sun around which a fitted sky is trusted
 GIVEN_UNCERTAINTY = 5.0  # deg, of a given sun whose uncertainty is not given

@@ -10,6 +10,7 @@ from PIL import Image
 from export.data.panoramas import Panorama
 from export.data.tables import DataError
 from lighting.colour import srgb_decode
+from lighting.probe.regions import shrink
 
 _LARGEST_HALF = 65504.0  # half floats end here
 
@@ -44,15 +45,6 @@ def linear_of(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
 def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Linear values in [0, 1] of an 8-bit sRGB picture of any shape."""
     return _DECODED[picture]
-
-
-def shrink(image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
-    """A lat-long image (H, 2H, C) reduced to `height` rows by area averages; unchanged if it has no more rows."""
-    if height >= image.shape[0]:
-        return image
-    planes = (np.ascontiguousarray(image[..., c], dtype=np.float32) for c in range(image.shape[2]))
-    small = [Image.fromarray(p).resize((2 * height, height), Image.Resampling.BOX) for p in planes]
-    return np.stack([np.asarray(p) for p in small], axis=-1)
 
 
 _DECODED: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)

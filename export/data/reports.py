@@ -12,10 +12,10 @@ from export.data.labelling import label_panorama
 from export.data.labels import Label, write_labels
 from export.data.panoramas import Panorama, read_index
 from export.data.pictures import decode
-from export.data.sky_fit import fit_sky
-from export.data.sun_finder import find_sun
 from export.data.synthetic import render_panorama
 from lighting.geometry import angle_between, direction
+from lighting.probe.sky_fit import fit_sky
+from lighting.probe.sun_finder import find_sun
 
 
 @dataclass(frozen=True)

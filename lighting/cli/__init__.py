@@ -6,10 +6,10 @@ Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usa
 
 import sys
 
-from lighting.cli import batch, commands, info, scene, stereo, stereo_normals
+from lighting.cli import batch, commands, info, probe, scene, stereo, stereo_normals
 from lighting.cli.group import cli
 
-__all__ = ["batch", "cli", "commands", "info", "main", "scene", "stereo", "stereo_normals"]
+__all__ = ["batch", "cli", "commands", "info", "main", "probe", "scene", "stereo", "stereo_normals"]
 
 
 def main() -> None:

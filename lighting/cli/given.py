@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from lighting.evidence import Given
 
 
-def _time(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
+def read_moment(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
     from lighting.photo import read_time
 
     return None if text is None else _parsed(read_time, text)
 
 
-def _offset(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
+def read_zone(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
     from lighting.photo import read_offset
 
     return None if text is None else _parsed(read_offset, text)
@@ -45,10 +45,10 @@ _OPTIONS: dict[str, Decorator] = {
         "--no-exif", "exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
     ),
     "time": click.option(
-        "--time", metavar="TIME", callback=_time, help="When: 2024-06-01T14:30, +02:00 behind it if known."
+        "--time", metavar="TIME", callback=read_moment, help="When: 2024-06-01T14:30, +02:00 behind it if known."
     ),
     "utc_offset": click.option(
-        "--utc-offset", metavar="HOURS", callback=_offset, help="Zone of a local time: +02:00 or 2."
+        "--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of a local time: +02:00 or 2."
     ),
     "lat": click.option("--lat", type=float, metavar="DEG", help="Where: latitude, positive north."),
     "lon": click.option("--lon", type=float, metavar="DEG", help="Longitude, positive east."),

@@ -8,7 +8,7 @@ import io
 import json
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -32,9 +32,15 @@ MAGIC = b"v/1\x01"
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
 
 
-def write_exr(target: Target, image: NDArray[np.floating[Any]], lighting: Lighting | None = None) -> None:
+def write_exr(
+    target: Target,
+    image: NDArray[np.floating[Any]],
+    lighting: Lighting | None = None,
+    attributes: Mapping[str, Any] | None = None,
+) -> None:
     """Write a map (H, 2H, 3) to a path or a binary stream, as 32-bit float with ZIP compression.
 
+    `attributes` go into the header beside those of the lighting: texts, floats and what else OpenEXR knows.
     A path appears only when the file is whole. Raises EnvironmentMapError for an array of another shape and for a
     path that cannot be written; what a stream raises is passed on.
     """
@@ -47,6 +53,7 @@ def write_exr(target: Target, image: NDArray[np.floating[Any]], lighting: Lighti
         "chromaticities": CHROMATICITIES,
         "software": SOFTWARE,
         **_attributes(lighting),
+        **(attributes or {}),
     }
     file = OpenEXR.File(header, {"RGB": checked_map(image)})
     if isinstance(target, str | os.PathLike):
@@ -74,6 +81,21 @@ def read_exr(source: Target) -> tuple[Image, Lighting | None]:
     if len({plane.shape for plane in planes}) > 1:
         raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")
     return np.stack(planes, axis=-1), _lighting_in(header)
+
+
+def read_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
+    """The header of an EXR file, without its pixels. Raises EnvironmentMapError for what is not one."""
+    import OpenEXR
+
+    try:
+        with Path(source).open("rb") as stream:
+            if stream.read(4) != MAGIC:
+                raise EnvironmentMapError(f"{os.fspath(source)} is not an OpenEXR image.")
+        return dict(OpenEXR.File(os.fspath(source), header_only=True).header())
+    except OSError as error:
+        raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
+    except (RuntimeError, ValueError, TypeError) as error:
+        raise EnvironmentMapError(f"The header of {os.fspath(source)} cannot be read: {error}.") from error
 
 
 def checked_map(image: NDArray[np.floating[Any]]) -> Image:

@@ -3,6 +3,7 @@
 from lighting.photo.canvas import fit_size, place, to_tensor
 from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
 from lighting.photo.exif import PhotoFacts, vertical_fov
+from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, facts_of, of_floats, read_linear
 from lighting.photo.read import (
     MAX_BYTES,
     MAX_PIXELS,
@@ -21,15 +22,21 @@ __all__ = [
     "MIN_SIDE",
     "MOST_PIXELS",
     "OFFSETS",
+    "RAW_SUFFIXES",
     "TARGET",
     "YEARS",
+    "Curve",
+    "LinearPhoto",
     "Photo",
     "PhotoFacts",
     "Source",
+    "facts_of",
     "fit_size",
     "in_utc",
+    "of_floats",
     "photo_data",
     "place",
+    "read_linear",
     "read_offset",
     "read_photo",
     "read_time",

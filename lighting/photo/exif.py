@@ -64,6 +64,15 @@ def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
     )
 
 
+def read_exposure(image: Image.Image) -> float | None:
+    """Exposure time [s] x ISO / 100 / f-number^2 in an image's EXIF block; None where no time is noted. Never raises.
+
+    Two photos by one lens differ in this as their pixels do. A sensitivity or an f-number that is absent counts as
+    ISO 100 and f/1, for lenses without contacts note none.
+    """
+    return _fact(_exposure, _directory(image, ExifTags.IFD.Exif))
+
+
 def vertical_fov(focal_length: float, width: int, height: int) -> float:
     """Vertical field of view [deg] of an upright photo from its focal length [mm] in 35 mm terms, clamped to 5 to 120.
 
@@ -147,6 +156,15 @@ def _heading_reference(tags: Tags) -> Literal["true", "magnetic"] | None:
 def _focal_length(tags: Tags) -> float | None:
     length = _number(tags[ExifTags.Base.FocalLengthIn35mmFilm])
     return length if length > 0 else None
+
+
+def _exposure(tags: Tags) -> float | None:
+    base = ExifTags.Base
+    sensitivity = tags.get(base.ISOSpeedRatings, 100)
+    iso = _number(sensitivity[0] if isinstance(sensitivity, tuple) else sensitivity) or 100.0
+    aperture = _number(tags.get(base.FNumber, 1)) or 1.0
+    exposure = _number(tags[base.ExposureTime]) * iso / 100.0 / aperture**2
+    return exposure if exposure > 0 else None
 
 
 def _is_whole(tags: Tags, aspect: float) -> bool:

@@ -1,5 +1,6 @@
 """Models of the sky's radiance, as functions of arrays; a sky has no ground and, unless said, no disc of the sun."""
 
+from lighting.sky.cie import general_luminance, overcast_luminance
 from lighting.sky.hosek_wilkie import (
     SUN_SOLID_ANGLE,
     sky_coefficients,
@@ -11,9 +12,15 @@ from lighting.sky.hosek_wilkie import (
     sun_disc_radiance,
     sun_radiance,
 )
+from lighting.sky.perez import perez_luminance, sky_brightness, sky_clearness
 
 __all__ = [
     "SUN_SOLID_ANGLE",
+    "general_luminance",
+    "overcast_luminance",
+    "perez_luminance",
+    "sky_brightness",
+    "sky_clearness",
     "sky_coefficients",
     "sky_gradation",
     "sky_lobe",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.data.panoramas import Panorama, read_index
-from export.data.pictures import decode, read_linear, read_picture, shrink
+from export.data.pictures import decode, read_linear, read_picture
 from export.data.tables import DataError
 
 ROW = {"name": "a", "file": "a.png", "kind": "ldr", "place": "here", "split": "train"}
@@ -62,11 +62,3 @@ def test_a_picture_of_another_shape_is_refused(tmp_path: Path) -> None:
     Image.new("RGB", (9, 4)).save(tmp_path / "a.png")
     with pytest.raises(DataError, match="9 x 4 pixels"):
         read_picture(Panorama("a", tmp_path / "a.png", "ldr", "here", "train"))
-
-
-def test_shrinking_keeps_the_mean_and_never_enlarges() -> None:
-    image = np.random.default_rng(0).random((12, 24, 3), dtype=np.float32)
-    np.testing.assert_allclose(shrink(image, 3)[1, 2], image[4:8, 8:12].mean(axis=(0, 1)), rtol=1e-5)
-    np.testing.assert_allclose(shrink(image, 5).mean(), image.mean(), rtol=1e-2)
-    assert shrink(image, 12) is image
-    assert shrink(image, 99) is image

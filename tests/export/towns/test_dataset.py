@@ -12,10 +12,10 @@ from export.crops.crops import take
 from export.crops.sources import load_source
 from export.data.labels import read_labels, write_labels
 from export.data.panoramas import read_index
-from export.data.sun_finder import find_sun
 from export.networks.specs import specs
 from export.towns import dataset
 from lighting.geometry import angle_between, direction
+from lighting.probe.sun_finder import find_sun
 
 
 @pytest.mark.usefixtures("llvm")

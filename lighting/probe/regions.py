@@ -1,9 +1,11 @@
 """Regions of a lat-long picture."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from lighting.errors import ProbeError
 from lighting.geometry import Floats, latlong_solid_angle
 
 Mask = NDArray[np.bool_]
@@ -16,9 +18,29 @@ def is_clipped(linear: NDArray[np.float32]) -> bool:
     return float(linear.max()) <= 1.0
 
 
+def ndimage() -> Any:
+    """scipy's image filters; ProbeError where scipy is not installed."""
+    try:
+        from scipy import ndimage
+    except ImportError as error:
+        raise ProbeError("Measured skies need scipy: pip install 'outdoor-lighting[stereo]'.") from error
+    return ndimage
+
+
+def shrink(image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
+    """A lat-long image (H, 2H, C) reduced to `height` rows by area averages; unchanged if it has no more rows."""
+    if height >= image.shape[0]:
+        return image
+    from PIL import Image
+
+    planes = (np.ascontiguousarray(image[..., c], dtype=np.float32) for c in range(image.shape[2]))
+    small = [Image.fromarray(p).resize((2 * height, height), Image.Resampling.BOX) for p in planes]
+    return np.stack([np.asarray(p) for p in small], axis=-1)
+
+
 def connected(mask: Mask) -> NDArray[np.intp]:
     """The number of the connected region of each pixel (H, 2H) of a mask; 0 outside. Regions cross the seam."""
-    labels, count = ndimage.label(mask, np.ones((3, 3)))
+    labels, count = ndimage().label(mask, np.ones((3, 3)))
     same = np.arange(count + 1)
     for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
         if left and right:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from export.data.pictures import decode
-from export.data.sky_fit import fit_sky
-from export.data.sun_finder import find_sun
 from export.data.synthetic import SyntheticPanorama, render_panorama
 from lighting.geometry import angle_between, direction
+from lighting.probe.sky_fit import fit_sky
+from lighting.probe.sun_finder import find_sun
 
 
 def sun_of(scene: SyntheticPanorama) -> np.ndarray:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from export.data.pictures import decode
-from export.data.sky_fit import fit_sky, sky_mask
 from export.data.synthetic import SyntheticPanorama, render_panorama
 from lighting.geometry import angle_between, direction, latlong_directions
+from lighting.probe.sky_fit import fit_sky, sky_mask
 
 
 def sun_of(scene: SyntheticPanorama) -> np.ndarray:

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from export.data.pictures import shrink
-from export.data.regions import HEIGHT, Mask, connected, is_clipped, solid_angle
 from lighting.colour import luminance
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
+from lighting.probe.regions import HEIGHT, Mask, connected, is_clipped, ndimage, shrink, solid_angle
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance
 
@@ -86,7 +84,7 @@ def sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
         mask &= linear.max(axis=-1) < LEAST_CLIPPED
     patches = connected(mask)
     size = np.bincount(patches.ravel(), solid_angle(height).ravel())
-    top = ndimage.maximum(elevation, patches, np.arange(len(size)))
+    top = ndimage().maximum(elevation, patches, np.arange(len(size)))
     return np.asarray(mask & ((size > 0.03) & (np.asarray(top) > 25.0))[patches])
 
 

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from export.data.pictures import shrink
-from export.data.regions import HEIGHT, Mask, connected, is_clipped, solid_angle
 from lighting.colour import luminance
 from lighting.geometry import Floats, angles, direction, latlong_angles, latlong_directions
+from lighting.probe.regions import HEIGHT, Mask, connected, is_clipped, ndimage, shrink, solid_angle
 
 WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
 SMALLEST = 2e-4  # sr, a cap of half a degree: no bright region is smaller
@@ -82,7 +80,7 @@ def _blur(image: Floats, sigma: float) -> Floats:
     pad = min(math.ceil(3 * rows), height)
     opposite = np.roll(image, width // 2, axis=1)
     tall = np.concatenate([opposite[:pad][::-1], image, opposite[-pad:][::-1]])
-    down = ndimage.gaussian_filter1d(tall, rows, axis=0)[pad : pad + height]
+    down = ndimage().gaussian_filter1d(tall, rows, axis=0)[pad : pad + height]
     columns = rows / np.cos(np.radians(latlong_angles(height)[1]))
     decay = np.exp(-2 * (np.pi * np.fft.rfftfreq(width) * columns[:, None]) ** 2)
     return np.asarray(np.fft.irfft(np.fft.rfft(down, axis=1) * decay, n=width, axis=1))

@@ -1,0 +1,186 @@
+"""Commands about measured skies: exposures to a probe, and what a probe says."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli.given import read_moment, read_zone
+from lighting.cli.group import cli
+from lighting.cli.options import height_option, quiet_option
+
+if TYPE_CHECKING:
+    from lighting.probe.brackets import Shot
+    from lighting.probe.develop import Moment, Probe, Settings
+
+KINDS = ("equidistant", "equisolid", "ball", "latlong")
+
+
+@cli.group()
+def probe() -> None:
+    """Measure skies: merge bracketed exposures, fit the sky model."""
+
+
+def _point(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is not two numbers such as 1500,1000.") from error
+    return x, y
+
+
+@probe.command()
+@click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+@click.option("--lens", "kind", type=click.Choice(KINDS), required=True, help="What took the pictures.")
+@click.option("--fov", type=float, metavar="DEG", help="Across the lens's circle. [180]")
+@click.option("--centre", metavar="X,Y", callback=_point, help="Of the circle or ball, pixels. [the middle]")
+@click.option("--radius", type=float, metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
+@click.option("--pitch", type=float, metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others).")
+@click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
+@click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
+@click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
+@click.option("--time", metavar="TIME", callback=read_moment, help="2024-06-01T14:30+02:00. [EXIF]")
+@click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of local times: +02:00 or 2.")
+@click.option("--lat", "latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
+@click.option("--lon", "longitude", type=click.FloatRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
+@click.option(
+    "--yaw", type=float, metavar="DEG", help="Heading of the camera; a fisheye's lower edge has it. [the sun's]"
+)
+@click.option("--series", is_flag=True, help="Many brackets of a camera that stood still: tilt and lens are found too.")
+@click.option("--fill-sun", "fill", is_flag=True, help="A clipped sun gets the model's power.")
+@height_option
+@click.option("-o", "--output", required=True, metavar="PATH", help="A file .exr, or a folder to fill.")
+@quiet_option
+def merge(
+    exposures: tuple[Path, ...],
+    time: datetime | None,
+    utc_offset: float | None,
+    latitude: float | None,
+    longitude: float | None,
+    series: bool,
+    output: str,
+    quiet: bool,
+    **lens: Any,
+) -> None:
+    """Merge bracketed EXPOSURES into one sky in the world's axes: centre column true north, right half east.
+
+    With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
+    filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
+    """
+    from lighting.probe.brackets import shot_of, shots_of
+    from lighting.probe.develop import Settings
+
+    _check_output(output, series)
+    settings = Settings(**lens)
+    shots = shots_of(exposures) if series else [shot_of(_files(exposures))]
+    moments = [_moment(shot, time, utc_offset, latitude, longitude) for shot in shots]
+    if series:
+        if time is not None:
+            raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
+        _merge_series(shots, moments, settings, output, quiet)
+    else:
+        _merge_one(shots[0], moments[0], settings, output, quiet)
+
+
+def _check_output(output: str, series: bool) -> None:
+    path = Path(output)
+    if path.suffix.lower() == ".exr":
+        if series:
+            raise click.UsageError("A series fills a folder; -o must not end in .exr.")
+        if not path.parent.is_dir():
+            raise click.UsageError(f"There is no folder {path.parent}.")
+    elif path.suffix or path.is_file():
+        raise click.UsageError(f"{output} must end in .exr or be a folder.")
+
+
+def _files(exposures: Sequence[Path]) -> list[Path]:
+    from lighting.probe.brackets import pictures_in
+
+    return [file for path in exposures for file in (pictures_in(path) if path.is_dir() else [path])]
+
+
+def _moment(
+    shot: "Shot", time: datetime | None, utc_offset: float | None, latitude: float | None, longitude: float | None
+) -> "Moment":
+    from dataclasses import replace
+
+    from lighting.probe.develop import Moment
+
+    told = replace(shot, time=time) if time is not None else shot
+    place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)
+    if place[0] is None or place[1] is None:
+        raise click.UsageError("The place is not in EXIF; tell it with --lat and --lon.")
+    return Moment(told.aware(utc_offset), place[0], place[1])
+
+
+def _merge_one(shot: "Shot", moment: "Moment", settings: "Settings", output: str, quiet: bool) -> None:
+    from lighting.probe.develop import make_probe
+    from lighting.probe.exposures import read_bracket
+    from lighting.probe.write import write_probe
+
+    made = make_probe(read_bracket(shot.files, settings.curve), moment, settings)
+    _report(made, write_probe(made, output), quiet)
+
+
+def _merge_series(
+    shots: Sequence["Shot"], moments: Sequence["Moment"], settings: "Settings", output: str, quiet: bool
+) -> None:
+    from functools import partial
+
+    from tqdm import tqdm
+
+    from lighting.probe.develop import make_series
+    from lighting.probe.exposures import read_bracket
+    from lighting.probe.write import write_probe
+
+    readers = [partial(read_bracket, shot.files, settings.curve) for shot in shots]
+    for made in tqdm(make_series(readers, moments, settings), total=len(shots), unit="probe", disable=quiet or None):
+        _report(made, write_probe(made, output), quiet)
+
+
+def _report(made: "Probe", path: Path, quiet: bool) -> None:
+    """Warnings on stderr, and on stdout where the probe is and how it fits the ephemeris."""
+    for warning in made.warnings:
+        click.echo(f"Warning: {path}: {warning}", err=True)
+    if quiet:
+        return
+    azimuth, elevation = made.moment.sun
+    click.echo(f"{path}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_fit_in_words(made)}")
+
+
+def _fit_in_words(made: "Probe") -> str:
+    words = "" if made.off is None else f", found {made.off:.2f}° beside"
+    if made.alignment is not None and len(made.alignment.used) > 1:
+        lens, used = made.alignment.lens, int(made.alignment.used.sum())
+        words += f"; {used} suns leave {made.alignment.residual:.2f}°, tilt {made.alignment.tilt:.1f}°"
+        words += f", lens {lens.fov:.1f}°"
+        words += ", mirrored" if lens.mirrored else ""
+    return words
+
+
+@probe.command()
+@click.argument("sky", metavar="PROBE.exr", type=click.Path(exists=True, dir_okay=False))
+@click.option("--sun", metavar="AZIMUTH,ELEVATION", callback=_point, help="Where it is, deg. [found in the map]")
+@click.option("--json", "as_json", is_flag=True, help="One JSON record.")
+def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
+    """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""
+    from lighting.files import checked_map, read_exr
+    from lighting.probe.describe import describe
+
+    state = describe(checked_map(read_exr(sky)[0]), sun)
+    if as_json:
+        click.echo(json.dumps({"file": sky, **asdict(state)}))
+        return
+    trust = "" if state.trusted else ", not to be trusted"
+    click.echo(
+        f"{sky}: sun {state.sun_azimuth:.1f}° right of the centre, {state.sun_elevation:.1f}° high "
+        f"({state.sun_source}); "
+        f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
+        f"{trust}; cover {100 * state.cover:.0f} %"
+    )

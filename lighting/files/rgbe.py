@@ -1,0 +1,62 @@
+"""Radiance HDR pictures, read: the counterpart of what formats.py writes."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import EnvironmentMapError
+
+_SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
+
+
+def read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """The pixels (H, W, 3) of a Radiance RGBE file, top row first, run-length coded or plain.
+
+    Raises EnvironmentMapError for another kind of file, a damaged one and one whose rows run another way.
+    """
+    try:
+        data = Path(source).read_bytes()
+    except OSError as error:
+        raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
+    size = _SIZE.search(data)
+    if not data.startswith(b"#?") or size is None:
+        raise EnvironmentMapError(f"{os.fspath(source)} is not a Radiance HDR picture with its top row first.")
+    height, width = int(size[1]), int(size[2])
+    try:
+        pixels = _decoded(data, size.end(), height, width)
+    except (IndexError, ValueError) as error:
+        raise EnvironmentMapError(f"{os.fspath(source)} is cut short or damaged.") from error
+    scale = np.ldexp(np.float32(1), pixels[..., 3:].astype(np.int32) - 136)
+    return np.asarray(pixels[..., :3] * scale, dtype=np.float32)
+
+
+def _decoded(data: bytes, start: int, height: int, width: int) -> NDArray[np.uint8]:
+    """Mantissas and exponent (H, W, 4)."""
+    if data[start : start + 2] != b"\x02\x02":
+        return np.frombuffer(data, np.uint8, height * width * 4, start).reshape(height, width, 4)
+    rows, position = [], start
+    for _ in range(height):
+        if data[position : position + 4] != bytes((2, 2, width >> 8, width & 255)):
+            raise ValueError("a row does not start as one")
+        row, position = _row(data, position + 4, 4 * width)
+        rows.append(np.frombuffer(row, np.uint8).reshape(4, width).T)
+    return np.stack(rows)
+
+
+def _row(data: bytes, position: int, length: int) -> tuple[bytes, int]:
+    """The four channels of a row, one behind the other, and where the next one starts."""
+    row = bytearray()
+    while len(row) < length:
+        count = data[position]
+        if count > 128:  # a run
+            row += data[position + 1 : position + 2] * (count - 128)
+            position += 2
+        else:
+            row += data[position + 1 : position + 1 + count]
+            position += 1 + count
+    if len(row) != length:
+        raise ValueError("a run crosses the end of its row")
+    return bytes(row), position

@@ -1,0 +1,159 @@
+"""Photos that measure light: linear values, with all the bits that the file has.
+
+What is read: 16-bit PNG and TIFF, RAW where rawpy is installed (extra `raw`), and with less precision 8-bit PNG, TIFF
+and JPEG. A tag for gamma is not believed, since it often lies: 16 bits count as linear, 8 bits as sRGB, unless the
+caller knows better.
+"""
+
+import io
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.colour import srgb_decode
+from lighting.errors import PhotoError
+from lighting.photo.exif import PhotoFacts, read_exposure, read_facts
+
+Pixels = NDArray[np.float32]
+Curve = Literal["linear", "srgb"]
+
+RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2")
+_HIGH_END = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
+_PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPhoto:
+    """Linear values of a photo, in units of the sensor's full scale."""
+
+    pixels: Pixels  # (H, W, 3)
+    white: float  # from which on a channel counts as clipped; infinite where nothing is
+    step: float  # the least difference that the file can hold, near black
+    exposure: float | None = None  # s x ISO / 100 / f-number^2, from EXIF
+    facts: PhotoFacts = field(default_factory=PhotoFacts)
+    warnings: tuple[str, ...] = ()
+
+
+def read_linear(path: str | Path, curve: Curve | None = None) -> LinearPhoto:
+    """The photo in a file; `curve` says how its values are coded, None what is usual for its number of bits.
+
+    Raises PhotoError for a file that cannot be read, OSError for one that cannot be opened.
+    """
+    file = Path(path)
+    if file.suffix.lower() in RAW_SUFFIXES:
+        return _read_raw(file)
+    try:
+        return _read_picture(file, curve)
+    except (PhotoError, FileNotFoundError):
+        raise
+    except Exception as error:  # decoders raise nearly anything on hostile bytes
+        raise PhotoError(f"{file} cannot be read as a picture ({type(error).__name__}: {error}).") from error
+
+
+def of_floats(pixels: Pixels) -> LinearPhoto:
+    """Linear values (H, W, 3) of a float picture, which count as clipped at their largest where several are just that.
+
+    Raises PhotoError for values that are not finite.
+    """
+    if not np.isfinite(pixels).all():
+        raise PhotoError("The picture holds values that are not finite numbers.")
+    largest = float(pixels.max())
+    clipped = int((pixels == largest).sum()) >= _PLATEAU and largest > 0
+    return LinearPhoto(pixels, _HIGH_END * largest if clipped else float("inf"), 2.0**-14)
+
+
+def _read_picture(file: Path, curve: Curve | None) -> LinearPhoto:
+    data = file.read_bytes()
+    image = Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
+    samples, full = _samples(image, data)
+    said = curve or ("linear" if full > 255 else "srgb")
+    value = np.asarray(samples / np.float32(full), dtype=np.float32)
+    linear = value if said == "linear" else np.asarray(srgb_decode(value), dtype=np.float32)
+    white = _HIGH_END if said == "linear" else float(srgb_decode(_HIGH_END))
+    step = 1 / full if said == "linear" else 1 / full / 12.92
+    facts = read_facts(image, image.width, image.height)
+    return LinearPhoto(linear, white, step, read_exposure(image), facts, _warnings(image, full, curve))
+
+
+def _warnings(image: Image.Image, full: int, curve: Curve | None) -> tuple[str, ...]:
+    if image.format == "JPEG":
+        return ("A JPEG holds the camera's own curve, which is linear in no known way; its values are rough.",)
+    if full == 255 and curve is None:
+        return ("8-bit pixels are taken for sRGB; say the curve if they are linear.",)
+    return ()
+
+
+def _samples(image: Any, data: bytes) -> tuple[NDArray[Any], int]:
+    """Samples (H, W, 3) as they are in the file, and the largest that they can be."""
+    if image.mode.startswith("I;16") or image.mode == "I":
+        return np.repeat(np.asarray(image)[..., None].astype(np.uint16), 3, axis=-1), 65535
+    if image.mode in ("RGB", "RGBA") and any(";16" in _raw_mode(tile) for tile in image.tile):
+        high, low = (_half(data, half) for half in ("high", "low"))
+        return high.astype(np.uint16) << 8 | low, 65535
+    return np.asarray(image.convert("RGB")), 255
+
+
+def _half(data: bytes, half: Literal["high", "low"]) -> NDArray[np.uint8]:
+    """The high or the low bytes (H, W, 3) of a picture of 16-bit colours, of which Pillow keeps one.
+
+    It keeps the byte that comes last in little-endian order and first in big-endian; told the other order of the one
+    that the file has, it keeps the low byte.
+    """
+    image = Image.open(io.BytesIO(data))
+    if half == "low":
+        image.tile = [_told_other_order(tile) for tile in image.tile]
+    return np.asarray(image)[..., :3]
+
+
+def _told_other_order(tile: Any) -> Any:
+    mode = _raw_mode(tile)
+    order = mode[-1] if mode[-1] != "N" else "L" if sys.byteorder == "little" else "B"
+    other = mode[:-1] + {"L": "B", "B": "L"}[order]
+    return tile._replace(args=other if isinstance(tile.args, str) else (other, *tile.args[1:]))
+
+
+def _raw_mode(tile: Any) -> str:
+    return str(tile.args if isinstance(tile.args, str) else tile.args[0])
+
+
+def _read_raw(file: Path) -> LinearPhoto:
+    """Camera RGB demosaiced and balanced for daylight, to Rec.709, without any curve or brightening."""
+    try:
+        import rawpy
+    except ImportError as error:
+        raise PhotoError("RAW photos need rawpy: pip install 'outdoor-lighting[raw]'.") from error
+    try:
+        with rawpy.imread(str(file)) as raw:
+            levels = int(raw.white_level)
+            pixels = raw.postprocess(
+                gamma=(1, 1),
+                no_auto_bright=True,
+                adjust_maximum_thr=0.0,  # else each exposure is scaled by its own brightest pixel
+                output_bps=16,
+                use_camera_wb=False,
+                user_wb=list(raw.daylight_whitebalance),
+                output_color=rawpy.ColorSpace.sRGB,
+                highlight_mode=rawpy.HighlightMode.Clip,
+                user_flip=0,
+            )
+    except rawpy.LibRawError as error:
+        raise PhotoError(f"{file} cannot be read as a RAW photo ({error}).") from error
+    facts, exposure = facts_of(file)
+    return LinearPhoto(np.asarray(pixels / np.float32(65535)), _HIGH_END, 1 / levels, exposure, facts)
+
+
+def facts_of(file: str | Path) -> tuple[PhotoFacts, float | None]:
+    """What the EXIF block of a photo says, and its exposure, without its pixels; nothing where none can be read.
+
+    Most RAW files are TIFF files inside, of which Pillow reads the tags.
+    """
+    try:
+        with Image.open(file) as image:
+            return read_facts(image, image.width, image.height), read_exposure(image)
+    except Exception:  # an absent or strange block is no reason to refuse the pixels
+        return PhotoFacts(), None

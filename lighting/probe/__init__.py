@@ -1,0 +1,39 @@
+"""Measured skies: bracketed exposures become a map of radiance in the world's axes, and a map tells its sky."""
+
+from lighting.probe.brackets import Shot, pictures_in, shot_of, shots_of
+from lighting.probe.describe import SkyState, describe
+from lighting.probe.develop import Moment, Probe, Settings, make_probe, make_series
+from lighting.probe.exposures import Bracket, bracket_of, read_bracket
+from lighting.probe.folders import ProbeFile, probe_path, probes_in
+from lighting.probe.orientation import Orientation, Scan, orient
+from lighting.probe.sky_fit import SkyFit, fit_sky
+from lighting.probe.sun_finder import FoundSun, find_sun
+from lighting.probe.write import write_probe
+
+__all__ = [
+    "Bracket",
+    "FoundSun",
+    "Moment",
+    "Orientation",
+    "Probe",
+    "ProbeFile",
+    "Scan",
+    "Settings",
+    "Shot",
+    "SkyFit",
+    "SkyState",
+    "bracket_of",
+    "describe",
+    "find_sun",
+    "fit_sky",
+    "make_probe",
+    "make_series",
+    "orient",
+    "pictures_in",
+    "probe_path",
+    "probes_in",
+    "read_bracket",
+    "shot_of",
+    "shots_of",
+    "write_probe",
+]

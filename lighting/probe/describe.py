@@ -1,0 +1,67 @@
+"""What a measured map says of its sky: the sun, the model that fits, and how much of the sky it does not explain."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.colour import luminance
+from lighting.errors import ProbeError
+from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions
+from lighting.probe.regions import HEIGHT, shrink, solid_angle
+from lighting.probe.sky_fit import SUN_CLEARANCE, SkyFit, fit_sky
+from lighting.probe.sun_finder import find_sun
+from lighting.probe.sun_spot import find_spot
+from lighting.records import GROUND_ALBEDO
+from lighting.sky import sky_radiance
+
+LOWEST = 10.0  # deg, below which hills, trees and haze hide the sky
+CLEAR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear
+
+
+@dataclass(frozen=True)
+class SkyState:
+    """A sky in numbers; angles in deg, azimuth from the map's centre column, clockwise positive."""
+
+    sun_azimuth: float
+    sun_elevation: float
+    sun_source: str  # "found" in the map or "given"
+    turbidity: float
+    exposure: float  # map's values / sky radiance
+    residual: float  # robust spread of log(map / model) over the clear sky
+    trusted: bool  # whether the fit may be
+    cover: float  # share of the sky above LOWEST that the model of the clear sky does not explain, 0 to 1
+
+
+def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None) -> SkyState:
+    """The state of a map's (H, 2H, 3) sky, its sun found or given as azimuth and elevation [deg].
+
+    Raises ProbeError where no sun is found, where it is given below the horizon, and where no clear sky is seen.
+    """
+    azimuth, elevation = sun or _found(image)
+    if elevation < 0:
+        raise ProbeError(f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit.")
+    fit = fit_sky(image, direction(azimuth, elevation))
+    if fit is None:
+        raise ProbeError("Too little clear sky is seen to fit a model to: the sky is overcast or hidden.")
+    cover = _cover(image, direction(azimuth, elevation), fit)
+    source = "given" if sun else "found"
+    return SkyState(azimuth, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
+
+
+def _found(image: NDArray[np.float32]) -> tuple[float, float]:
+    spot = find_spot(image, np.zeros(image.shape[:2], dtype=bool)) or find_sun(image)
+    if spot is None:
+        raise ProbeError("No sun is found in the map; give its azimuth and elevation.")
+    return spot.azimuth, spot.elevation
+
+
+def _cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
+    small = shrink(image, HEIGHT)
+    towards = latlong_directions(len(small))
+    high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > LOWEST, small.shape[:2])
+    counted = high & (angle_between(towards, sun) > SUN_CLEARANCE)
+    model = luminance(sky_radiance(towards[counted], sun, fit.turbidity, GROUND_ALBEDO)) * fit.exposure
+    error = np.abs(np.log(np.maximum(luminance(small[counted]), 1e-12) / np.maximum(model, 1e-12)))
+    area = solid_angle(len(small))[counted]
+    return float(area[error > CLEAR].sum() / area.sum())

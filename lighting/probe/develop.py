@@ -1,0 +1,217 @@
+"""From the exposures of a bracket, a time and a place to a sky in the world's axes."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ProbeError
+from lighting.evidence import sun_position
+from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
+from lighting.photo import Curve
+from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
+from lighting.probe.exposures import Bracket
+from lighting.probe.fill import fill_sun
+from lighting.probe.lens import Kind, Lens, lens_of, lens_pixels
+from lighting.probe.mapping import to_latlong
+from lighting.probe.merge import Merged, merge
+from lighting.probe.ratios import Exposed, exposed
+from lighting.probe.regions import Mask
+from lighting.probe.sky_fit import SkyFit
+from lighting.probe.sun_spot import SunSpot, find_spot
+
+SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
+OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
+_UNCLIPPED_SKY = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the pictures were taken, and what is wanted of them; None is the usual, as `lens_of` has it."""
+
+    kind: Kind = "equidistant"
+    fov: float | None = None  # deg
+    centre: tuple[float, float] | None = None  # pixels
+    radius: float | None = None  # pixels
+    pitch: float | None = None  # deg
+    mirrored: bool = False
+    nd: float = 0.0  # stops of a filter before the lens
+    yaw: float | None = None  # deg clockwise from north of the camera's azimuth 0; None finds it by the sun
+    height: int = 512  # rows of the map
+    curve: Curve | None = None
+    fill: bool = False  # a clipped sun is taken from the model
+
+    def __post_init__(self) -> None:
+        _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When and where a bracket was taken."""
+
+    time: datetime  # aware
+    latitude: float  # deg, positive north
+    longitude: float  # deg, positive east
+
+    def __post_init__(self) -> None:
+        _check_finite("The place", self.latitude, self.longitude)
+
+    @property
+    def sun(self) -> tuple[float, float]:
+        """Azimuth in (-180, 180] and elevation [deg] by the ephemeris."""
+        azimuth, elevation = sun_position(self.time, self.latitude, self.longitude)
+        return float(wrap_azimuth(azimuth)), float(elevation)
+
+
+@dataclass(frozen=True, eq=False)
+class Developed:
+    """A bracket merged, before it is turned to the world."""
+
+    merged: Merged
+    lens: Lens
+    exposed: Exposed
+    spot: SunSpot | None  # in the camera's frame, by the lens as told
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """A measured sky in the world's axes: centre column true north, right half east."""
+
+    image: NDArray[np.float32]  # (H, 2H, 3), linear Rec.709, in units of full scale / relative exposure
+    clipped: Mask  # (H, 2H), brighter than could be measured
+    moment: Moment
+    spot: SunSpot | None
+    estimated: bool  # the sun's light is the model's
+    fit: SkyFit | None  # the model, where it was asked for
+    alignment: Alignment | None  # None where the caller told the yaw
+    exposed: Exposed
+    warnings: tuple[str, ...]
+
+    @property
+    def off(self) -> float | None:
+        """Angle [deg] between the sun in the map and the ephemeris; None where none is seen."""
+        return None if self.spot is None else float(angle_between(self.spot.direction, direction(*self.moment.sun)))
+
+
+def make_probe(bracket: Bracket, moment: Moment, settings: Settings) -> Probe:
+    """One probe, aligned by the yaw of its sun. Raises ProbeError by night, without a sun, and for bad exposures."""
+    check_day(moment)
+    developed = develop(bracket, settings)
+    if settings.yaw is not None:
+        return _finish(developed, yaw_rotation(settings.yaw), None, moment, settings)
+    if developed.spot is None:
+        raise ProbeError("No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw.")
+    found = (developed.spot.azimuth, developed.spot.elevation)
+    alignment = align_one(developed.lens, found, moment.sun)
+    return _finish(developed, alignment.rotation, alignment, moment, settings)
+
+
+def make_series(
+    brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: Settings
+) -> Iterator[Probe]:
+    """The probes of one camera that stood still, one after the other, all aligned by all their suns.
+
+    `brackets` are read when they are needed, twice each. Raises ProbeError by night and where too few suns are found.
+    """
+    for moment in moments:
+        check_day(moment)
+    alignment = _series_alignment(brackets, moments, settings)
+    told = replace(settings, fov=alignment.lens.fov, mirrored=alignment.lens.mirrored)
+    for read, moment in zip(brackets, moments, strict=True):
+        developed = develop(read(), told)
+        yield _finish(developed, alignment.rotation, alignment, moment, told)
+
+
+def _series_alignment(
+    brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: Settings
+) -> Alignment:
+    pixels, truth, lens = [], [], None
+    for read, moment in zip(brackets, moments, strict=True):
+        developed = develop(read(), settings)
+        lens = developed.lens
+        if developed.spot is not None:
+            pixels.append(lens_pixels(lens, developed.spot.direction))
+            truth.append(direction(*moment.sun))
+    if lens is None or not pixels:
+        raise ProbeError("No sun is found in any probe of the series, so it cannot be aligned.")
+    return align_series(lens, np.array(pixels), np.array(truth))
+
+
+def develop(bracket: Bracket, settings: Settings) -> Developed:
+    """The bracket merged, and its sun in the camera's frame."""
+    lengths = exposed(bracket)
+    merged = merge(bracket, lengths.relative / 2.0**settings.nd)
+    height, width = merged.clipped.shape
+    lens = lens_of(
+        settings.kind,
+        width,
+        height,
+        fov=settings.fov,
+        centre=settings.centre,
+        radius=settings.radius,
+        pitch=settings.pitch,
+        mirrored=settings.mirrored,
+    )
+    spot = find_spot(*to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
+    return Developed(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
+
+
+def check_day(moment: Moment) -> None:
+    """Raise ProbeError where the sun is below the horizon."""
+    if moment.sun[1] < 0:
+        time = moment.time.isoformat(timespec="minutes")
+        raise ProbeError(f"At {time} the sun is {-moment.sun[1]:.0f} deg below the horizon: it is night.")
+
+
+def _finish(
+    developed: Developed, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: Settings
+) -> Probe:
+    merged = developed.merged
+    image, clipped = to_latlong(merged.radiance, merged.clipped, developed.lens, rotation, settings.height)
+    spot = None if developed.spot is None else _turned(developed.spot, rotation)
+    probe = Probe(image, clipped, moment, spot, False, None, alignment, developed.exposed, developed.warnings)
+    if settings.fill and spot is not None and spot.clipped:
+        filled, sun, fit = fill_sun(image, clipped, spot)
+        probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
+    return replace(probe, warnings=(*probe.warnings, *_said(probe)))
+
+
+def _check_finite(what: str, *numbers: float | None) -> None:
+    if not all(number is None or math.isfinite(number) for number in numbers):
+        raise ProbeError(f"{what} is told by a number that is not finite.")
+
+
+def _turned(spot: SunSpot, rotation: Floats) -> SunSpot:
+    azimuth, elevation = angles(rotation @ spot.direction)
+    return replace(spot, azimuth=float(azimuth), elevation=float(elevation))
+
+
+def _said(probe: Probe) -> Iterator[str]:
+    """What a user must know of a probe, in sentences."""
+    if probe.spot is None:
+        yield "No sun is seen in this probe."
+    elif probe.estimated:
+        yield "The sun is clipped in every exposure; its light is estimated by the model of the sky around it."
+    elif probe.spot.clipped:
+        yield "The sun is clipped in every exposure: it is brighter than the map says by an unknown factor."
+    share = _clipped_sky(probe)
+    if share > _UNCLIPPED_SKY:
+        yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
+    if probe.off is not None and probe.off > OFF:
+        yield (
+            f"The sun in the map is {probe.off:.1f} deg off the ephemeris: the lens's field of view, its centre or the "
+            f"camera's tilt is not as told; several probes of a day find them with --series."
+        )
+
+
+def _clipped_sky(probe: Probe) -> float:
+    """Share of the upper half's pixels that are clipped and not the sun's."""
+    upper = probe.clipped[: len(probe.clipped) // 2]
+    if probe.spot is None:
+        return float(upper.mean())
+    towards = latlong_directions(len(probe.clipped))[: len(upper)]
+    return float((upper & (angle_between(towards, probe.spot.direction) > probe.spot.radius + 2)).mean())

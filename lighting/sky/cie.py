@@ -1,0 +1,85 @@
+"""The skies of the CIE: the standard overcast sky and the fifteen types of the general sky.
+
+Source: ISO 15469:2004 / CIE S 011/E:2003, Spatial distribution of daylight - CIE standard general sky; the table is
+also in Darula and Kittler, CIE general sky standard defining luminance distributions, eSim 2002. The overcast sky is
+that of Moon and Spencer (1942). Luminance is relative to the zenith's; a scale and a colour are the caller's.
+Directions are unit vectors in the frame of geometry.py (+Y up).
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lighting.errors import ParameterError
+from lighting.geometry import Floats, angle_between
+
+OVERCAST_INTEGRAL = 7 * np.pi / 9  # horizontal illuminance of the overcast sky / luminance of its zenith
+UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own
+
+_GRADATION = {
+    "I": (4.0, -0.70),
+    "II": (1.1, -0.80),
+    "III": (0.0, -1.0),
+    "IV": (-1.0, -0.55),
+    "V": (-1.0, -0.32),
+    "VI": (-1.0, -0.15),
+}
+_INDICATRIX = {
+    1: (0.0, -1.0, 0.0),
+    2: (2.0, -1.5, 0.15),
+    3: (5.0, -2.5, 0.30),
+    4: (10.0, -3.0, 0.45),
+    5: (16.0, -3.0, 0.30),
+    6: (24.0, -2.8, 0.15),
+}
+_TYPES = (
+    *(("I", 1), ("I", 2), ("II", 1), ("II", 2), ("III", 1), ("III", 2), ("III", 3), ("III", 4)),
+    *(("IV", 2), ("IV", 3), ("IV", 4), ("V", 4), ("V", 5), ("VI", 5), ("VI", 6)),
+)
+_LOWEST = 1e-6  # cosine of the zenith angle that stands for the horizon, where the exponent ends at minus infinity
+
+
+def overcast_luminance(direction: ArrayLike) -> Floats:
+    """Luminance / zenith's (...) of the standard overcast sky along unit vectors (..., 3); 0 below the horizon.
+
+    It is (1 + 2 sin elevation) / 3.
+    """
+    up = np.asarray(direction, dtype=np.float64)[..., 1]
+    return np.where(up >= 0, (1 + 2 * up) / 3, 0.0)
+
+
+def general_luminance(direction: ArrayLike, sun_direction: ArrayLike, kind: int) -> Floats:
+    """Luminance / zenith's (...) of the general sky of type `kind`, 1 to 15, along unit vectors (..., 3).
+
+    0 below the horizon; the sun's disc is not part of it. Types 1 to 5 are overcast, 6 to 10 partly cloudy, 11 to 15
+    clear. Raises ParameterError for another type and for a sun below the horizon.
+    """
+    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
+    if sun[1] < 0:
+        raise ParameterError("The sun is below the horizon; the general sky needs it above.")
+    away, from_zenith = np.radians(angle_between(d, sun)), np.radians(angle_between(sun, [0.0, 1.0, 0.0]))
+    value = indicatrix(away, kind) * gradation(d[..., 1], kind)
+    zenith = indicatrix(from_zenith, kind) * gradation(np.asarray(1.0), kind)
+    return np.asarray(np.where(d[..., 1] >= 0, value / zenith, 0.0))
+
+
+def gradation(up: ArrayLike, kind: int) -> Floats:
+    """1 + a exp(b / up) (...), which depends on the cosine from the zenith (...) alone; 1 at and below the horizon."""
+    a, b = _GRADATION[_type(kind)[0]]
+    cosine = np.maximum(np.asarray(up, dtype=np.float64), _LOWEST)
+    return np.asarray(1 + a * np.exp(b / cosine))
+
+
+def indicatrix(away: ArrayLike, kind: int) -> Floats:
+    """1 + c (exp(d away) - exp(d pi / 2)) + e cos^2 away (...), of the angle from the sun (...) [rad].
+
+    It is 1 at a right angle to the sun.
+    """
+    c, d, e = _INDICATRIX[_type(kind)[1]]
+    angle = np.asarray(away, dtype=np.float64)
+    return np.asarray(1 + c * (np.exp(d * angle) - np.exp(d * np.pi / 2)) + e * np.cos(angle) ** 2)
+
+
+def _type(kind: int) -> tuple[str, int]:
+    if not 1 <= kind <= len(_TYPES):
+        raise ParameterError(f"The sky type is {kind}; the CIE general sky has types 1 to {len(_TYPES)}.")
+    return _TYPES[kind - 1]

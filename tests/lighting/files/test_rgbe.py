@@ -1,0 +1,34 @@
+"""Radiance files against those that this project writes, and a plain one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting.errors import EnvironmentMapError
+from lighting.files.formats import write_envmap
+from lighting.files.rgbe import read_hdr
+
+MAP = np.geomspace(1e-6, 1e5, 3 * 16 * 32, dtype=np.float32).reshape(16, 32, 3)
+
+
+def test_what_is_written_is_read_to_its_eight_bits(tmp_path: Path) -> None:
+    write_envmap(tmp_path / "a.hdr", MAP)
+    read = read_hdr(tmp_path / "a.hdr")
+    assert np.all(np.abs(read - MAP) <= MAP.max(axis=-1, keepdims=True) / 250)
+
+
+def test_a_plain_file_is_read_as_well(tmp_path: Path) -> None:
+    pixels = bytes([128, 64, 32, 129] * 4)
+    (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 4\n" + pixels)
+    assert read_hdr(tmp_path / "a.hdr") == pytest.approx(np.tile([1.0, 0.5, 0.25], (1, 4, 1)))
+
+
+@pytest.mark.parametrize("keep", [20, 90, 400])
+def test_a_file_that_is_cut_short_is_refused(tmp_path: Path, keep: int) -> None:
+    write_envmap(tmp_path / "a.hdr", MAP)
+    (tmp_path / "b.hdr").write_bytes((tmp_path / "a.hdr").read_bytes()[:keep])
+    with pytest.raises(EnvironmentMapError):
+        read_hdr(tmp_path / "b.hdr")
+    with pytest.raises(EnvironmentMapError, match="cannot be read"):
+        read_hdr(tmp_path / "none.hdr")

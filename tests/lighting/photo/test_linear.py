@@ -1,0 +1,156 @@
+"""Linear values of 16-bit and 8-bit pictures, against the arrays that OpenCV and Pillow wrote into them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import ExifTags, Image
+
+from lighting.colour import srgb_decode
+from lighting.errors import PhotoError
+from lighting.photo.linear import of_floats, read_linear
+from tests.conftest import exif
+
+RANDOM = np.random.default_rng(3)
+NOISE = RANDOM.integers(0, 65536, (37, 53, 3)).astype(np.uint16)
+SMOOTH = np.cumsum(RANDOM.integers(0, 300, (37, 53, 3)), axis=1).astype(np.uint16)
+
+
+def write_16(path: Path, pixels: NDArray[np.uint16]) -> Path:
+    cv2: Any = pytest.importorskip("cv2")
+    assert cv2.imwrite(str(path), pixels[..., ::-1])
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+@pytest.mark.parametrize("pixels", [NOISE, SMOOTH], ids=["noise", "smooth"])
+def test_sixteen_bit_colours_keep_all_their_bits(tmp_path: Path, name: str, pixels: NDArray[np.uint16]) -> None:
+    photo = read_linear(write_16(tmp_path / name, pixels))
+    np.testing.assert_array_equal(np.rint(photo.pixels * 65535).astype(np.uint16), pixels)
+    assert photo.step == pytest.approx(1 / 65535)
+    assert photo.white == pytest.approx(0.98)
+    assert not photo.warnings
+
+
+def test_an_uncompressed_tiff_of_either_byte_order_keeps_them_too(tmp_path: Path) -> None:
+    for order, mark in (("<", b"II*\0"), (">", b"MM\0*")):
+        (tmp_path / "a.tif").write_bytes(plain_tiff(SMOOTH, order, mark))
+        photo = read_linear(tmp_path / "a.tif")
+        np.testing.assert_array_equal(np.rint(photo.pixels * 65535).astype(np.uint16), SMOOTH)
+
+
+def plain_tiff(pixels: NDArray[np.uint16], order: str, mark: bytes) -> bytes:
+    """A TIFF of one strip: header, directory, three bit depths, pixels."""
+    height, width, _ = pixels.shape
+    bits_at, data_at = 8 + 2 + 12 * 10 + 4, 8 + 2 + 12 * 10 + 4 + 6
+    short, long = 3, 4
+    entries = [
+        *((256, long, 1, width), (257, long, 1, height), (258, short, 3, bits_at), (259, short, 1, 1)),
+        *((262, short, 1, 2), (273, long, 1, data_at), (277, short, 1, 3), (278, long, 1, height)),
+        *((279, long, 1, pixels.nbytes), (284, short, 1, 1)),
+    ]
+    directory = np.array([len(entries)], f"{order}u2").tobytes()
+    for tag, kind, count, value in entries:
+        inline = f"{order}u2" if kind == short and count == 1 else f"{order}u4"
+        directory += np.array([tag, kind], f"{order}u2").tobytes() + np.array([count], f"{order}u4").tobytes()
+        directory += np.array([value], inline).tobytes().ljust(4, b"\0")
+    start = mark + np.array([8], f"{order}u4").tobytes()
+    bits = np.full(3, 16, f"{order}u2").tobytes()
+    return start + directory + bytes(4) + bits + pixels.astype(f"{order}u2").tobytes()
+
+
+def test_sixteen_bit_grey_becomes_three_channels(tmp_path: Path) -> None:
+    Image.fromarray(NOISE[..., 0]).save(tmp_path / "a.png")
+    photo = read_linear(tmp_path / "a.png")
+    np.testing.assert_array_equal(np.rint(photo.pixels[..., 2] * 65535), NOISE[..., 0])
+
+
+def test_eight_bits_are_srgb_with_a_warning_unless_told(tmp_path: Path) -> None:
+    pixels = (NOISE >> 8).astype(np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "a.png", gamma=1 / 2.2)
+    assumed, told = read_linear(tmp_path / "a.png"), read_linear(tmp_path / "a.png", "linear")
+    assert assumed.pixels == pytest.approx(srgb_decode(pixels / 255.0), abs=1e-6)
+    assert told.pixels == pytest.approx(pixels / 255.0, abs=1e-6)
+    assert "sRGB" in assumed.warnings[0]
+    assert not told.warnings
+    assert assumed.white < told.white
+
+
+def test_a_jpeg_comes_with_a_warning_and_its_exposure(tmp_path: Path) -> None:
+    base = ExifTags.Base
+    tags: dict[int, Any] = {base.ExposureTime: 1 / 500, base.ISOSpeedRatings: 200, base.FNumber: 4.0}
+    Image.fromarray(np.full((40, 40, 3), 128, np.uint8)).save(tmp_path / "a.jpg", exif=exif(tags))
+    photo = read_linear(tmp_path / "a.jpg")
+    assert photo.exposure == pytest.approx(1 / 500 * 2 / 16)
+    assert "JPEG" in photo.warnings[0]
+
+
+def test_floats_are_clipped_where_many_share_the_largest_value() -> None:
+    ramp = np.linspace(0, 7, 300, dtype=np.float32).reshape(10, 10, 3)
+    assert of_floats(ramp).white == float("inf")
+    assert of_floats(np.minimum(ramp, 5)).white == pytest.approx(4.9)
+    with pytest.raises(PhotoError, match="finite"):
+        of_floats(np.full((2, 2, 3), np.nan, np.float32))
+
+
+def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"nothing")
+    with pytest.raises(PhotoError, match="cannot be read"):
+        read_linear(tmp_path / "a.png")
+    with pytest.raises(OSError, match="No such file"):
+        read_linear(tmp_path / "none.png")
+
+
+def test_raw_photos_are_linear_whatever_their_brightest_pixel(tmp_path: Path) -> None:
+    pytest.importorskip("rawpy")
+    ramp = np.tile(np.linspace(100, 16000, 200), (80, 1))
+    for name, part in (("bright", 1.0), ("dark", 0.8)):
+        (tmp_path / f"{name}.dng").write_bytes(plain_dng(ramp * part, white=16383))
+        photo = read_linear(tmp_path / f"{name}.dng")
+        inside = (slice(8, -8), slice(8, -8))
+        expected = np.repeat((ramp * part / 16383)[..., None], 3, axis=-1)
+        # The middle of two neighbours of a row counts half a step of the ramp.
+        assert photo.pixels[inside] == pytest.approx(expected[inside], abs=0.003)
+        assert photo.step == pytest.approx(1 / 16383)
+
+
+def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
+    """A DNG of one strip, whose colours are Rec.709 already: header, directory, what does not fit it, pixels."""
+    height, width = mosaic.shape
+    to_rec709 = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570)  # of XYZ
+    matrix = np.array([[round(value * 10000), 10000] for value in to_rec709], "<i4").tobytes()
+    byte, text, short, long, ratio, signed = (1, 1), (2, 1), (3, 2), (4, 4), (5, 8), (10, 8)  # numbers of types, sizes
+    name = b"Test\0"
+    tags = [
+        *((256, long, _int(width)), (257, long, _int(height)), (258, short, _int(16, 2)), (259, short, _int(1, 2))),
+        *((262, short, _int(32803, 2)), (271, text, name), (272, text, name), (273, long, b"")),
+        *((277, short, _int(1, 2)), (278, long, _int(height)), (279, long, _int(2 * height * width))),
+        *((33421, short, _int(2, 2) * 2), (33422, byte, bytes([0, 1, 1, 2])), (50706, byte, bytes([1, 4, 0, 0]))),
+        *((50708, text, name), (50714, short, _int(0, 2)), (50717, long, _int(white)), (50721, signed, matrix)),
+        *((50728, ratio, (_int(1) * 2) * 3), (50778, short, _int(21, 2))),
+    ]
+    start = 8 + 2 + 12 * len(tags) + 4
+    data_at = start + sum(-(-len(data) // 2) * 2 for _, _, data in tags if len(data) > 4)
+    directory, beside = _int(len(tags), 2), b""
+    for tag, (kind, size), data in tags:
+        value = data or _int(data_at)
+        directory += _int(tag, 2) + _int(kind, 2) + _int(len(value) // size)
+        if len(value) > 4:
+            directory += _int(start + len(beside))
+            beside += value + bytes(len(value) % 2)
+        else:
+            directory += value.ljust(4, b"\0")
+    pixels: bytes = np.rint(mosaic).astype("<u2").tobytes()
+    return b"II*\0" + _int(8) + directory + bytes(4) + beside + pixels
+
+
+def _int(value: int, size: int = 4) -> bytes:
+    return value.to_bytes(size, "little")
+
+
+def test_raw_photos_ask_for_their_library_or_say_what_is_wrong(tmp_path: Path) -> None:
+    (tmp_path / "a.dng").write_bytes(b"nothing")
+    with pytest.raises(PhotoError, match=r"rawpy|RAW"):
+        read_linear(tmp_path / "a.dng")
