@@ -1,4 +1,4 @@
-"""`python -m export`: label, synthesize, train, merge, onnx, evaluate, probe, stereo."""
+"""`python -m export`: label, synthesize, train, merge, onnx, evaluate, probe, stereo, turns, video."""
 
 import sys
 from collections.abc import Callable

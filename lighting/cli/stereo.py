@@ -59,7 +59,10 @@ _DATE = click.DateTime(formats=["%Y-%m-%d"])
     "--noise", type=float, default=1.0, show_default=True, metavar="PERCENT", help="Of a pixel, of the brightest light."
 )
 @click.option(
-    "--utc-offset", metavar="HOURS", callback=_offset, help="Of the clock: +02:00 or 2; else by the longitude."
+    "--utc-offset",
+    metavar="HOURS",
+    callback=_offset,
+    help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
 @click.option("-o", "--output", metavar="FILE.png", callback=preview_file, help='Also draw it; "-" is stdout.')
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of words.")
@@ -94,9 +97,9 @@ def _skies(first: datetime | None, last: datetime | None, probes: Path | None, s
     if last and not first:
         raise click.UsageError("--until needs --date.")
     if probes:
-        if sky or place["utc_offset"] is not None:
-            raise click.UsageError("--sky and --utc-offset are of modelled skies; --probes takes measured ones.")
-        return MeasuredSkies(probes, *days)
+        if sky:
+            raise click.UsageError("--sky is a modelled one; --probes takes measured ones.")
+        return MeasuredSkies(probes, *days, utc_offset=place["utc_offset"] or 0.0)
     if days[0] is None or place["latitude"] is None or place["longitude"] is None:
         raise click.UsageError("A plan needs --lat, --lon and --date, or --probes.")
     return ModelledSkies(first=days[0], last=days[1] or days[0], sky=sky or "clear", **place)

@@ -43,10 +43,10 @@ def normals(day: Path, output: Path, network: bool, quiet: bool, **said: Any) ->
     """
     if said["probes"] and (said["sky"] or said["turbidity"]):
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
-    from lighting.stereo.normals import solve_day, write
+    from lighting.stereo import solve_day, write_solved
 
     solved = solve_day(day, _known(**said), _network() if network else None, _watch(quiet))
-    write(output, solved)
+    write_solved(output, solved)
     for warning in solved.warnings:
         click.echo(f"Warning: {warning}", err=True)
     if not quiet:
@@ -55,7 +55,7 @@ def normals(day: Path, output: Path, network: bool, quiet: bool, **said: Any) ->
 
 def _known(sky: str | None, noise: float | None, size: int | None, **said: Any) -> "Known":  # noqa: ARG001
     """What was said; what was not keeps its default."""
-    from lighting.stereo.normals import Known
+    from lighting.stereo import Known
 
     given = {name: value for name, value in said.items() if value is not None}
     if noise is not None:

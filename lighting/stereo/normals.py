@@ -98,7 +98,7 @@ def solve_day(folder: Path, known: Known, network: Network | None = None, watch:
     return Solved(found, pose, focal, record, shots.warnings)
 
 
-def write(folder: Path, solved: Solved) -> None:
+def write_solved(folder: Path, solved: Solved) -> None:
     """Write the pictures, the mesh and the record of a solved day into a folder, which is made if need be."""
     vertices = surface(solved)
     folder.mkdir(parents=True, exist_ok=True)

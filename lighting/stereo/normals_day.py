@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.errors import PhotoError
-from lighting.photo.clock import in_utc, read_time
-from lighting.photo.exif import PhotoFacts
+from lighting.photo import PhotoFacts, in_utc, read_time
 from lighting.stereo.normals_images import FORMATS, Curve, Exposure, Shot, read_shot
 from lighting.stereo.normals_still import check_still
 

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.files.atomic import replacing
-from lighting.files.exr import SOFTWARE
+from lighting.files import SOFTWARE, replacing
 from lighting.stereo.normals_frame import Pose, to_world
 from lighting.stereo.normals_solve import NormalMap
 

@@ -16,7 +16,7 @@ from PIL import ExifTags, Image, ImageCms
 
 from lighting.colour import srgb_decode
 from lighting.errors import PhotoError
-from lighting.files.exr import read_exr
+from lighting.files import read_exr
 from lighting.photo.exif import PhotoFacts, read_facts
 
 Pixels = NDArray[np.float32]

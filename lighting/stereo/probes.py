@@ -1,42 +1,47 @@
-"""Measured skies: folders of environment maps in the layout of SkyDB, YYYYMMDD/HHMMSS/envmap.exr.
+"""The days of measured skies: folders of environment maps in the layout of SkyDB, see `lighting.probe.probes_in`."""
 
-Maps are lat-long in world axes, the centre column true north. The names tell the day and the time by the clock that
-the probes were filed with.
-"""
-
-import re
-from datetime import date
+from collections.abc import Mapping
+from datetime import date, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.errors import EnvironmentMapError
+from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.exr import checked_map, read_exr
 from lighting.geometry import Floats, latlong_directions
 from lighting.prefilter import shrink
+from lighting.probe import probes_in
 from lighting.stereo.days import ONE_SKY, Day, in_grey
 from lighting.stereo.mean_light import Skies, skies_of_maps
 from lighting.stereo.skies import HEIGHT
 
-FILE = "envmap.exr"
 LONGEST_GAP = 20.0  # min between two probes that photos may be planned in
 
 
-def probe_days(folder: Path) -> list[date]:
-    """The days that a folder has probes of, in order; EnvironmentMapError where it has none."""
-    days = [day for path in folder.glob("*/") if (day := _day(path.name)) and files_of(folder, day)]
-    if not days:
-        raise EnvironmentMapError(f"{folder} holds no sky probes YYYYMMDD/HHMMSS/{FILE}.")
-    return sorted(days)
+def probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float, Path]]:
+    """The maps of each day by minutes since midnight, both by a clock at `utc_offset` hours from UTC.
+
+    Folders without a time in their maps are named by that clock. Raises ProbeError where there is no probe.
+    """
+    zone = timezone(timedelta(hours=utc_offset))
+    days: dict[date, dict[float, Path]] = {}
+    for probe in probes_in(folder, zone):
+        local = probe.time.astimezone(zone)
+        days.setdefault(local.date(), {})[60.0 * local.hour + local.minute + local.second / 60] = probe.path
+    return days
 
 
-def read_day(folder: Path, day: date) -> Day:
-    """The probes of one day; EnvironmentMapError where there are fewer than two or one cannot be read."""
-    files = files_of(folder, day)
+def files_of(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Path]:
+    """The maps of one day, see `probe_days`; none where the folder has none of that day."""
+    return probe_days(folder, utc_offset).get(day, {})
+
+
+def read_day(day: date, files: Mapping[float, Path]) -> Day:
+    """The probes of one day by minutes since midnight; ParameterError where there are fewer than two of it."""
     if len(files) < 2:
-        raise EnvironmentMapError(f"{folder} holds {len(files)} probe of {day}; a plan needs two or more of a day.")
+        raise ParameterError(f"There is one probe of {day}; a plan needs two or more of a day.")
     minutes = np.array(sorted(files))
     skies = in_grey(read_skies([files[minute] for minute in minutes]))
     tolerance = min(float(np.diff(minutes).max()), LONGEST_GAP) / 2
@@ -72,21 +77,3 @@ def brightest(image: NDArray[np.float32]) -> Floats:
     top = light >= 0.5 * light.max()
     mean = (latlong_directions(len(image))[top] * light[top][:, None]).sum(axis=0)
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-12))
-
-
-def files_of(folder: Path, day: date) -> dict[float, Path]:
-    """The maps of a day by minutes since midnight."""
-    found = folder.joinpath(f"{day:%Y%m%d}").glob(f"*/{FILE}")
-    return {minutes: path for path in found if (minutes := _minutes(path.parent.name)) is not None}
-
-
-def _day(name: str) -> date | None:
-    try:
-        return date.fromisoformat(name) if re.fullmatch(r"\d{8}", name, re.ASCII) else None
-    except ValueError:
-        return None
-
-
-def _minutes(name: str) -> float | None:
-    parts = re.fullmatch(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)", name, re.ASCII)
-    return None if not parts else 60.0 * int(parts[1]) + int(parts[2]) + int(parts[3]) / 60

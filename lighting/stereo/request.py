@@ -47,16 +47,17 @@ class MeasuredSkies:
     folder: Path
     first: date | None = None
     last: date | None = None
+    utc_offset: float = 0.0  # h, of the clock that days and times are told by
 
-    def days(self) -> list[date]:
-        """The days with probes, in order; EnvironmentMapError for an empty folder, ParameterError for another day."""
-        days = probe_days(self.folder)
-        first, last = self.first or days[0], self.last or self.first or days[-1]
+    def days(self) -> dict[date, dict[float, Path]]:
+        """The maps of each day that counts; ProbeError for an empty folder, ParameterError for days without probes."""
+        days = probe_days(self.folder, self.utc_offset)
+        first, last = self.first or min(days), self.last or self.first or max(days)
         days_between(first, last)
-        found = [day for day in days if first <= day <= last]
+        found = {day: files for day, files in days.items() if first <= day <= last}
         if not found:
             when = f"on {first}" if first == last else f"from {first} to {last}"
-            raise ParameterError(f"{self.folder} has no probes {when}; it has some from {days[0]} to {days[-1]}.")
+            raise ParameterError(f"{self.folder} has no probes {when}; it has some from {min(days)} to {max(days)}.")
         return found
 
 
@@ -66,8 +67,8 @@ Skies = ModelledSkies | MeasuredSkies
 def plan_photos(skies: Skies, question: Question, progress: Progress = iter) -> Plan:
     """The plan of the best day; raises ParameterError where no window of any day has light."""
     if isinstance(skies, MeasuredSkies):
-        folder = skies.folder
-        return make_plan(skies.days(), lambda day, _: read_day(folder, day), question, progress=progress)
+        files = skies.days()
+        return make_plan(list(files), lambda day, _: read_day(day, files[day]), question, progress=progress)
     place, weather, days = skies.place, skies.sky, days_between(skies.first, skies.last)
     reference = clear_brightness(place, days)
     return make_plan(
@@ -78,7 +79,7 @@ def plan_photos(skies: Skies, question: Question, progress: Progress = iter) -> 
 def plan_record(skies: Skies, plan: Plan) -> dict[str, Any]:
     """The question and its answer as JSON."""
     if isinstance(skies, MeasuredSkies):
-        return {"sky": "probes", **plan.to_dict()}
+        return {"sky": "probes", "utc_offset": skies.utc_offset, **plan.to_dict()}
     place = skies.place
     where = {"latitude": place.latitude, "longitude": place.longitude, "utc_offset": place.utc_offset}
     return {**where, "sky": skies.sky, **plan.to_dict()}
@@ -96,7 +97,7 @@ def title(skies: Skies, plan: Plan) -> str:
 
 def conditions(skies: Skies, question: Question) -> str:
     """What the plan holds for, in words."""
-    clock = "times as filed" if isinstance(skies, MeasuredSkies) else f"times UTC{_hours(skies.place.utc_offset)}"
+    clock = f"times UTC{_hours(skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.place.utc_offset)}"
     facing = "surface all around and up" if question.facing is None else f"surface facing {question.facing:g}°"
     return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, {clock}"
 

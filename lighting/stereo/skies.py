@@ -9,7 +9,7 @@ from lighting.errors import ParameterError
 from lighting.evidence import sun_position
 from lighting.geometry import Floats, direction, latlong_directions
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance
+from lighting.sky import overcast_luminance, sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.stereo.mean_light import Skies
 
 HEIGHT = 64  # rows of a modelled map
@@ -49,7 +49,8 @@ def overcast_skies(clear: Skies, ground_albedo: float = GROUND_ALBEDO) -> Skies:
     Their irradiance of level ground is OVERCAST_SHARE of the clear skies'.
     """
     level = OVERCAST_SHARE * _level_irradiance(clear)
-    relative = _overcast(clear.radiance.shape[1])[..., None]
+    height = clear.radiance.shape[1]
+    relative = overcast_luminance(latlong_directions(height)[: height // 2])[..., None]
     sky = relative * (level / horizontal_irradiance(relative))[:, None, None]
     return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
 
@@ -92,12 +93,6 @@ def _disc(sun: Floats, turbidity: float) -> Floats:
     """Irradiance (3,) of the part of the disc above the horizon on a plane that faces it."""
     points, weight = sun_disc_points(sun, *_DISC)
     return np.asarray(weight @ sun_disc_radiance(points, sun, turbidity))
-
-
-def _overcast(height: int) -> Floats:
-    """CIE standard overcast sky (H / 2, 2H), relative to its zenith: (1 + 2 sin elevation) / 3."""
-    up = latlong_directions(height)[: height // 2, :, 1]
-    return np.asarray((1 + 2 * up) / 3)
 
 
 def _over_ground(sky: Floats, level: Floats, albedo: float) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from export.stereo.gain import CASES, CLOUDY, choice, spread_of_noise, study
-from lighting.errors import EnvironmentMapError, ParameterError
+from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import direction, latlong_pixel, latlong_solid_angle
 from lighting.stereo.days import modelled_day
@@ -162,14 +162,14 @@ def test_probes_are_planned_as_the_skies_they_are_of(tmp_path: Path) -> None:
 
 
 def test_folders_without_probes_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(EnvironmentMapError, match="holds no sky probes"):
+    with pytest.raises(ProbeError, match="holds no probe"):
         plan_photos(MeasuredSkies(tmp_path), Question())
     probes(tmp_path, JUNE, range(600, 610, 20))
-    with pytest.raises(EnvironmentMapError, match="two or more"):
+    with pytest.raises(ParameterError, match="two or more"):
         plan_photos(MeasuredSkies(tmp_path), Question())
     with pytest.raises(ParameterError, match="no probes on 2026-06-22"):
         plan_photos(MeasuredSkies(tmp_path, date(2026, 6, 22)), Question())
     (tmp_path / "20260621" / "110000").mkdir()
     (tmp_path / "20260621" / "110000" / "envmap.exr").write_bytes(b"no map")
-    with pytest.raises(EnvironmentMapError, match="110000"):
+    with pytest.raises(EnvironmentMapError):
         plan_photos(MeasuredSkies(tmp_path), Question())
