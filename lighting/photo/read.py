@@ -23,6 +23,7 @@ from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
 
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts
+from lighting.photo.jpeg import check_scans
 
 Source = str | os.PathLike[str] | bytes | BinaryIO
 
@@ -110,6 +111,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     formats = ["JPEG", "PNG", "WEBP"]
     if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
         formats = [_heif_format()]
+    check_scans(data)
     try:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)
