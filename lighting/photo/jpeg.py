@@ -15,6 +15,8 @@ MOST_SCANS = 40  # libjpeg writes 10 of a colour picture and 18 of a CMYK one, m
 MOST_SEGMENTS = 4096  # 64 MB need 1,000 of full length; Pillow takes microseconds for each
 
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
+_SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
+_FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 _FEW, _MANY = 1 << 9, 1 << 17  # bytes searched at once: first few, since segments follow each other closely
 
 
@@ -23,7 +25,7 @@ def check_scans(data: bytes) -> None:
     if not data.startswith(b"\xff\xd8\xff"):
         return
     scans = 0
-    for number, marker in enumerate(_markers(data), 1):
+    for number, (marker, _) in enumerate(_segments(data), 1):
         scans += marker == _SOS
         if scans > MOST_SCANS:
             raise PhotoError(f"The JPEG has more than {MOST_SCANS} scans, which no camera or editor writes.")
@@ -31,12 +33,32 @@ def check_scans(data: bytes) -> None:
             raise PhotoError(f"The JPEG has more than {MOST_SEGMENTS} segments, which no camera or editor writes.")
 
 
-def _markers(data: bytes) -> Iterator[int]:
-    """The markers of the first picture that begin a segment. What segments hold, and what follows EOI, is not seen."""
+def coefficients(data: bytes) -> float:
+    """The DCT coefficients per pixel that a decoder holds in memory; 0 for a JPEG that it decodes row by row.
+
+    It holds all of a progressive picture and of any whose first scan lacks a component (T.81, A.2). Chroma at half the
+    resolution each way makes 1.5 of them, CMYK 4.
+    """
+    factors: list[tuple[int, int]] = []
+    sequential = False
+    for marker, at in _segments(data):
+        if marker == _SOS:
+            if sequential and data[at + 4] == len(factors):
+                return 0.0
+            break
+        if marker in _FRAMES:
+            sequential = marker in _SEQUENTIAL
+            factors = [divmod(data[at + 11 + 3 * i], 16) for i in range(data[at + 9])]
+    widest, highest = (max(sizes) for sizes in zip(*factors, strict=True))
+    return sum(wide * high for wide, high in factors) / (widest * highest)
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, int]]:
+    """Marker and place of each of the first picture's segments; not what they hold, nor what follows EOI."""
     view = np.frombuffer(data, dtype=np.uint8)
     at = _next_marker(view, 2)
     while at is not None and (marker := data[at + 1]) not in (_SOI, _EOI):
-        yield marker
+        yield marker, at
         length = int.from_bytes(data[at + 2 : at + 4])
         at = _next_marker(view, at + 2 + max(2, length))
 

@@ -7,7 +7,7 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.photo import read_photo
-from lighting.photo.jpeg import MOST_SCANS, MOST_SEGMENTS, check_scans
+from lighting.photo.jpeg import MOST_SCANS, MOST_SEGMENTS, check_scans, coefficients
 from tests.conftest import encode, scene
 
 SCENE = scene(160, 120)
@@ -76,3 +76,26 @@ def test_too_many_segments_are_refused() -> None:
 @pytest.mark.parametrize("data", [b"", b"\xff", b"\xff\xd8", b"\xff\xd8\xff", b"\xff\xd8\xff\xe1\xff", b"\x89PNG"])
 def test_what_is_no_whole_jpeg_passes(data: bytes) -> None:
     check_scans(data)
+
+
+@pytest.mark.parametrize(
+    ("mode", "options", "expected"),
+    [
+        ("RGB", {}, 0),
+        ("RGB", {"progressive": True}, 1.5),
+        ("RGB", {"progressive": True, "subsampling": "4:2:2"}, 2),
+        ("RGB", {"progressive": True, "subsampling": "4:4:4"}, 3),
+        ("CMYK", {"progressive": True}, 4),
+        ("CMYK", {}, 0),
+        ("L", {"progressive": True}, 1),
+    ],
+)
+def test_held_coefficients_are_those_of_the_components(mode: str, options: dict[str, object], expected: float) -> None:
+    data = encode(Image.fromarray(SCENE).convert(mode), **options)
+    assert coefficients(data) == expected
+
+
+def test_a_sequential_picture_in_several_scans_is_held_whole() -> None:
+    data = bytearray(encode(SCENE))
+    data[data.index(SOS) + 4] = 1
+    assert coefficients(bytes(data)) == 1.5
