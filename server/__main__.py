@@ -9,6 +9,8 @@ from lighting import __version__
 from lighting.errors import LightingError
 from server.process import prepare, share_compression
 
+HEADER_BYTES = 16384  # of a request; httptools, which uvicorn prefers, knows no limit
+
 
 def main() -> None:
     """Serve until SIGTERM or SIGINT, after which running requests have `shutdown_seconds` to finish."""
@@ -62,9 +64,12 @@ def serve() -> None:
         log_config=_logging(settings.log_level.upper()),
         access_log=False,
         server_header=False,
+        proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=settings.trusted_proxies,
         timeout_graceful_shutdown=settings.shutdown_seconds,
         ws="none",
+        http="h11",
+        h11_max_incomplete_event_size=HEADER_BYTES,
     )
 
 

@@ -63,7 +63,9 @@ class Settings(BaseSettings):
     api_keys_file: Path | None = Field(None, description="file with further keys, one per line; `#` begins a comment")
     rate_limit: str = Field("", description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
     cors_origins: Words = Field((), description="origins whose web pages may call, separated by commas")
-    trusted_proxies: str = Field("127.0.0.1", description="addresses whose `X-Forwarded-For` header is trusted")
+    trusted_proxies: str = Field(
+        "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="lowest level that is logged")
 
     @field_validator("rate_limit")

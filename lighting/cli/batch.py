@@ -12,6 +12,7 @@ from click.core import ParameterSource
 from lighting.cli.given import given_of_many_options
 from lighting.cli.group import cli
 from lighting.cli.options import map_options, model_option, quiet_option
+from lighting.cli.words import shown
 
 if TYPE_CHECKING:
     from lighting.batch import Job
@@ -78,7 +79,7 @@ def batch(ctx: click.Context, /, **options: Any) -> None:
     _refuse_idle_options(ctx)
     failed = _run_ray(asked) if asked.engine == "ray" else _run_pool(asked)
     if failed:
-        out = click.format_filename(asked.out)
+        out = shown(asked.out)
         click.echo(f"Photos that could not be read: {failed}; the reasons are in {out}.", err=True)
     ctx.exit(1 if failed else 0)
 
@@ -127,8 +128,8 @@ def _run_ray(asked: _Options) -> int:
     )
 
 
-def _progress(finished: Iterator[str], done: int, total: int, shown: bool) -> Any:
+def _progress(finished: Iterator[str], done: int, total: int, visible: bool) -> Any:
     """The finished photos behind a progress bar with their rate and the time left."""
     from tqdm import tqdm
 
-    return tqdm(finished, initial=done, total=total, unit="photo", disable=not shown)
+    return tqdm(finished, initial=done, total=total, unit="photo", disable=not visible)

@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from lighting import __version__
-from lighting.cli.words import is_broken_pipe, sentence
+from lighting.cli.words import is_broken_pipe, printable, sentence
 from lighting.errors import LightingError
 
 
@@ -15,6 +15,9 @@ class Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
+        except click.UsageError as error:
+            error.message = printable(error.message)
+            raise
         except (LightingError, OSError) as error:
             if ctx.params["debug"] or is_broken_pipe(error):
                 raise

@@ -1,6 +1,7 @@
 """What commands say: a line for people, a line of JSON, a sentence about an error."""
 
 import errno
+import re
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,8 @@ from lighting.errors import reason
 
 if TYPE_CHECKING:
     from lighting.records import Estimate, Lighting
+
+_CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 
 
 def progress_over(items: Sequence[str], quiet: bool) -> Any:
@@ -38,7 +41,7 @@ def report_failure(name: str, error: Exception, as_json: bool, progress: Any) ->
     if as_json:
         click.echo(json_line(name, reason(error)))
     with progress.external_write_mode(file=sys.stderr):
-        click.echo(f"Error: {shown(name)}: {reason(error)}", err=True)
+        click.echo(f"Error: {shown(name)}: {printable(reason(error))}", err=True)
 
 
 def in_words(name: str, lighting: "Lighting") -> str:
@@ -86,7 +89,13 @@ def report_unmatched(quiet: bool, together: bool, headings: Sequence[float] | No
 
 
 def shown(name: str) -> str:
-    return "stdin" if name == "-" else click.format_filename(name)
+    """The name of a file for a terminal, without anything that the terminal would obey."""
+    return "stdin" if name == "-" else printable(click.format_filename(name))
+
+
+def printable(text: str) -> str:
+    """The text with control characters as escapes such as \\x1b, so that a terminal obeys none of them."""
+    return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def _side(azimuth: float) -> str:
@@ -98,7 +107,7 @@ def _side(azimuth: float) -> str:
 
 def sentence(error: Exception) -> str:
     file = getattr(error, "filename", None)
-    return f"{click.format_filename(file)}: {reason(error)}" if file else reason(error)
+    return printable(f"{click.format_filename(file)}: {reason(error)}" if file else reason(error))
 
 
 def is_broken_pipe(error: Exception) -> bool:

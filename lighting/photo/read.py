@@ -23,6 +23,8 @@ from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
 
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts
+from lighting.photo.jpeg import check_scans
+from lighting.photo.memory import admitted
 
 Source = str | os.PathLike[str] | bytes | BinaryIO
 
@@ -65,9 +67,9 @@ def read_photo(
     """The photo in a file, in bytes or in a binary stream.
 
     Its longer side keeps at least `target` pixels if it has them, and rarely twice as many; None keeps them all.
-    Raises PhotoTooLargeError over `max_bytes` or `max_pixels` (at most MOST_PIXELS), PhotoError for
-    what is not a photo of at least 32 pixels each way and of an aspect ratio up to 8:1, OSError for a file that
-    cannot be opened.
+    Raises PhotoTooLargeError over `max_bytes` or `max_pixels` (at most MOST_PIXELS; fewer for kinds of picture whose
+    decoder needs more memory, see `memory.py`), PhotoError for what is not a photo of at least 32 pixels each way and
+    of an aspect ratio up to 8:1, OSError for a file that cannot be opened.
     """
     data = photo_data(source, max_bytes)
     try:
@@ -110,6 +112,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     formats = ["JPEG", "PNG", "WEBP"]
     if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
         formats = [_heif_format()]
+    check_scans(data)
     try:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)
@@ -117,7 +120,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
         raise PhotoError("The file is not a JPEG, PNG, WebP or HEIC photo that can be read.") from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
-    _check_size(*image.size, max_pixels)
+    _check_size(*image.size, *admitted(image, data, max_pixels))
     return image
 
 
@@ -132,12 +135,12 @@ def _heif_format() -> str:
 
 
 def _too_many(photo: str, limit: int) -> str:
-    return f"{photo} has more than the limit of {limit / 1e6:g} million pixels."
+    return f"{photo} has more than its limit of {limit / 1e6:g} million pixels."
 
 
-def _check_size(width: int, height: int, max_pixels: int) -> None:
-    if width * height > max_pixels:
-        raise PhotoTooLargeError(_too_many(f"The photo of {width} x {height} pixels", max_pixels))
+def _check_size(width: int, height: int, limit: int, kind: str) -> None:
+    if width * height > limit:
+        raise PhotoTooLargeError(_too_many(f"The {kind} of {width} x {height} pixels", limit))
     if min(width, height) < MIN_SIDE:
         raise PhotoError(f"The photo is {width} x {height} pixels; each side must have at least {MIN_SIDE}.")
     if max(width, height) > MAX_ASPECT * min(width, height):

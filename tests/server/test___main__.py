@@ -57,6 +57,11 @@ class Server:
         connection.sendall(head.encode() + b"\xff\xd8" + bytes(8))
         return connection
 
+    def peak(self) -> int:
+        """Bytes of memory that the process held at most."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return 1024 * int(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1])
+
     def metric(self, name: str) -> float:
         text = self.request("GET", "/metrics")[1].decode()
         return float(next(line.split()[-1] for line in text.splitlines() if line.startswith(f"{name} ")))
@@ -157,6 +162,30 @@ def test_100_megabytes_are_413_and_the_connection_survives(server: Server) -> No
     connection.request("POST", "/v1/lighting", PHOTO, {"Content-Type": "image/jpeg"})
     assert connection.getresponse().status == 200
     connection.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize("line", [b"X-A: " + bytes(1000).replace(b"\0", b"a"), b"X-A: a"], ids=["long", "many"])
+def test_megabytes_of_headers_are_refused_and_take_no_memory(server: Server, line: bytes) -> None:
+    before = server.peak()
+    headers = (line + b"\r\n") * (50_000_000 // len(line))
+    connection = socket.create_connection(("127.0.0.1", server.port), timeout=60)
+    with connection, pytest.raises(ConnectionError):
+        connection.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n" + headers)
+    assert server.peak() - before < 5_000_000
+    assert server.request("GET", "/livez")[0] == 200
+
+
+@pytest.mark.parametrize(("trusted", "second"), [("", 429), ("127.0.0.1", 200)])
+def test_a_client_names_itself_only_through_a_proxy_that_is_trusted(network: Path, trusted: str, second: int) -> None:
+    with started(network, rate_limit="1/minute", trusted_proxies=trusted) as server:
+        answers = []
+        for address in ("192.0.2.1", "192.0.2.2"):
+            connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+            connection.request("GET", "/v1/model", headers={"X-Forwarded-For": address})
+            answers.append(connection.getresponse().status)
+            connection.close()
+        assert answers == [200, second]
 
 
 def test_clients_that_go_away_in_their_upload_free_their_places(server: Server) -> None:

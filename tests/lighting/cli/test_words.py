@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lighting.cli.words import in_words
+from lighting.cli.words import _CONTROLS, in_words, printable, shown
 from lighting.records import Lighting
 from tests.conftest import encode, scene
 from tests.lighting.cli.runners import run, sub, terminal
@@ -63,3 +63,42 @@ def test_progress_shows_on_a_terminal_alone(network: Path, photo_path: Path) -> 
     assert terminal(*photos, "--quiet", stdout_too=False) == (0, b"")
     assert terminal("estimate", photo_path, "--model", network, stdout_too=False) == (0, b"")
     assert b"2/2" not in terminal(*photos, stdout_too=True)[1]
+
+
+EVIL = "a\x1b]0;owned\x07\x9b2J\u202egnp.jpg"
+SHOWN = r"a\x1b]0;owned\x07\x9b2J\u202egnp.jpg"
+
+
+def test_control_characters_are_escaped_and_letters_are_not() -> None:
+    assert printable(EVIL) == shown(EVIL) == SHOWN
+    assert shown("日 é\n👩\u200d🔬.jpg") == "日 é\\n👩\u200d🔬.jpg"
+    assert shown("-") == "stdin"
+
+
+@pytest.mark.parametrize("command", ["estimate", "estimate --json", "envmap", "scene", "info", "render"])
+@pytest.mark.parametrize("content", ["absent", "damaged", "good"])
+def test_no_escape_in_a_name_reaches_the_terminal(command: str, content: str, network: Path, tmp_path: Path) -> None:
+    photo = tmp_path / EVIL
+    if content != "absent":
+        photo.write_bytes(encode(scene(96, 64)) if content == "good" else b"\xff\xd8")
+    output = ["-o", tmp_path / "out.png"] if command in ("envmap", "render") else []
+    output = ["--for", "mitsuba", "-o", tmp_path / "out"] if command == "scene" else output
+    model = ["--model", network] if command not in ("info", "render") else []
+    result = run(*command.split(), photo, *output, *model)
+    assert not _CONTROLS.search(result.output.replace("\n", ""))
+    assert "owned" in result.output
+
+
+def test_neither_does_one_in_a_usage_error_or_a_batch(network: Path, tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / EVIL).write_bytes(b"no photo")
+    out = tmp_path / "o\x1b[2Jut"
+    for result in (
+        run("batch", tmp_path / "photos", out, "--model", network, "--workers", 1),
+        run("batch", tmp_path / EVIL, out, "--model", network),
+        run("render", "a.json", "-o", EVIL),
+        run("preview", "a.jpg", EVIL, "-o", "b.png"),
+    ):
+        assert result.exit_code
+        assert "\\x1b" in result.output
+        assert not _CONTROLS.search(result.output.replace("\n", ""))

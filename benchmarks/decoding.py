@@ -1,0 +1,117 @@
+"""Print the peak memory of reading one photo of each kind, in bytes per pixel.
+
+    python -m benchmarks.decoding
+
+Each photo is read in a process of its own, at the size that the network needs; what the process held before does not
+count. Needs Linux. `lighting/photo/memory.py` holds what this printed, rounded up.
+"""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pillow_heif
+from PIL import Image
+
+from benchmarks.common import ROOT
+from lighting.photo import TARGET
+
+SIZES = ((2000, 1500), (4000, 3000))  # pixels
+READ = """
+import sys
+from lighting.photo import read_photo
+from lighting.photo.read import _heif_format
+def peak():
+    return int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1])
+_heif_format()
+data = open(sys.argv[1], "rb").read()
+read_photo(open(sys.argv[2], "rb").read())
+before = peak()
+read_photo(data, target=int(sys.argv[3]))
+print(peak() - before)
+"""
+
+
+def photo(width: int, height: int) -> Image.Image:
+    """A gradient with noise: it has more colours than a palette holds, and compresses within seconds."""
+    tile = np.random.default_rng(0).integers(0, 60, (64, 64, 3), dtype=np.uint8)
+    noise = np.tile(tile, (-(-height // 64), -(-width // 64), 1))[:height, :width]
+    return Image.fromarray(noise + np.linspace(0, 190, width).astype(np.uint8)[:, None])
+
+
+def _saved(image: Image.Image, file_format: str, **options: object) -> bytes:
+    stream = BytesIO()
+    image.save(stream, file_format, **options)
+    return stream.getvalue()
+
+
+def _deep(width: int, height: int) -> bytes:
+    grey = np.asarray(photo(width, height).convert("L")).astype(np.uint16) * 257
+    return _saved(Image.fromarray(grey), "PNG", compress_level=1)
+
+
+def _jpeg(mode: str, **options: object) -> Callable[[int, int], bytes]:
+    return lambda w, h: _saved(photo(w, h).convert(mode), "JPEG", **options)
+
+
+def _other(file_format: str, mode: str = "RGB", **options: object) -> Callable[[int, int], bytes]:
+    return lambda w, h: _saved(photo(w, h).convert(mode), file_format, **options)
+
+
+def _flat(mode: str) -> Callable[[int, int], bytes]:
+    threads = {"x265:pools": "none", "x265:frame-threads": "1"}  # its pool can hang on a busy machine
+    return lambda w, h: _saved(Image.new(mode, (w, h), "skyblue"), "HEIF", quality=30, enc_params=threads)
+
+
+KINDS: dict[str, Callable[[int, int], bytes]] = {
+    "JPEG, baseline 4:2:0": _jpeg("RGB"),
+    "JPEG, baseline CMYK": _jpeg("CMYK"),
+    "JPEG, progressive grey": _jpeg("L", progressive=True),
+    "JPEG, progressive 4:2:0": _jpeg("RGB", progressive=True),
+    "JPEG, progressive 4:2:2": _jpeg("RGB", progressive=True, subsampling="4:2:2"),
+    "JPEG, progressive 4:4:4": _jpeg("RGB", progressive=True, subsampling="4:4:4"),
+    "JPEG, progressive CMYK": _jpeg("CMYK", progressive=True),
+    "MPO": lambda w, h: _saved(photo(w, h), "MPO", save_all=True, append_images=[photo(w, h)]),
+    "PNG, RGB": _other("PNG", compress_level=1),
+    "PNG, RGBA": _other("PNG", "RGBA", compress_level=1),
+    "PNG, grey": _other("PNG", "L", compress_level=1),
+    "PNG, 16-bit grey": _deep,
+    "PNG, palette": _other("PNG", "P", compress_level=1),
+    "WebP, lossy": _other("WEBP", method=0),
+    "WebP, lossy with alpha": _other("WEBP", "RGBA", method=0),
+    "WebP, lossless": _other("WEBP", lossless=True, quality=0, method=0),
+    "HEIC": _flat("RGB"),  # encoding noise would take minutes, and the decoder's memory depends on the size alone
+    "HEIC, RGBA": _flat("RGBA"),
+}
+
+
+def peak(path: Path, small: Path, target: int = TARGET) -> int:
+    """Bytes by which reading the photo raises the peak of a process that has read a small one."""
+    command = [sys.executable, "-c", READ, str(path), str(small), str(target)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    return int(done.stdout) * 1024
+
+
+def measured(kind: str, size: tuple[int, int], target: int = TARGET) -> float:
+    """Bytes per pixel of reading a photo of that kind and size."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = Path(folder) / "large", Path(folder) / "small"
+        for path, (width, height) in zip(paths, (size, (96, 64)), strict=True):
+            path.write_bytes(KINDS[kind](width, height))
+        return peak(*paths, target) / (size[0] * size[1])
+
+
+def _lines() -> Iterator[str]:
+    yield f"{'kind':26}" + "".join(f"{w * h / 1e6:10g} MP" for w, h in SIZES)
+    for kind in KINDS:
+        yield f"{kind:26}" + "".join(f"{measured(kind, size):13.2f}" for size in SIZES)
+
+
+if __name__ == "__main__":
+    pillow_heif.register_heif_opener()
+    for line in _lines():
+        print(line, flush=True)

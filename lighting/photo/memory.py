@@ -1,0 +1,26 @@
+"""How many pixels of each kind of picture may be decoded, so that one photo takes a stated amount of memory."""
+
+from PIL import Image
+
+from lighting.photo.jpeg import coefficients
+
+BYTES = 4  # that a photo may take for each of the `max_pixels`; a kind that needs more per pixel is given fewer pixels
+FIXED = 64_000_000  # bytes beside, of conversions in strips
+
+COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
+PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-22, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
+    "JPEG": 1.0,  # decoded row by row, and reduced on the way
+    "PNG": 4.0,  # Pillow's own picture
+    "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
+    "HEIF": 10.0,
+}
+NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC"}
+
+
+def admitted(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
+    """How many pixels a picture of this kind may have, and the kind's name for people."""
+    kind = "JPEG" if image.format == "MPO" else str(image.format)
+    held = coefficients(data) if kind == "JPEG" else 0.0
+    needed = held * COEFFICIENT + (0 if held else PER_PIXEL[kind])
+    name = f"progressive {NAMES[kind]}" if held else NAMES[kind]
+    return min(max_pixels, int(max_pixels * BYTES / needed)), name
