@@ -16,7 +16,7 @@ class Group(click.Group):
         try:
             return super().invoke(ctx)
         except click.UsageError as error:
-            error.message = printable(error.message)
+            error.message = printable(error.message)  # type: ignore[misc]  # declared final, for users of click
             raise
         except (LightingError, OSError) as error:
             if ctx.params["debug"] or is_broken_pipe(error):

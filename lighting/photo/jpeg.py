@@ -50,7 +50,7 @@ def coefficients(data: bytes) -> float:
             sequential = marker in _SEQUENTIAL
             factors = [divmod(data[at + 11 + 3 * i], 16) for i in range(data[at + 9])]
     widest, highest = (max(sizes) for sizes in zip(*factors, strict=True))
-    return sum(wide * high for wide, high in factors) / (widest * highest)
+    return float(sum(wide * high for wide, high in factors) / (widest * highest))
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:

@@ -81,9 +81,9 @@ def test_no_escape_in_a_name_reaches_the_terminal(command: str, content: str, ne
     photo = tmp_path / EVIL
     if content != "absent":
         photo.write_bytes(encode(scene(96, 64)) if content == "good" else b"\xff\xd8")
-    output = ["-o", tmp_path / "out.png"] if command in ("envmap", "render") else []
+    output: list[str | Path] = ["-o", tmp_path / "out.png"] if command in ("envmap", "render") else []
     output = ["--for", "mitsuba", "-o", tmp_path / "out"] if command == "scene" else output
-    model = ["--model", network] if command not in ("info", "render") else []
+    model: list[str | Path] = ["--model", network] if command not in ("info", "render") else []
     result = run(*command.split(), photo, *output, *model)
     assert not _CONTROLS.search(result.output.replace("\n", ""))
     assert "owned" in result.output
@@ -94,7 +94,7 @@ def test_neither_does_one_in_a_usage_error_or_a_batch(network: Path, tmp_path: P
     (tmp_path / "photos" / EVIL).write_bytes(b"no photo")
     out = tmp_path / "o\x1b[2Jut"
     for result in (
-        run("batch", tmp_path / "photos", out, "--model", network, "--workers", 1),
+        run("batch", tmp_path / "photos", out, "--model", network, "--workers", "1"),
         run("batch", tmp_path / EVIL, out, "--model", network),
         run("render", "a.json", "-o", EVIL),
         run("preview", "a.jpg", EVIL, "-o", "b.png"),

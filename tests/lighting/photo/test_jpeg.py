@@ -1,6 +1,7 @@
 """Scans counted before decoding."""
 
 from io import BytesIO
+from typing import Any
 
 import pytest
 from PIL import Image
@@ -90,7 +91,7 @@ def test_what_is_no_whole_jpeg_passes(data: bytes) -> None:
         ("L", {"progressive": True}, 1),
     ],
 )
-def test_held_coefficients_are_those_of_the_components(mode: str, options: dict[str, object], expected: float) -> None:
+def test_held_coefficients_are_those_of_the_components(mode: str, options: dict[str, Any], expected: float) -> None:
     data = encode(Image.fromarray(SCENE).convert(mode), **options)
     assert coefficients(data) == expected
 
