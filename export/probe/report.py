@@ -14,10 +14,11 @@ from lighting.envmap import render, sun_irradiance
 from lighting.geometry import Floats, angle_between, camera_axes, latlong_directions
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.align import yaw_rotation
-from lighting.probe.develop import Moment, Probe, Settings, make_probe, make_series
+from lighting.probe.develop import Probe, make_probe, make_series
 from lighting.probe.exposures import Bracket, bracket_of, read_bracket
 from lighting.probe.lens import Kind, Lens, lens_of
 from lighting.probe.ratios import exposed
+from lighting.probe.settings import Moment, Settings
 from lighting.records import Lighting
 
 PLACE = (47.0, 8.0)  # deg

@@ -15,7 +15,8 @@ from lighting.cli.options import height_option, quiet_option
 
 if TYPE_CHECKING:
     from lighting.probe.brackets import Shot
-    from lighting.probe.develop import Moment, Probe, Settings
+    from lighting.probe.develop import Probe
+    from lighting.probe.settings import Moment, Settings
 
 KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
@@ -74,7 +75,7 @@ def merge(
     filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
     """
     from lighting.probe.brackets import shot_of, shots_of
-    from lighting.probe.develop import Settings
+    from lighting.probe.settings import Settings
 
     _check_output(output, series)
     settings = Settings(**lens)
@@ -110,7 +111,7 @@ def _moment(
 ) -> "Moment":
     from dataclasses import replace
 
-    from lighting.probe.develop import Moment
+    from lighting.probe.settings import Moment
 
     told = replace(shot, time=time) if time is not None else shot
     place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)

@@ -2,10 +2,11 @@
 
 from lighting.probe.brackets import Shot, pictures_in, shot_of, shots_of
 from lighting.probe.describe import SkyState, describe
-from lighting.probe.develop import Moment, Probe, Settings, make_probe, make_series
+from lighting.probe.develop import Probe, make_probe, make_series
 from lighting.probe.exposures import Bracket, bracket_of, read_bracket
 from lighting.probe.folders import ProbeFile, probe_path, probes_in
 from lighting.probe.orientation import Orientation, Scan, orient
+from lighting.probe.settings import Moment, Settings
 from lighting.probe.sky_fit import SkyFit, fit_sky
 from lighting.probe.sun_finder import FoundSun, find_sun
 from lighting.probe.write import write_probe

@@ -1,69 +1,28 @@
 """From the exposures of a bracket, a time and a place to a sky in the world's axes."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
-from lighting.evidence import sun_position
-from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
-from lighting.photo import Curve
+from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions
 from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
 from lighting.probe.exposures import Bracket
 from lighting.probe.fill import fill_sun
-from lighting.probe.lens import Kind, Lens, lens_of, lens_pixels
+from lighting.probe.lens import Lens, lens_of, lens_pixels
 from lighting.probe.mapping import to_latlong
 from lighting.probe.merge import Merged, merge
 from lighting.probe.ratios import Exposed, exposed
 from lighting.probe.regions import Mask
+from lighting.probe.settings import Moment, Settings, check_day
 from lighting.probe.sky_fit import SkyFit
 from lighting.probe.sun_spot import SunSpot, find_spot
 
 SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
 OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
 _UNCLIPPED_SKY = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the pictures were taken, and what is wanted of them; None is the usual, as `lens_of` has it."""
-
-    kind: Kind = "equidistant"
-    fov: float | None = None  # deg
-    centre: tuple[float, float] | None = None  # pixels
-    radius: float | None = None  # pixels
-    pitch: float | None = None  # deg
-    mirrored: bool = False
-    nd: float = 0.0  # stops of a filter before the lens
-    yaw: float | None = None  # deg clockwise from north of the camera's azimuth 0; None finds it by the sun
-    height: int = 512  # rows of the map
-    curve: Curve | None = None
-    fill: bool = False  # a clipped sun is taken from the model
-
-    def __post_init__(self) -> None:
-        _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
-
-
-@dataclass(frozen=True)
-class Moment:
-    """When and where a bracket was taken."""
-
-    time: datetime  # aware
-    latitude: float  # deg, positive north
-    longitude: float  # deg, positive east
-
-    def __post_init__(self) -> None:
-        _check_finite("The place", self.latitude, self.longitude)
-
-    @property
-    def sun(self) -> tuple[float, float]:
-        """Azimuth in (-180, 180] and elevation [deg] by the ephemeris."""
-        azimuth, elevation = sun_position(self.time, self.latitude, self.longitude)
-        return float(wrap_azimuth(azimuth)), float(elevation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,13 +119,6 @@ def develop(bracket: Bracket, settings: Settings) -> Developed:
     return Developed(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
 
 
-def check_day(moment: Moment) -> None:
-    """Raise ProbeError where the sun is below the horizon."""
-    if moment.sun[1] < 0:
-        time = moment.time.isoformat(timespec="minutes")
-        raise ProbeError(f"At {time} the sun is {-moment.sun[1]:.0f} deg below the horizon: it is night.")
-
-
 def _finish(
     developed: Developed, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: Settings
 ) -> Probe:
@@ -178,11 +130,6 @@ def _finish(
         filled, sun, fit = fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
     return replace(probe, warnings=(*probe.warnings, *_said(probe)))
-
-
-def _check_finite(what: str, *numbers: float | None) -> None:
-    if not all(number is None or math.isfinite(number) for number in numbers):
-        raise ProbeError(f"{what} is told by a number that is not finite.")
 
 
 def _turned(spot: SunSpot, rotation: Floats) -> SunSpot:

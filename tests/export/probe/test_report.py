@@ -11,10 +11,11 @@ from export.probe.synthetic import Camera, expose, gain_of, photograph
 from lighting.envmap import sun_irradiance
 from lighting.errors import ProbeError
 from lighting.probe.align import yaw_rotation
-from lighting.probe.develop import Moment, Settings, make_probe
+from lighting.probe.develop import make_probe
 from lighting.probe.exposures import bracket_of, read_bracket
 from lighting.probe.lens import lens_of
 from lighting.probe.ratios import exposed
+from lighting.probe.settings import Moment, Settings
 
 STACK = Path(__file__).parents[3].parent / "shared" / "stereo-data" / "fisheye_bracket"
 MOMENT = Moment(DAY, *PLACE)

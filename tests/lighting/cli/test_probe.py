@@ -14,10 +14,10 @@ from lighting.cli import cli
 from lighting.cli.probe import KINDS
 from lighting.files.exr import read_attributes, read_exr
 from lighting.probe.align import yaw_rotation
-from lighting.probe.develop import Moment
 from lighting.probe.folders import probes_in
 from lighting.probe.lens import KINDS as LENSES
 from lighting.probe.lens import lens_of
+from lighting.probe.settings import Moment
 from tests.pictures import taken, write_png16
 
 TIMES = (1 / 8000, 1 / 90, 1.0)

@@ -11,9 +11,10 @@ from export.probe.synthetic import Camera, expose, photograph
 from lighting.errors import ProbeError
 from lighting.geometry import camera_axes
 from lighting.probe.align import yaw_rotation
-from lighting.probe.develop import Moment, Probe, Settings, make_probe, make_series
+from lighting.probe.develop import Probe, make_probe, make_series
 from lighting.probe.exposures import Bracket, bracket_of
 from lighting.probe.lens import lens_of
+from lighting.probe.settings import Moment, Settings
 
 MOMENT = Moment(DAY, *PLACE)
 SIDE = 200
@@ -92,10 +93,3 @@ def test_night_and_skies_without_sun_are_refused() -> None:
         make_probe(grey, MOMENT, SETTINGS)
     told = make_probe(grey, MOMENT, Settings(height=64, yaw=30.0))
     assert told.warnings == ("No sun is seen in this probe.",)
-
-
-def test_numbers_that_are_none_are_refused() -> None:
-    with pytest.raises(ProbeError, match="lens"):
-        Settings(radius=float("nan"))
-    with pytest.raises(ProbeError, match="place"):
-        Moment(DAY, float("nan"), 8.0)
