@@ -12,13 +12,14 @@ import numpy as np
 from lighting.circular import HEADINGS
 from lighting.evidence import seen_from
 from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density
-from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts
+from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, overlap
 from lighting.geometry import Floats, direction
 from lighting.records import Prediction
 from lighting.sun_grid import grid_solid_angle
 
 SECTOR = 15.0  # deg of heading
-REMEMBERED = 60  # looks in a sector; older ones fade, so that a stream follows sun and clouds
+BRUSHED = 0.5  # of the sectors' mean weight, below which one counts for less
+REMEMBERED = 60.0  # looks in a sector; older ones fade, so that a stream follows sun and clouds
 _LOWEST = 1e-12  # density that stands for none
 
 
@@ -37,21 +38,22 @@ class Look:
 class _Sector:
     """Running means of the looks in one direction."""
 
-    count: int = 0
+    weight: float = 0.0  # looks
     log_cells: Floats = field(default_factory=lambda: np.zeros(0))  # (N,) densities over the grid, in the shot's frame
     log_rings: Floats = field(default_factory=lambda: np.zeros((0, 360)))  # (K, 360) by the heading of azimuth 0
     numbers: Floats = field(default_factory=lambda: np.zeros(0))  # what _numbers says
 
-    def add(self, log_cells: Floats, log_rings: Floats, numbers: Floats) -> None:
-        share = 1.0 / min(self.count + 1, REMEMBERED)
-        if self.count == 0 or self.log_rings.shape != log_rings.shape:
+    def add(self, part: float, log_cells: Floats, log_rings: Floats, numbers: Floats) -> None:
+        """Count a `part` (0 to 1) of a look."""
+        if self.weight == 0.0 or self.log_rings.shape != log_rings.shape:
             self.log_rings = log_rings
-        if self.count == 0:
+        if self.weight == 0.0:
             self.log_cells, self.numbers = log_cells, numbers
+        self.weight = min(self.weight + part, REMEMBERED)
+        share = part / self.weight
         self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
         self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
         self.numbers = self.numbers + share * (numbers - self.numbers)
-        self.count += 1
 
 
 class ShotLight:
@@ -59,6 +61,7 @@ class ShotLight:
 
     def __init__(self) -> None:
         self._sectors: dict[int, _Sector] = {}
+        self._looks = 0
         self._vertical_fov = 50.0
         self._last: Prediction | None = None
 
@@ -67,10 +70,15 @@ class ShotLight:
         return self._last is not None
 
     def add(self, look: Look) -> None:
-        """Count a look."""
+        """Count a look, in parts for the two sectors between whose middles it lies."""
+        self._looks += 1
         self._last, self._vertical_fov = look.prediction, look.vertical_fov
-        sector = self._sectors.setdefault(round(look.heading % 360.0 / SECTOR) % round(360.0 / SECTOR), _Sector())
-        sector.add(_on_cells(look), _on_rings(look), _numbers(look))
+        said = _on_cells(look), _on_rings(look), _numbers(look)
+        at = look.heading % 360.0 / SECTOR
+        low = math.floor(at)
+        for number, part in ((low, 1.0 - at + low), (low + 1, at - low)):
+            if part > 0.0:
+                self._sectors.setdefault(number % round(360.0 / SECTOR), _Sector()).add(part, *said)
 
     def answer(self, evidence: Evidence) -> Fused:
         """What all looks say, as a camera at azimuth 0 would see it.
@@ -86,8 +94,7 @@ class ShotLight:
         fused = fuse(by_pixels, evidence)
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
             fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
-        looks = sum(sector.count for sector in self._sectors.values())
-        return replace(fused, used=fused.used if looks == 1 else (*fused.used, "turns", "other photos"))
+        return replace(fused, used=fused.used if self._looks == 1 else (*fused.used, "turns", "other photos"))
 
     def _rings(self, evidence: Evidence) -> Floats | None:
         """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
@@ -98,14 +105,23 @@ class ShotLight:
         log = np.einsum("s,skh->kh", self._counts(AZIMUTH), np.stack(rings))[up]
         return np.asarray(np.exp(log - log.max()) * compass_prior(evidence))
 
+    def _present(self) -> Floats:
+        """How far (S,) each sector is there at all, 0 to 1: one that was only brushed counts for little."""
+        weight = np.array([sector.weight for sector in self._sectors.values()])
+        return np.asarray(np.minimum(weight / (BRUSHED * weight.mean()), 1.0))
+
     def _counts(self, correlation: Correlation) -> Floats:
-        """How much each sector (S,) counts."""
+        """How much each sector (S,) counts: as `overlap.counts` has it, the others as far as they are there."""
         ahead = direction(SECTOR * np.array(list(self._sectors)), 0.0)
-        return counts(ahead, np.full(len(ahead), self._vertical_fov), correlation)
+        shared = overlap(ahead, np.full(len(ahead), self._vertical_fov))
+        alike = correlation.far + (correlation.near - correlation.far) * shared
+        np.fill_diagonal(alike, 0.0)
+        present = self._present()
+        return np.asarray(present / (1.0 + alike @ present))
 
     def _averaged(self, last: Prediction) -> Prediction:
         """The numbers of all sectors, each counted once however many looks it has."""
-        mean = np.mean([s.numbers for s in self._sectors.values()], axis=0)
+        mean = np.average([s.numbers for s in self._sectors.values()], axis=0, weights=self._present())
         turbidity, exposure, fov = np.exp(mean[:3])
         return replace(
             last,
