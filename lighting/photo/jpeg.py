@@ -49,8 +49,8 @@ def coefficients(data: bytes) -> float:
         if marker in _FRAMES:
             sequential = marker in _SEQUENTIAL
             factors = [divmod(data[at + 11 + 3 * i], 16) for i in range(data[at + 9])]
-    widest, highest = (max(sizes) for sizes in zip(*factors, strict=True))
-    return float(sum(wide * high for wide, high in factors) / (widest * highest))
+    whole = max(wide for wide, _ in factors) * max(high for _, high in factors)
+    return sum(wide * high for wide, high in factors) / whole
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
