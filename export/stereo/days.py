@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_frame import Pose
+from lighting.stereo.normals.frame import Pose
 from lighting.stereo.skies import TURBIDITY, clear_skies, suns_at
 
 Floats = NDArray[np.floating[Any]]

@@ -16,8 +16,8 @@ from export.stereo.days import hours_of
 from export.stereo.objects import Subject, subjects
 from export.stereo.trials import SEASONS, Found, Trial, session
 from lighting.errors import LightingError
-from lighting.stereo.normals_depth import depth_error, integrate
-from lighting.stereo.normals_network import Network
+from lighting.stereo.normals.depth import depth_error, integrate
+from lighting.stereo.normals.network import Network
 
 Image = NDArray[np.float32]
 Say = Callable[[str], None]

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from lighting.stereo.normals_features import BY_IMAGE, SHARED
+from lighting.stereo.normals.features import BY_IMAGE, SHARED
 
 _CODE = 24  # planes of an image's code
 _WIDTHS = (24, 48, 64, 96)  # planes at each scale

@@ -47,7 +47,7 @@ def onnx(run: Path, version: str, out: Path | None) -> None:
 def evaluate(data: Path, network: Path | None, quick: bool) -> None:
     """Print how far normals are off on shapes and latitudes that training never saw; a quarter of an hour."""
     from export.stereo.evaluate import evaluate as run
-    from lighting.stereo.normals_network import Network
+    from lighting.stereo.normals.network import Network
 
     run(data, Network.load(network), click.echo, quick=quick)
 

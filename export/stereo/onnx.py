@@ -14,8 +14,8 @@ from export.stereo.network import NormalsNetwork
 from export.stereo.train import average
 from lighting.errors import ModelError
 from lighting.files.atomic import replacing
-from lighting.stereo.normals_features import BY_IMAGE, SHARED, Features
-from lighting.stereo.normals_network import Network
+from lighting.stereo.normals.features import BY_IMAGE, SHARED, Features
+from lighting.stereo.normals.network import Network
 
 OPSET = 18
 TOLERANCE = 2e-3  # largest difference between torch and onnxruntime, of normals and of errors [rad]

@@ -12,9 +12,9 @@ from export.stereo.days import IMAGES, Day, believed, random_day
 from export.stereo.relief import relief
 from export.stereo.shading import Material, cast_shadows, shade
 from export.stereo.surfaces import HELD_OUT, Surface, random_turn, read_mesh, turned, view
-from lighting.stereo.normals_features import BY_IMAGE, Features, features
-from lighting.stereo.normals_frame import to_camera
-from lighting.stereo.normals_search import Candidates, candidates, search
+from lighting.stereo.normals.features import BY_IMAGE, Features, features
+from lighting.stereo.normals.frame import to_camera
+from lighting.stereo.normals.search import Candidates, candidates, search
 
 Image = NDArray[np.float32]
 Mesh = tuple[Image, NDArray[np.intp]]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from export.stereo.surfaces import Surface
 from lighting.stereo.mean_light import Skies, sky_light, sun_light
-from lighting.stereo.normals_frame import Pose, to_camera, to_world, visible_normals
+from lighting.stereo.normals.frame import Pose, to_camera, to_world, visible_normals
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]

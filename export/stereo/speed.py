@@ -9,9 +9,9 @@ import numpy as np
 from export.stereo.trials import SEASONS
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import illumination
-from lighting.stereo.normals_frame import to_world
-from lighting.stereo.normals_network import Network
-from lighting.stereo.normals_solve import Session, solve
+from lighting.stereo.normals.frame import to_world
+from lighting.stereo.normals.network import Network
+from lighting.stereo.normals.solve import Session, solve
 
 SIDE = 512  # pixels
 

@@ -12,10 +12,10 @@ from export.stereo.objects import Subject
 from export.stereo.shading import Material, cast_shadows, shade
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_frame import to_camera
-from lighting.stereo.normals_haze import fitted_turbidity
-from lighting.stereo.normals_network import Network
-from lighting.stereo.normals_solve import Session, improved, solve_with_planes
+from lighting.stereo.normals.frame import to_camera
+from lighting.stereo.normals.haze import fitted_turbidity
+from lighting.stereo.normals.network import Network
+from lighting.stereo.normals.solve import Session, improved, solve_with_planes
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]

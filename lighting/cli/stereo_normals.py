@@ -11,8 +11,8 @@ from lighting.cli.options import quiet_option
 from lighting.cli.stereo import _offset, stereo
 
 if TYPE_CHECKING:
-    from lighting.stereo.normals import Known, Solved, Watch
-    from lighting.stereo.normals_network import Network
+    from lighting.stereo.normals.job import Known, Solved, Watch
+    from lighting.stereo.normals.network import Network
 
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
@@ -66,7 +66,7 @@ def _known(sky: str | None, noise: float | None, size: int | None, **said: Any) 
 
 
 def _network() -> "Network":
-    from lighting.stereo.normals_network import Network
+    from lighting.stereo.normals.network import Network
 
     return Network.load()
 
@@ -74,7 +74,7 @@ def _network() -> "Network":
 def _watch(quiet: bool) -> "Watch":
     from tqdm import tqdm
 
-    from lighting.stereo.normals import Watch
+    from lighting.stereo.normals.job import Watch
 
     hidden = quiet or not sys.stderr.isatty()
 

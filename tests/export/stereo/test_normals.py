@@ -17,7 +17,7 @@ from export.stereo.surfaces import of_height, random_turn, read_mesh, turned, vi
 from export.stereo.train import Config, average, batch, train
 from export.stereo.trials import Trial, session
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_frame import Pose
+from lighting.stereo.normals.frame import Pose
 
 OCTAHEDRON = """v 1 0 0
 v -1 0 0

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.stereo.mean_light import Skies, illumination
-from lighting.stereo.normals_frame import Pose, to_world
+from lighting.stereo.normals.frame import Pose, to_world
 from lighting.stereo.skies import suns_at
 
 Image = NDArray[np.float32]

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from lighting.errors import PhotoError
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_features import Features, features
-from lighting.stereo.normals_frame import Pose, to_camera
-from lighting.stereo.normals_network import Network
-from lighting.stereo.normals_search import Answer, Candidates, Progress, candidates, quiet, search
-from lighting.stereo.normals_shadows import search_shadowed, shadowed
+from lighting.stereo.normals.features import Features, features
+from lighting.stereo.normals.frame import Pose, to_camera
+from lighting.stereo.normals.network import Network
+from lighting.stereo.normals.search import Answer, Candidates, Progress, candidates, quiet, search
+from lighting.stereo.normals.shadows import search_shadowed, shadowed
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]

@@ -12,17 +12,17 @@ from lighting.errors import ParameterError, PhotoError
 from lighting.records import GROUND_ALBEDO
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_day import SIZE, Shots, read_shots
-from lighting.stereo.normals_depth import integrate
-from lighting.stereo.normals_diligent import is_diligent, read_diligent
-from lighting.stereo.normals_files import MESH, RECORD, write_map, write_mesh, write_record
-from lighting.stereo.normals_frame import Pose
-from lighting.stereo.normals_haze import fitted_turbidity
-from lighting.stereo.normals_images import Curve
-from lighting.stereo.normals_network import Network
-from lighting.stereo.normals_probes import nearest_skies
-from lighting.stereo.normals_search import Progress, quiet
-from lighting.stereo.normals_solve import NOISE, NormalMap, Session, check_light, solve
+from lighting.stereo.normals.day import SIZE, Shots, read_shots
+from lighting.stereo.normals.depth import integrate
+from lighting.stereo.normals.diligent import is_diligent, read_diligent
+from lighting.stereo.normals.files import MESH, RECORD, write_map, write_mesh, write_record
+from lighting.stereo.normals.frame import Pose
+from lighting.stereo.normals.haze import fitted_turbidity
+from lighting.stereo.normals.images import Curve
+from lighting.stereo.normals.network import Network
+from lighting.stereo.normals.probes import nearest_skies
+from lighting.stereo.normals.search import Progress, quiet
+from lighting.stereo.normals.solve import NOISE, NormalMap, Session, check_light, solve
 from lighting.stereo.skies import HEIGHT, clear_skies, suns_at
 
 Floats = NDArray[np.floating[Any]]

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_frame import Pose, axes, to_camera, to_world, visible_normals
-from lighting.stereo.normals_search import candidates, search
-from lighting.stereo.normals_shadows import patterns, search_shadowed, shadowed
+from lighting.stereo.normals.frame import Pose, axes, to_camera, to_world, visible_normals
+from lighting.stereo.normals.search import candidates, search
+from lighting.stereo.normals.shadows import patterns, search_shadowed, shadowed
 from lighting.stereo.skies import clear_skies
 from tests.lighting.stereo.sphere import angles, june_suns
 

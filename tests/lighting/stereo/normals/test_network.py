@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lighting.errors import ModelError
-from lighting.stereo.normals_features import BY_IMAGE, SHARED, Features
-from lighting.stereo.normals_network import Network, packaged_network
+from lighting.stereo.normals.features import BY_IMAGE, SHARED, Features
+from lighting.stereo.normals.network import Network, packaged_network
 
 
 def planes(images: int, height: int, width: int) -> Features:

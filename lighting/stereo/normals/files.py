@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.files import SOFTWARE, replacing
-from lighting.stereo.normals_frame import Pose, to_world
-from lighting.stereo.normals_solve import NormalMap
+from lighting.stereo.normals.frame import Pose, to_world
+from lighting.stereo.normals.solve import NormalMap
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]

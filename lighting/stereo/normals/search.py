@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.stereo.mean_light import Skies, illumination
-from lighting.stereo.normals_frame import Pose, to_camera, to_world, visible_normals
+from lighting.stereo.normals.frame import Pose, to_camera, to_world, visible_normals
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]

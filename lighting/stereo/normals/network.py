@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ModelError
 from lighting.model import available_cpus
-from lighting.stereo.normals_features import BY_IMAGE, SHARED, Features
+from lighting.stereo.normals.features import BY_IMAGE, SHARED, Features
 
 Image = NDArray[np.float32]
 
@@ -66,7 +66,7 @@ class Network:
 
 def packaged_network() -> Path:
     """The one network of normals in this package; ModelError if there is none or a choice."""
-    folder = Path(__file__).parent / "data"
+    folder = Path(__file__).parents[1] / "data"
     found = sorted(folder.glob("normals-*.onnx"))
     if len(found) != 1:
         raise ModelError(f"{folder} must hold exactly one normals-<version>.onnx; it holds {len(found)}.")

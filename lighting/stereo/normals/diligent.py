@@ -14,7 +14,7 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_images import read_shot
+from lighting.stereo.normals.images import read_shot
 
 Pixels = NDArray[np.float32]
 

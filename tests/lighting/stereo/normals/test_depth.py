@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lighting.stereo.normals_depth import depth_error, integrate
+from lighting.stereo.normals.depth import depth_error, integrate
 from tests.lighting.stereo.sphere import ball
 
 

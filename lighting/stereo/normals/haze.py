@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lighting.stereo.normals_solve import Session, session_noise
+from lighting.stereo.normals.solve import Session, session_noise
 
 TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy
 

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from lighting.errors import PhotoError
-from lighting.stereo.normals_files import write_picture, write_png16
-from lighting.stereo.normals_images import read_shot
+from lighting.stereo.normals.files import write_picture, write_png16
+from lighting.stereo.normals.images import read_shot
 
 
 def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from lighting.model import available_cpus
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals_frame import Pose
-from lighting.stereo.normals_search import Answer, Candidates, Progress, candidates, quiet, search
+from lighting.stereo.normals.frame import Pose
+from lighting.stereo.normals.search import Answer, Candidates, Progress, candidates, quiet, search
 
 Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]

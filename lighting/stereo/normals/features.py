@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.stereo.normals_search import Answer
+from lighting.stereo.normals.search import Answer
 
 Image = NDArray[np.float32]
 

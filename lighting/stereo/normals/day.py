@@ -17,8 +17,8 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.photo import PhotoFacts, in_utc, read_time
-from lighting.stereo.normals_images import FORMATS, Curve, Exposure, Shot, read_shot
-from lighting.stereo.normals_still import check_still
+from lighting.stereo.normals.images import FORMATS, Curve, Exposure, Shot, read_shot
+from lighting.stereo.normals.still import check_still
 
 Pixels = NDArray[np.float32]
 

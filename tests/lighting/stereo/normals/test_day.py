@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
 from lighting.errors import ParameterError, PhotoError
-from lighting.stereo.normals_day import read_shots
-from lighting.stereo.normals_files import write_png16
+from lighting.stereo.normals.day import read_shots
+from lighting.stereo.normals.files import write_png16
 
 NOON = datetime(2024, 6, 21, 10)
 

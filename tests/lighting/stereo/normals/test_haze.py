@@ -3,9 +3,9 @@
 import pytest
 
 from lighting.stereo.days import in_grey
-from lighting.stereo.normals_frame import Pose
-from lighting.stereo.normals_haze import fitted_turbidity
-from lighting.stereo.normals_solve import Session
+from lighting.stereo.normals.frame import Pose
+from lighting.stereo.normals.haze import fitted_turbidity
+from lighting.stereo.normals.solve import Session
 from lighting.stereo.skies import clear_skies
 from tests.lighting.stereo.sphere import ball, june_suns, photos
 
