@@ -25,7 +25,7 @@ class Correlation:
     near: float  # of one and the same view
 
 
-SUN = Correlation(0.1, 1.0)  # of the sun's distribution in one frame
+SUN = Correlation(0.2, 1.0)  # of the sun's distribution in one frame
 AZIMUTH = Correlation(0.1, 1.0)  # of its azimuth at a known elevation
 
 

@@ -90,7 +90,7 @@ def _refined(
 
     scale = TOLERANCE * matches.pixel
     inverse = np.array([0.0, 0.0, 0.0, prior, 0.0, 0.0])
-    fit: Fit = minimise(residuals, np.zeros(6), scale, inverse)
+    fit: Fit = minimise(residuals, np.zeros(6), scale, inverse, np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0, 0.0]))
     return Motion(*parts(fit.parameters), fit.covariance[:4, :4], np.abs(fit.residuals) < 2.0 * scale)
 
 

@@ -23,21 +23,25 @@ class Fit:
     residuals: Floats  # (N,) there
 
 
-def minimise(residuals: Residuals, start: Floats, scale: float, prior: Floats | None = None) -> Fit:
+def minimise(
+    residuals: Residuals, start: Floats, scale: float, prior: Floats | None = None, expected: Floats | None = None
+) -> Fit:
     """The parameters (P,) at which residuals (N,), beyond `scale` ever less weighted, are least.
 
-    `prior` (P,) are inverse variances of the parameters around `start`, in the units of residuals of variance 1.
+    `prior` (P,) are inverse variances of the parameters around `expected`, which is `start` unless given, in the units
+    of residuals of variance 1.
     """
     at, damping = np.asarray(start, dtype=np.float64), 1e-3
     known = np.zeros(len(at)) if prior is None else prior * scale * scale
+    centre = at.copy() if expected is None else expected
     value = residuals(at)
     for _ in range(STEPS):
         slope, weight = _slope(residuals, at, value), _weights(value, scale)
         normal = (slope * weight[:, None]).T @ slope + np.diag(known)
-        gradient = slope.T @ (weight * value) + known * (at - start)
+        gradient = slope.T @ (weight * value) + known * (at - centre)
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
         there = residuals(at + step)
-        if _cost(there, scale) + known @ (at + step - start) ** 2 < _cost(value, scale) + known @ (at - start) ** 2:
+        if _cost(there, scale) + known @ (at + step - centre) ** 2 < _cost(value, scale) + known @ (at - centre) ** 2:
             at, value, damping = at + step, there, 0.2 * damping
         else:
             damping *= 10.0

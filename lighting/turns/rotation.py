@@ -175,7 +175,8 @@ def _refined(matches: Matches, near: NDArray[np.bool_], rotation: Floats, zoom: 
 
     scale = TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])
-    return minimise(residuals, np.zeros(4), scale, prior)
+    expected = np.array([0.0, 0.0, 0.0, -np.log(zoom)])
+    return minimise(residuals, np.zeros(4), scale, prior, expected)
 
 
 def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: Lens) -> NDArray[np.bool_]:

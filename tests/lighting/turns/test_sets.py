@@ -45,6 +45,7 @@ def test_identical_photos_look_the_same_way() -> None:
     placed = place([one[0], one[0]])
     assert [p.heading for p in placed] == pytest.approx([0.0, 0.0], abs=0.01)
     assert len({p.group for p in placed}) == 1
+    assert placed[0].vertical_fov == pytest.approx(46.0, abs=1.0)  # the lens shows in no turn: the guess stays
 
 
 def test_one_photo_is_its_own_group() -> None:
