@@ -7,7 +7,7 @@ from starlette.testclient import TestClient
 
 from server.plans import MOST_DAYS, StereoPlan
 
-JUNE = {"lat": 47, "lon": 10, "date": "2026-06-21", "sky": "overcast"}
+JUNE: dict[str, Any] = {"lat": 47, "lon": 10, "date": "2026-06-21", "sky": "overcast"}
 
 
 def test_a_plan_is_whole_and_may_be_kept(client: TestClient) -> None:
