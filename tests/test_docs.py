@@ -100,7 +100,8 @@ def test_the_commands_of_the_pages_are_right_usage(
     monkeypatch.chdir(clone[0])
     program, name, *arguments = shlex.split(line, comments=True)
     assert program == "lighting"
-    cli.commands[name].make_context(name, arguments)
+    with click.Context(cli, info_name="lighting", help_option_names=["-h", "--help"]) as parent:
+        cli.commands[name].make_context(name, arguments, parent=parent)
     photos = [argument for argument in arguments if argument.startswith("examples/")]
     assert all(list(Path().glob(photo)) for photo in photos)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @cli.group()
 def stereo() -> None:
-    """The shape of a thing from photos of one day: when to take them, and its normals.
+    """Photometric stereo: when to photograph, and normals.
 
     Directions are degrees clockwise from true north.
     """

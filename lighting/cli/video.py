@@ -49,7 +49,7 @@ def video(
     quiet: bool,
     **wanted: Any,
 ) -> None:
-    """Estimate the light of a clip and follow its camera.
+    """Estimate the light and camera of a clip.
 
     FOLDER gets lighting.jsonl, a record a frame, and shot-1.exr, the light in the world's axes: true north at its
     centre if it is known, else the first frame's heading. A cut starts another shot. What --time and --heading say is

@@ -146,8 +146,7 @@ def _heading(shots: Shots, known: Known) -> float:
 def _skies(shots: Shots, known: Known, pose: Pose) -> tuple[Skies, float | None]:
     """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modelled."""
     if known.probes is not None:
-        offset = np.timedelta64(round(3600 * (known.utc_offset or 0.0)), "s")
-        skies = nearest_skies(known.probes, shots.times + offset)
+        skies = nearest_skies(known.probes, shots.times, known.utc_offset or 0.0)
         return skies if shots.images.shape[-1] == 3 else in_grey(skies), None
     suns = _suns(shots, known)
 

@@ -94,7 +94,7 @@ def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Pat
         (["--lat", "47", "--lon", "180", "--heading", "0"], "below the horizon"),
         (["--lat", "47", "--lon", "0"], "--heading"),
         (["--heading", "0"], "--lat"),
-        (["--probes", ".", "--heading", "0"], "no sky probe"),
+        (["--probes", ".", "--heading", "0"], "holds no probe"),
     ],
 )
 def test_what_is_missing_ends_in_a_sentence(day: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
