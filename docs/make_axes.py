@@ -4,13 +4,12 @@ python docs/make_axes.py
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import Image
 
-from lighting.geometry import Pinhole, angles, camera_pixel, direction, latlong_pixel
+from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
 from lighting.preview.ink import (
     Colour,
     Style,
@@ -24,8 +23,6 @@ from lighting.preview.ink import (
     write_inside,
 )
 from lighting.preview.palette import BACKGROUND, MUTED, PANEL, SUN, TEXT, WHITE
-
-Floats = NDArray[np.floating[Any]]
 
 RED: Colour = (255, 128, 116)
 GREEN: Colour = (140, 214, 130)

@@ -1,16 +1,14 @@
 """Days to photograph: a place, a date, the hours, the sky and how the camera stands."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals.frame import Pose
 from lighting.stereo.skies import TURBIDITY, clear_skies, suns_at
-
-Floats = NDArray[np.floating[Any]]
 
 HELD_OUT_LATITUDES = ((33.0, 37.0), (45.0, 49.0))  # deg; training days are elsewhere
 IMAGES = 8

@@ -9,12 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from export.stereo.surfaces import HELD_OUT, Surface, random_turn, read_mesh, view
-
-Floats = NDArray[np.floating[Any]]
 
 OBJECTS = ("bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
 

@@ -1,14 +1,12 @@
 """Procedural shapes: façades, carved panels, rough ground, heaps of ellipsoids, turned vessels."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from export.stereo.surfaces import Surface, of_height
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
 
 
 def relief(size: int, rng: np.random.Generator) -> Surface:

@@ -5,16 +5,15 @@ itself; the ground below the horizon lights it.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from export.stereo.surfaces import Surface
+from lighting.geometry import Floats
 from lighting.stereo.mean_light import Skies, sky_light, sun_light
 from lighting.stereo.normals.frame import Pose, to_camera, to_world, visible_normals
 
-Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
 
 _STEP_GROWTH = 1.08  # of the steps of a ray towards the sun, from one pixel on

@@ -6,12 +6,12 @@ The camera is orthographic, so that a picture's pixels are the unit of all three
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
+
 Image = NDArray[np.float32]
 
 HELD_OUT = ("spot", "skull", "demosthenes")  # meshes that training never sees

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from export.stereo.days import Day, hours_of
 from export.stereo.objects import Subject
 from export.stereo.shading import Material, cast_shadows, shade
+from lighting.geometry import Floats
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals.frame import to_camera
@@ -17,7 +17,6 @@ from lighting.stereo.normals.haze import fitted_turbidity
 from lighting.stereo.normals.network import Network
 from lighting.stereo.normals.solve import Session, improved, solve_with_planes
 
-Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
 
 HOURS = np.arange(9.0, 17.0)  # local solar time, about, of the eight photos

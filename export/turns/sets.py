@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +9,13 @@ from numpy.typing import NDArray
 from export.crops import Camera, generator
 from export.data import Panorama, linear_of, read_picture
 from lighting.colour import luminance, tone_map
-from lighting.geometry import Pinhole, camera_directions, sample_latlong
+from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 
 WIDTH, HEIGHT = 640, 480  # pixels; the panoramas hold no more
 FOVS = (40.0, 65.0)  # deg, vertical
 OVERLAPS = (0.25, 0.7)  # of neighbours' width
 GAINS = (0.7, 1.3)  # of each channel
 WHITE = 0.7  # what a bright part of a panorama in scene-referred values is exposed to
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

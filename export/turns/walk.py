@@ -16,7 +16,14 @@ from export.towns.mesh import Mesh
 from export.towns.place import EYE, place
 from lighting.colour import luminance, tone_map
 from lighting.envmap import render
-from lighting.geometry import Pinhole, camera_directions, latlong_directions, latlong_solid_angle, sample_latlong
+from lighting.geometry import (
+    Floats,
+    Pinhole,
+    camera_directions,
+    latlong_directions,
+    latlong_solid_angle,
+    sample_latlong,
+)
 from lighting.records import Lighting
 from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
 
@@ -25,8 +32,6 @@ DOME = 128  # rows of the map of the sky
 WHITE = 0.7  # what the brighter parts of a photo are exposed to
 GRAIN = ((0.05, 0.25), (0.25, 0.35), (1.2, 0.3), (6.0, 0.3))  # m and contrast of the layers
 REPEATS = 64  # cells after which a layer of grain repeats
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,6 @@ def estimate(
     given: "Given",
     model: str | None,
     quiet: bool,
-    fit: str | None,
     **taken_together: Any,
 ) -> None:
     """Print the light of each PHOTO.
@@ -52,9 +51,9 @@ def estimate(
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
-    check_together(len(photos), given, fit=fit, **taken_together)
+    check_together(len(photos), given, **taken_together)
     estimator = load_estimator(model)
-    if fit is not None:
+    if fit := taken_together.pop("fit"):
         print_fit(estimator, photos, given, taken_together["headings"], fit, as_json)
         return
     report_unmatched(quiet, **taken_together)

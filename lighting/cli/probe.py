@@ -60,14 +60,10 @@ def _point(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tu
 @quiet_option
 def merge(
     exposures: tuple[Path, ...],
-    time: datetime | None,
-    utc_offset: float | None,
-    latitude: float | None,
-    longitude: float | None,
     series: bool,
     output: str,
     quiet: bool,
-    **lens: Any,
+    **options: Any,
 ) -> None:
     """Merge bracketed EXPOSURES into one sky in the world's axes: centre column true north, right half east.
 
@@ -78,11 +74,12 @@ def merge(
     from lighting.probe.settings import Settings
 
     _check_output(output, series)
-    settings = Settings(**lens)
+    when = [options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")]
+    settings = Settings(**options)
     shots = shots_of(exposures) if series else [shot_of(_files(exposures))]
-    moments = [_moment(shot, time, utc_offset, latitude, longitude) for shot in shots]
+    moments = [_moment(shot, *when) for shot in shots]
     if series:
-        if time is not None:
+        if when[0] is not None:
             raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
         _merge_series(shots, moments, settings, output, quiet)
     else:

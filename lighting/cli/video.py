@@ -42,12 +42,10 @@ def video(
     /,
     clip: str,
     output: str,
-    overwrite: bool,
-    every: float,
     given: "Given",
     model: str | None,
     quiet: bool,
-    **wanted: Any,
+    **options: Any,
 ) -> None:
     """Estimate the light and camera of a clip.
 
@@ -59,7 +57,8 @@ def video(
     from lighting.model import Model
     from lighting.video.output import Job, Wanted, check_folder, process
 
-    job = Job(Path(clip), Path(output), given, every, Wanted(**wanted))
+    every, overwrite = options.pop("every"), options.pop("overwrite")
+    job = Job(Path(clip), Path(output), given, every, Wanted(**options))
     check_folder(job.folder, overwrite=overwrite)
     with _progress(clip, quiet) as bar:
         done = process(job, Model.load(model), lambda time: bar.update(round(time, 2) - bar.n))

@@ -6,11 +6,10 @@ a turn that contradicts the others cannot hold; then Cauchy's weight takes from 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.turns.rays import nearest_rotation, rotation_about, rotation_vector
 from lighting.turns.rotation import Turn
 
@@ -21,7 +20,6 @@ LEAST_SIGMA = 0.02  # deg, under which no turn is believed: lenses are not perfe
 STEPS = 20
 
 Weight = Callable[[float], float]
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

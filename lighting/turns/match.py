@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import MissingExtraError
+from lighting.geometry import Floats
 
 MAX_SIDE = 1024  # pixels of the longer side in which features are sought
 MAX_FEATURES = 3000  # kept of a photo, the strongest
 CONTRAST = 3.0  # limit of the local equalisation before features are sought
 FAINTEST = 0.005  # contrast of a feature, in SIFT's unit
 RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

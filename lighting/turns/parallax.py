@@ -6,11 +6,11 @@ rotation, direction of motion and the focal length are then refined together on 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.turns.match import Matches, opencv
 from lighting.turns.rays import cross_matrix, rotation_about
 from lighting.turns.refine import Fit, minimise
@@ -19,8 +19,6 @@ TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys
 
 _SURE = 0.999
 _FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) and ours
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

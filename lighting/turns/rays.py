@@ -4,12 +4,10 @@ A focal length here is in units of half the picture's diagonal, so that one lens
 """
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats
 
 
 def focal_of(vertical_fov: float, width: float, height: float) -> float:

@@ -2,15 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lighting.geometry import Floats
 
 STEP = 1e-6  # of each parameter, for the derivatives
 STEPS = 25
 
-Floats = NDArray[np.floating[Any]]
 Residuals = Callable[[Floats], Floats]
 
 

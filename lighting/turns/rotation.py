@@ -5,11 +5,11 @@ and refined. Where the camera moved between near things the essential matrix tak
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.turns.match import Features, Matches, match
 from lighting.turns.parallax import epipolar_inliers, motion
 from lighting.turns.rays import focal_of, project, rays, rotation_about, vertical_fov_of
@@ -23,8 +23,6 @@ LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
 PARALLAX = 1.25  # times as many matches must obey some fundamental matrix before the camera counts as moved
 STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # by which errors exceed what the scatter of the matches says (`export turns`)
 LEAST_MOVED = 24  # matches that agree on a motion, which has more freedom
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,19 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.geometry import Floats
 from lighting.turns.match import Matches
 from lighting.turns.rays import rays
 
 TOLERANCE = 3.0  # pixels within which a match obeys
 SAMPLES = 300  # pairs of matches tried for each focal length
 SCORED = 250  # matches, the surest, that each trial is scored on
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

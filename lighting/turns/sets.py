@@ -6,12 +6,10 @@ The vertical is the mean of what the network says of each camera's elevation and
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.geometry import angles, camera_axes, wrap_azimuth
+from lighting.geometry import Floats, angles, camera_axes, wrap_azimuth
 from lighting.turns.averaging import Oriented, Pairs, average, components
 from lighting.turns.match import Features, Matches, match
 from lighting.turns.rays import focal_of, vertical_fov_of
@@ -23,8 +21,6 @@ UP_SIGMA = 2.5  # deg, of the vertical by the network, about each horizontal axi
 ALL_PAIRS = 8  # photos up to which every pair is matched in full
 PARTNERS = 6  # the likeliest of each photo that are matched in larger sets
 COARSE = 400  # features, the first, by which they are found
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)

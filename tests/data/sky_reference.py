@@ -5,14 +5,10 @@ python -m tests.data.sky_reference
 
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.geometry import SUN_RADIUS, direction
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import SUN_RADIUS, Floats, direction
 
 REFERENCE = Path(__file__).with_suffix(".npz")
 TURBIDITIES = (1.0, 1.7, 3.0, 5.5, 9.9, 10.0)

@@ -1,7 +1,5 @@
 """Axes, angles, pixels: signs, round trips, the seam and the poles."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lighting.geometry import (
+    Floats,
     Pinhole,
     angle_between,
     angles,
@@ -25,8 +24,6 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-
-Floats = NDArray[np.floating[Any]]
 
 azimuths = st.floats(-180, 180)
 elevations = st.floats(-90, 90)

@@ -6,14 +6,12 @@ directly (scipy). With a focal length the slopes are those of the logarithm of d
 Integration: A Survey, JMIV 2018), without one the camera is orthographic.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
+from lighting.geometry import Floats
 
-Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
 
 _STEEPEST = 0.05  # the least n_z that slopes are taken from

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.files import SOFTWARE, replacing
+from lighting.geometry import Floats
 from lighting.stereo.normals.frame import Pose, to_world
 from lighting.stereo.normals.solve import NormalMap
 
-Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
 
 FILES = ("normals_camera", "normals_world", "albedo", "uncertainty")  # each as .png and .exr

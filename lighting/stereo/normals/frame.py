@@ -5,14 +5,11 @@ World axes are those of the maps: +Y up, true north at -Z, east at +X.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.geometry import camera_axes
-
-Floats = NDArray[np.floating[Any]]
+from lighting.geometry import Floats, camera_axes
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.errors import ParameterError, PhotoError
+from lighting.geometry import Floats
 from lighting.records import GROUND_ALBEDO
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
@@ -24,8 +24,6 @@ from lighting.stereo.normals.probes import nearest_skies
 from lighting.stereo.normals.search import Progress, quiet
 from lighting.stereo.normals.solve import NOISE, NormalMap, Session, check_light, solve
 from lighting.stereo.skies import HEIGHT, clear_skies, suns_at
-
-Floats = NDArray[np.floating[Any]]
 
 _FITTED_HEIGHT = 32  # rows of the skies that a turbidity is found with
 _DIAGONAL = float(np.hypot(36.0, 24.0))  # mm, that focal lengths in 35 mm terms refer to

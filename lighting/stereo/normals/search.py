@@ -12,7 +12,6 @@ diverges where the hemisphere of the start is another than that of the solution.
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 from lighting.stereo.mean_light import Skies, illumination
 from lighting.stereo.normals.frame import Pose, to_camera, to_world, visible_normals
 
-Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
 
 CANDIDATES = 3000  # normals, 2.6 deg apart

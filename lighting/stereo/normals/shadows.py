@@ -6,7 +6,6 @@ during the day. Shadows that come and go between are not among the patterns.
 """
 
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals.frame import Pose
 from lighting.stereo.normals.search import Answer, Candidates, Progress, candidates, quiet, search
 
-Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
 
 CANDIDATES = 700  # normals, 5.4 deg apart

@@ -1,7 +1,6 @@
 """From a day's photos and skies to a map of normals: the noise, the search, and the network where it wins."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from lighting.stereo.normals.network import Network
 from lighting.stereo.normals.search import Answer, Candidates, Progress, candidates, quiet, search
 from lighting.stereo.normals.shadows import search_shadowed, shadowed
 
-Floats = NDArray[np.floating[Any]]
 Image = NDArray[np.float32]
 
 NOISE = 0.01  # of the brightest pixel, the standard deviation of a photo's noise

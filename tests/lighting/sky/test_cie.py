@@ -1,13 +1,10 @@
 """The CIE's skies against the integrals and the older standards that they contain."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
-from lighting.geometry import angle_between, direction, latlong_directions, latlong_solid_angle
+from lighting.geometry import Floats, angle_between, direction, latlong_directions, latlong_solid_angle
 from lighting.sky.cie import (
     CLEAR,
     OVERCAST_INTEGRAL,
@@ -18,8 +15,6 @@ from lighting.sky.cie import (
     indicatrix,
     overcast_luminance,
 )
-
-Floats = NDArray[np.floating[Any]]
 
 SUN = direction(30.0, 40.0)
 ZENITH = np.array([0.0, 1.0, 0.0])

@@ -1,13 +1,10 @@
 """The sky and the sun against Mitsuba's, stored and live, and against the published formula."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
-from lighting.geometry import SUN_RADIUS, angle_between, direction, latlong_directions
+from lighting.geometry import SUN_RADIUS, Floats, angle_between, direction, latlong_directions
 from lighting.sky.hosek_wilkie import (
     SUN_SOLID_ANGLE,
     sky_coefficients,
@@ -18,8 +15,6 @@ from lighting.sky.hosek_wilkie import (
     sun_radiance,
 )
 from tests.data.sky_reference import REFERENCE, cases, disc_directions, mitsuba_radiance, sky_directions
-
-Floats = NDArray[np.floating[Any]]
 
 SUN = direction(25.0, 33.0)
 

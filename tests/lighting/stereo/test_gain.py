@@ -1,12 +1,10 @@
 """Covariances and gains against numpy's inverse, against noise, and against figures known for simple lights."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from export.stereo.gain import triplet
+from lighting.geometry import Floats
 from lighting.stereo.gain import (
     angular_error,
     angular_spread,
@@ -21,7 +19,6 @@ from lighting.stereo.gain import (
     sphere_normals,
 )
 
-Floats = NDArray[np.floating[Any]]
 RNG = np.random.default_rng(0)
 
 

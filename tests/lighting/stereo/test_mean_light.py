@@ -1,17 +1,13 @@
 """Mean light vectors against integrals known in closed form and against sums over fine discs and maps."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
-from lighting.geometry import SUN_RADIUS, direction, latlong_directions
+from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions
 from lighting.sky import sun_disc_points
 from lighting.stereo.mean_light import Skies, illumination, mean_light, skies_of_maps, sky_light, sun_light
-
-Floats = NDArray[np.floating[Any]]
 
 
 def normals(count: int, seed: int = 1) -> Floats:
