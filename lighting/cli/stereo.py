@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.cli.files import write_png
+from lighting.cli.given import read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import preview_file, quiet_option
 
@@ -24,16 +25,6 @@ def stereo() -> None:
 
     Directions are degrees clockwise from true north.
     """
-
-
-def _offset(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
-    from lighting.errors import ParameterError
-    from lighting.photo import read_offset
-
-    try:
-        return None if text is None else read_offset(text)
-    except ParameterError as error:
-        raise click.BadParameter(str(error)) from error
 
 
 _DATE = click.DateTime(formats=["%Y-%m-%d"])
@@ -61,7 +52,7 @@ _DATE = click.DateTime(formats=["%Y-%m-%d"])
 @click.option(
     "--utc-offset",
     metavar="HOURS",
-    callback=_offset,
+    callback=read_zone,
     help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
 @click.option("-o", "--output", metavar="FILE.png", callback=preview_file, help='Also draw it; "-" is stdout.')

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lighting.cli.given import read_zone
 from lighting.cli.options import quiet_option
-from lighting.cli.stereo import _offset, stereo
+from lighting.cli.stereo import stereo
 
 if TYPE_CHECKING:
     from lighting.stereo.normals.job import Known, Solved, Watch
@@ -25,7 +26,7 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option("--heading", type=float, metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
 @click.option("--pitch", type=click.FloatRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
 @click.option("--roll", type=float, default=0.0, metavar="DEG", help="How far it is turned clockwise.")
-@click.option("--utc-offset", metavar="HOURS", callback=_offset, help="Of the camera's clock: +02:00 or 2.")
+@click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Of the camera's clock: +02:00 or 2.")
 @click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
 @click.option("--turbidity", type=click.FloatRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
 @click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
