@@ -87,7 +87,8 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @share("--synthetic-share", 0.3, "Share of the crops that show synthetic places.")
 @share("--aimed", 0.2, "Share of the crops of panoramas with a visible sun whose camera is turned towards it.")
 @share("--joined", 0.0, "Share of the crops divided by a line between two places under the same sun.")
-@flag("--surroundings", "Also learn the light all around the camera.")
+@flag("--surroundings", "Also learn the light all around the camera and its power.")
+@share("--photos-share", 0.0, "Share of the crops that show the photos of photos_train.csv.")
 @flag("--only-seen", "Train only the head that says where in the picture the sun is seen.")
 @share("--tune-share", 0.08, "Share of the places that are held out for the log.")
 @option("--workers", "Processes that cut crops.", click.IntRange(0), 2)
@@ -105,6 +106,31 @@ def train(out: Path | None, network: str, scratch: bool, **given: Any) -> None:
 
 
 @cli.command()
+@click.argument("file", type=FOLDER)
+@click.argument("number", type=click.IntRange(0))
+@data
+@labels
+@option("--out", "Folder to write; `train --start` continues from it.", required=True)
+def unpack(file: Path, number: int, data: Path, labels: Path, out: Path) -> None:
+    """Read network NUMBER (from 0) of the ONNX file FILE back, so that its training can go on."""
+    from export.training import TrainConfig
+    from export.training.unpack import unpack as run
+
+    run(file, number, TrainConfig(str(data), str(labels), str(out), aimed=0.2))
+
+
+@cli.command()
+@click.argument("run", type=FOLDER)
+@data
+@labels
+def suitable(run: Path, data: Path, labels: Path) -> None:
+    """Fit the head that says whether a photo suits, on a finished run's features; print what it catches."""
+    from export.training.suitable import learn_suitable
+
+    click.echo(learn_suitable(run, data, labels))
+
+
+@cli.command()
 @click.argument("runs", type=FOLDER, nargs=-1, required=True)
 @option("--out", "Folder to write; it then holds a run like any other.", required=True)
 def merge(runs: tuple[Path, ...], out: Path) -> None:
@@ -119,13 +145,16 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 @option("--out", "File to write. [default: RUN/NAME-VERSION.onnx]")
 @option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
-def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float, version: str | None) -> None:
+@option("--camera", "Run of a further network, which answers for the camera alone.", multiple=True)
+def onnx(
+    runs: tuple[Path, ...], out: Path | None, temperature: float, version: str | None, camera: tuple[Path, ...]
+) -> None:
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
     from export.networks import read_spec, write_onnx
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    difference = write_onnx(runs, target, temperature=temperature, version=version)
+    difference = write_onnx(runs, target, temperature=temperature, version=version, cameras=camera)
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 
@@ -137,13 +166,14 @@ def onnx(runs: tuple[Path, ...], out: Path | None, temperature: float, version: 
 @option("--out", "Folder for the report and the crops' errors.", default="runs/evaluation")
 @flag("--with-metadata", "Also score answers with simulated time, place, compass and lens, and with several views.")
 @flag("--suncompass", "Also score that peer: pip install --no-deps suncompass==0.0.1.")
-@flag("--relight", "Also relight a sphere with the estimated environment maps.")
+@flag("--relight", "Also relight objects with the estimated environment maps, and judge their light by weather.")
 @flag("--failures", "Also write the worst crops; they show pictures of the data, so do not publish them.")
 @flag("--card", "Also write the model card and figures into lighting/data, the reliability diagram into docs.")
 def evaluate(model: Path | None, compare: tuple[Path, ...], relight: bool, card: bool, **given: Any) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.evaluation import Options, write_card
     from export.evaluation import evaluate as run
+    from export.evaluation.light import light_report
     from export.evaluation.relight import relight as run_relight
     from lighting.model import packaged_model
 
@@ -151,6 +181,7 @@ def evaluate(model: Path | None, compare: tuple[Path, ...], relight: bool, card:
     evaluation = run(options)
     if relight:
         evaluation = evaluation.with_section(run_relight(options.data, options.labels, options.models, options.out))
+        evaluation = evaluation.with_section(light_report(options.data, options.labels, options.models))
     click.echo(evaluation.report)
     if card:
         write_card(evaluation, options)

@@ -14,6 +14,10 @@ def srgb_decode(value: ArrayLike) -> Floats:
     return np.where(v <= 0.04045, v / 12.92, ((np.maximum(v, 0.0) + 0.055) / 1.055) ** 2.4)
 
 
+SRGB_LINEAR: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
+"""Linear value (256,) of each 8-bit sRGB value."""
+
+
 def srgb_encode(linear: ArrayLike) -> Floats:
     """sRGB-encoded values in [0, 1] of linear light, clipped to [0, 1] (IEC 61966-2-1)."""
     v = np.clip(linear, 0.0, 1.0)

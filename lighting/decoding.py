@@ -8,12 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, best_angle
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.records import RANGES, Lighting, Prediction, SunEstimate
+from lighting.records import COLOUR_RANGES, RANGES, Colour, Light, Lighting, Prediction, SunEstimate
 from lighting.sun_grid import grid_directions, radii
 
 _CANDIDATES = 64  # the likeliest cells; only they may be the answer, so that it never lies between two modes
 _LIKELY = 0.05  # least probability of such a cell, as a share of the likeliest cell's
 _WRONG = 60.0  # deg; larger errors count as this one. 45 gave the same accuracy on unseen places
+_DARKEST = 1e-6  # irradiance that stands for none where logarithms are averaged
 _REFINED = 25.0  # deg around the best cell over which the answer is averaged
 
 
@@ -48,7 +49,36 @@ def lighting_from(prediction: Prediction, sun: SunEstimate | None = None) -> Lig
         name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()
     }
     spec = prediction.spec
+    inside |= _strength(prediction.light) if prediction.light else {}
     return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=("pixels",))
+
+
+def _strength(light: Light) -> dict[str, Any]:
+    """The fields of a Lighting that say how strong the light is."""
+    return {
+        "sun_irradiance": colour(light.sun_irradiance, "sun_irradiance"),
+        "sky_irradiance": colour(light.sky_irradiance, "sky_irradiance"),
+        "sky_cover": _significant(float(np.clip(light.cover, 0.0, 1.0))),
+        "suitable": _significant(float(np.clip(light.suitable, 0.0, 1.0))),
+    }
+
+
+def colour(values: Floats, name: str) -> Colour:
+    """Red, green and blue (3,) as plain numbers inside the range that COLOUR_RANGES has for `name`."""
+    red, green, blue = (_significant(float(v)) for v in np.clip(values, *COLOUR_RANGES[name]))
+    return red, green, blue
+
+
+def light_numbers(light: Light) -> Floats:
+    """What of a Light may be averaged over pictures (8,): logarithms of the irradiances, and the two shares."""
+    irradiance = np.concatenate([light.sun_irradiance, light.sky_irradiance])
+    return np.concatenate([np.log(np.maximum(irradiance, _DARKEST)), [light.cover, light.suitable]])
+
+
+def light_of_numbers(numbers: Floats, around: NDArray[np.float32] | None = None) -> Light:
+    """The Light of `light_numbers`."""
+    irradiance = np.exp(numbers[:6])
+    return Light(irradiance[:3], irradiance[3:], float(numbers[6]), float(numbers[7]), around)
 
 
 def _significant(value: float) -> float:

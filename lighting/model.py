@@ -1,8 +1,9 @@
 """The network: an ONNX file that carries its own description, run by onnxruntime.
 
 Input `photo`, float32 (N, 3, H, W), is the canvas of photo.place. Output `sun_probability`, float32 (N, G), sums to 1
-over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. The metadata key
-`spec` holds a ModelSpec as JSON.
+over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. Two more outputs
+are optional: `light`, float32 (N, 8), holds LIGHT in final units, and `around`, float32 (N, 12, 24, 3), the radiance of
+the place all around without the sun. The metadata key `spec` holds a ModelSpec as JSON.
 """
 
 import os
@@ -12,12 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.cpus import available_cpus
 from lighting.errors import ModelError
-from lighting.records import ModelSpec, Prediction
+from lighting.records import AROUND_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
+LIGHT = (  # of output `light`: irradiances in the photo's linear units, then two shares
+    *("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue"),
+    *("cover", "suitable"),
+)
 OUTPUTS = ("sun_probability", "parameters")
+MORE_OUTPUTS = {"light": (len(LIGHT),), "around": AROUND_SHAPE}  # that a network may have; `around` needs `light`
 CARD = "MODEL_CARD.md"  # beside a network's file
 
 _ERRORS_ONLY = 3  # onnxruntime's scale of log severities
@@ -29,16 +36,21 @@ class Model:
     def __init__(self, session: Any, spec: ModelSpec) -> None:
         self.session = session
         self.spec = spec
+        there = {port.name for port in session.get_outputs()}
+        self.outputs = (*OUTPUTS, *(name for name in MORE_OUTPUTS if name in there))
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str] | None = None, threads: int = 0) -> "Model":
+    def load(
+        cls, path: str | os.PathLike[str] | None = None, threads: int = 0, *, for_one_photo: bool = False
+    ) -> "Model":
         """The network in an ONNX file, by default the one in this package.
 
-        `threads` work on one photo; 0 means one for each CPU that this process may use. Raises ModelError for a file
+        `threads` work on one photo; 0 means one for each CPU that this process may use. A model for one photo skips
+        the rewriting of its graph, which takes longer than it saves on the first photo. Raises ModelError for a file
         that is missing, damaged, or of another layout than this module's.
         """
         file = packaged_model() if path is None else Path(path)
-        session = _session(file, threads or available_cpus())
+        session = _session(file, threads or available_cpus(), for_one_photo)
         metadata = session.get_modelmeta().custom_metadata_map
         if "spec" not in metadata:
             raise ModelError(f"{file} is not a lighting network: its metadata has no 'spec'.")
@@ -53,16 +65,17 @@ class Model:
             raise ValueError(f"The network takes a batch of shape (N, {expected}), not {batch.shape}.")
         if len(batch) == 0:
             return []
-        probability, parameters = self._run(batch)
-        return [_prediction(self.spec, p, q) for p, q in zip(probability, parameters, strict=True)]
+        outputs = self._run(batch)
+        return [_prediction(self.spec, dict(zip(self.outputs, row, strict=True))) for row in zip(*outputs, strict=True)]
 
     def _run(self, batch: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         try:
-            outputs: list[NDArray[np.float32]] = self.session.run(OUTPUTS, {"photo": batch})
+            outputs: list[NDArray[np.float32]] = self.session.run(self.outputs, {"photo": batch})
         except Exception as error:  # onnxruntime's errors share no public base class
             raise ModelError(f"The network failed: {_reason(error)}") from error
         cells = len(grid_directions(self.spec.sun_grid))
-        if [o.shape for o in outputs] != [(len(batch), cells), (len(batch), len(PARAMETERS))]:
+        shapes = _shapes(self.spec)
+        if [o.shape for o in outputs] != [(len(batch), *shapes[name]) for name in self.outputs]:
             raise ModelError(f"The network answered in shapes {[o.shape for o in outputs]}, not {cells} cells.")
         if not all(np.isfinite(o).all() for o in outputs):
             raise ModelError("The network's answer is not finite.")
@@ -83,14 +96,7 @@ def packaged_model() -> Path:
     return found[0]
 
 
-def available_cpus() -> int:
-    """The number of CPUs that this process may use; in a container it can be smaller than the machine's."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _session(file: Path, threads: int) -> Any:
+def _session(file: Path, threads: int, for_one_photo: bool) -> Any:
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels report usage otherwise
     import onnxruntime
 
@@ -98,6 +104,8 @@ def _session(file: Path, threads: int) -> Any:
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = _ERRORS_ONLY
+    if for_one_photo:
+        options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")
@@ -107,21 +115,36 @@ def _session(file: Path, threads: int) -> Any:
         raise ModelError(f"{file} is not an ONNX network that can be read: {_reason(error)}") from error
 
 
-def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
-    cells = len(grid_directions(spec.sun_grid))
-    expected = {
-        "photo": [3, spec.height, spec.width],
-        "sun_probability": [cells],
-        "parameters": [len(PARAMETERS)],
+def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:
+    """The shape of each output for one photo."""
+    plain: dict[str, tuple[int, ...]] = {
+        "sun_probability": (len(grid_directions(spec.sun_grid)),),
+        "parameters": (len(PARAMETERS),),
     }
+    return {**plain, **MORE_OUTPUTS}
+
+
+def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
     found = {port.name: port.shape[1:] for port in [*session.get_inputs(), *session.get_outputs()]}
-    if found != expected:
+    more = [name for name in MORE_OUTPUTS if name in found]
+    shapes = _shapes(spec)
+    expected = {"photo": [3, spec.height, spec.width], **{name: list(shapes[name]) for name in (*OUTPUTS, *more)}}
+    if found != expected or more == ["around"]:
         raise ModelError(f"{file} is a network of another layout: {found} where {expected} is expected.")
 
 
-def _prediction(spec: ModelSpec, probability: NDArray[np.float32], parameters: NDArray[np.float32]) -> Prediction:
-    named = dict(zip(PARAMETERS, map(float, parameters), strict=True))
-    return Prediction(spec=spec, sun_probability=probability, **named)
+def _prediction(spec: ModelSpec, said: dict[str, NDArray[np.float32]]) -> Prediction:
+    named = dict(zip(PARAMETERS, map(float, said["parameters"]), strict=True))
+    light = _light(said["light"], said.get("around")) if "light" in said else None
+    return Prediction(spec=spec, sun_probability=said["sun_probability"], **named, light=light)
+
+
+def _light(said: NDArray[np.float32], around: NDArray[np.float32] | None) -> Light:
+    """The Light in a row of the outputs, with every value in its range."""
+    positive = np.maximum(said.astype(np.float64), 0.0)
+    cover, suitable = np.minimum(positive[6:], 1.0)
+    here = None if around is None else np.maximum(around, np.float32(0))
+    return Light(positive[:3], positive[3:6], float(cover), float(suitable), here)
 
 
 def _reason(error: Exception) -> str:

@@ -1,13 +1,19 @@
 """From a photo to its light: the whole chain, and nothing else."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
+from lighting.decoding import colour
+from lighting.envmap import photo_ground
 from lighting.evidence import Fit, Given, estimate_of, fit, fuse, fuse_together, known, known_together, series_of
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo, to_tensor
 from lighting.records import Estimate, Prediction
-from lighting.turns import Placed, Shot, features, place
+
+if TYPE_CHECKING:
+    from lighting.turns import Placed
 
 NOTHING_GIVEN = Given()
 
@@ -29,7 +35,7 @@ class Estimator:
         Raises ModelError, and ParameterError where the user's own time and place are of night.
         """
         facts = known(photo.facts, given)
-        return estimate_of(fuse(self.predict(photo), facts.evidence), facts)
+        return with_ground(photo, estimate_of(fuse(self.predict(photo), facts.evidence), facts))
 
     def together(
         self,
@@ -53,7 +59,10 @@ class Estimator:
             else None
         )
         fused = fuse_together(said, evidence, headings, placed)
-        return [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)]
+        return [
+            with_ground(photo, estimate_of(answer, fact))
+            for photo, answer, fact in zip(photos, fused, facts, strict=True)
+        ]
 
     def follow(
         self,
@@ -73,8 +82,18 @@ class Estimator:
         return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
 
 
-def _placed(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> tuple[Placed, ...]:
+def with_ground(photo: Photo, estimate: Estimate) -> Estimate:
+    """The estimate with the colour of the ground that the photo shows, where irradiances are known and it shows any."""
+    ground = photo_ground(photo.pixels, estimate.lighting)
+    if ground is None:
+        return estimate
+    return replace(estimate, lighting=replace(estimate.lighting, ground_color=colour(ground, "ground_color")))
+
+
+def _placed(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> "tuple[Placed, ...]":
     """Where the photos look, by what they show in common."""
+    from lighting.turns import Shot, features, place
+
     shots = [
         Shot(features(photo.pixels), p.camera_elevation, p.camera_roll, p.vertical_fov, fov)
         for photo, p, fov in zip(photos, said, fovs, strict=True)

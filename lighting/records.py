@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import Floats, direction
+from lighting.sky import MODELS
 
 SKY_MODEL = "hosek-wilkie"
 EVIDENCE = ("pixels", "time+place", "heading", "focal length", "turns", "other photos")  # what an answer may rest on
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
+SUITABLE = 0.5  # `suitable` below it earns a warning
+GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
 
 RANGES: dict[str, tuple[float, float]] = {
     "sun_azimuth": (-180.0, 180.0),  # deg, 0 = where the camera points, positive to the right
@@ -41,7 +44,18 @@ OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
     "relative_heading": (0.0, 360.0),  # deg clockwise from the first of several photos
     "latitude": (-90.0, 90.0),  # deg, positive north; only where the user asked for it
     "longitude": (-180.0, 180.0),  # deg, positive east
+    "sky_cover": (0.0, 1.0),  # 0 clear, 1 overcast; goes with sky_irradiance
+    "suitable": (0.0, 1.0),  # probability that this is an ordinary photo of outdoors by daylight
 }
+
+COLOUR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not always known
+    "sun_irradiance": (0.0, 1e6),  # of a surface that faces the sun, in the photo's linear units
+    "sky_irradiance": (0.0, 1e6),  # of open level ground by the sky without the sun, in the same units
+    "ground_color": (0.0, 1.0),  # reflectance of the ground
+}
+
+Colour = tuple[float, float, float]  # linear Rec.709
+AROUND_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 
 
 @dataclass(frozen=True)
@@ -82,6 +96,17 @@ class ModelSpec:
         return spec
 
 
+@dataclass(frozen=True, eq=False)
+class Light:
+    """What a network says of the light's strength; in the photo's linear units (sRGB decoded, 1 = white)."""
+
+    sun_irradiance: Floats  # (3,) of a surface that faces the sun
+    sky_irradiance: Floats  # (3,) of a level surface by the sky without the sun
+    cover: float  # 0 clear to 1 overcast
+    suitable: float  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
+    around: NDArray[np.float32] | None = None  # AROUND_SHAPE, radiance all around the camera without the sun
+
+
 @dataclass(frozen=True)
 class Prediction:
     """The network's output for one photo."""
@@ -94,6 +119,7 @@ class Prediction:
     camera_elevation: float
     camera_roll: float
     vertical_fov: float
+    light: Light | None = None  # of networks that say it
 
 
 @dataclass(frozen=True)
@@ -132,6 +158,12 @@ class Lighting:
     relative_heading: float | None = None
     latitude: float | None = field(default=None, repr=False)
     longitude: float | None = field(default=None, repr=False)
+    sky_model: str = SKY_MODEL  # of MODELS: the shape of the sky
+    sun_irradiance: Colour | None = None  # with sky_irradiance: maps then have these irradiances
+    sky_irradiance: Colour | None = None
+    sky_cover: float | None = None
+    ground_color: Colour | None = None
+    suitable: float | None = None
 
     def __post_init__(self) -> None:
         for name, (low, high) in RANGES.items():
@@ -139,11 +171,27 @@ class Lighting:
         for name, (low, high) in OPTIONAL_RANGES.items():
             if getattr(self, name) is not None:
                 check_range(name, getattr(self, name), low, high)
+        for name, limits in COLOUR_RANGES.items():
+            _check_colour(name, getattr(self, name), limits)
         _check_headings(self.camera_heading_probability)
+        if self.sky_model not in MODELS:
+            known = ", ".join(name for name in MODELS if not name[-1].isdigit())
+            raise ParameterError(
+                f"sky.model is {reprlib.repr(self.sky_model)}; the known ones are {known}, cie-1 to cie-15."
+            )
+        if (self.sun_irradiance is None) != (self.sky_irradiance is None):
+            raise ParameterError("sun.irradiance and sky.irradiance go together; the record has only one of them.")
+        if self.sky_cover is not None and self.sky_irradiance is None:
+            raise ParameterError("sky.cover needs sky.irradiance and sun.irradiance beside it.")
+
+    @property
+    def sun_painted(self) -> bool:
+        """Whether maps hold the sun unless asked otherwise: where its irradiance is given, it fades by itself."""
+        return self.sun_shines or self.sun_irradiance is not None
 
     @property
     def sun_shines(self) -> bool:
-        """Whether direct sunlight has a probability of at least one half; maps then paint the sun's disc by default."""
+        """Whether direct sunlight has a probability of at least one half."""
         return self.sun_visibility >= 0.5
 
     @property
@@ -158,7 +206,12 @@ class Lighting:
             values = {name: getattr(self, attribute) for name, attribute in names.items()}
             record[section] = {name: value for name, value in values.items() if value not in (None, ())}
         record["sun"]["direction"] = [round(float(v), 6) for v in self.sun_direction]
-        record["sky"]["model"] = SKY_MODEL
+        for section, attribute in _COLOURS.items():
+            if (colour := getattr(self, attribute)) is not None:
+                record.setdefault(section.split(".")[0], {})[section.split(".")[1]] = list(colour)
+        record["sky"]["model"] = self.sky_model
+        if self.suitable is not None:
+            record["suitable"] = self.suitable
         if self.camera_heading_probability:
             record["camera"]["heading_probability"] = list(self.camera_heading_probability)
         if not record["place"]:
@@ -171,9 +224,8 @@ class Lighting:
 
         Raises ParameterError, which names the field that is missing, of the wrong type or out of range.
         """
-        found = {name: _section(record, name, required=name in ("sun", "sky")) for name in (*_SECTIONS, "model")}
-        if found["sky"].get("model", SKY_MODEL) != SKY_MODEL:
-            raise ParameterError(f"sky.model is {reprlib.repr(found['sky']['model'])}; only {SKY_MODEL!r} is known.")
+        names = (*_SECTIONS, "model", "ground")
+        found = {name: _section(record, name, required=name in ("sun", "sky")) for name in names}
         values = {
             attribute: found[section].get(name)
             for section, names in _SECTIONS.items()
@@ -185,6 +237,10 @@ class Lighting:
         values |= {f"model_{name}": _text(found["model"], name) for name in ("name", "version")}
         values |= {name: _texts(record, name) for name in ("evidence", "warnings")}
         values["camera_heading_probability"] = _numbers(found["camera"], "heading_probability")
+        for path, attribute in _COLOURS.items():
+            section, name = path.split(".")
+            values[attribute] = _numbers(found[section], name) or None
+        values |= {"sky_model": found["sky"].get("model"), "suitable": record.get("suitable")}
         return cls(**{name: value for name, value in values.items() if value is not None})
 
 
@@ -196,7 +252,12 @@ _SECTIONS = {  # the groups of the JSON record: each name in it, and the attribu
         "radius_50": "radius_50",
         "radius_90": "radius_90",
     },
-    "sky": {"turbidity": "turbidity", "ground_albedo": "ground_albedo", "exposure": "exposure"},
+    "sky": {
+        "turbidity": "turbidity",
+        "ground_albedo": "ground_albedo",
+        "exposure": "exposure",
+        "cover": "sky_cover",
+    },
     "camera": {
         "elevation": "camera_elevation",
         "roll": "camera_roll",
@@ -207,6 +268,11 @@ _SECTIONS = {  # the groups of the JSON record: each name in it, and the attribu
         "relative_heading": "relative_heading",
     },
     "place": {"latitude": "latitude", "longitude": "longitude"},
+}
+_COLOURS = {  # where the JSON record has them
+    "sun.irradiance": "sun_irradiance",
+    "sky.irradiance": "sky_irradiance",
+    "ground.color": "ground_color",
 }
 
 
@@ -224,6 +290,7 @@ class Estimate:
 
     lighting: Lighting
     distribution: SunDistribution  # with all evidence counted
+    around: NDArray[np.float32] | None = None  # AROUND_SHAPE, radiance of the place without the sun, if predicted
 
     @property
     def evidence(self) -> tuple[str, ...]:
@@ -261,6 +328,15 @@ def _check_headings(probability: tuple[float, ...]) -> None:
         raise ParameterError(f"camera_heading_probability has {len(probability)} values; it must have 360.")
     for value in probability:
         check_range("camera_heading_probability", value, 0.0, 1.0)
+
+
+def _check_colour(name: str, colour: object, limits: tuple[float, float]) -> None:
+    if colour is None:
+        return
+    if not isinstance(colour, tuple) or len(colour) != 3:
+        raise ParameterError(f"{name} must be three numbers: red, green and blue.")
+    for value in colour:
+        check_range(name, value, *limits)
 
 
 def check_range(name: str, value: object, low: float, high: float) -> None:

@@ -3,7 +3,9 @@
 from export.crops.augment import augment
 from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, training_camera
 from export.crops.crops import Crop, is_resolved, take
+from export.crops.irradiance import Irradiance, irradiance_of
 from export.crops.mosaic import companions, joined, same_view
+from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
 from export.crops.seeds import generator
 from export.crops.seen_sun import CELL, where_seen
 from export.crops.sources import Source, load_source, load_sources, sampling_weights
@@ -15,21 +17,28 @@ __all__ = [
     "PROTOCOLS",
     "Camera",
     "Crop",
+    "Irradiance",
+    "PhotoSource",
     "Source",
     "aimed_camera",
     "augment",
     "companions",
     "generator",
+    "irradiance_of",
     "is_resolved",
     "joined",
     "light_around",
+    "likelihood",
+    "load_photos",
     "load_source",
     "load_sources",
     "paper_camera",
+    "photo_weights",
     "same_view",
     "sampling_weights",
     "seen_from",
     "take",
+    "take_photo",
     "training_camera",
     "where_seen",
 ]

@@ -13,17 +13,21 @@ from lighting.geometry import Floats, Pinhole, camera_directions
 _BOX, _BICUBIC = Image.Resampling.BOX, Image.Resampling.BICUBIC
 
 
-def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], float, bool]:
-    """The processed picture (h, w, 3), the factor on its exposure, and whether the sun that it showed is hidden."""
+def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], Floats, bool]:
+    """The processed picture (h, w, 3), the factors (3,) on its linear values, and whether the sun it showed is hidden.
+
+    The factors' mean is the change of exposure, the rest of them the change of white balance.
+    """
     gain = float(2.0 ** rng.uniform(-1.2, 1.0))
     recovered = _recover(crop.linear) if gain < 1 else crop.linear
     shown = _hide_sky(_occlude(recovered, crop, rng), crop, rng)
     hidden = _differ_at_the_sun(shown, recovered, crop)
-    linear = shown * (gain * _white_balance(rng)) * _vignette(shown.shape, rng)
+    gains = gain * _white_balance(rng)
+    linear = shown * gains * _vignette(shown.shape, rng)
     linear = _haze(_tone_locally(linear, rng), rng)
     linear = linear + rng.normal(0, 0.02 * rng.random() ** 2, linear.shape).astype(np.float32) * np.sqrt(linear + 0.02)
     picture = _tone(tone_map(np.maximum(linear, 0.0)), rng)
-    return _recompress(_sharpen(picture, rng), rng), gain, hidden
+    return recompress(_sharpen(picture, rng), rng), gains.astype(np.float64), hidden
 
 
 def _differ_at_the_sun(one: NDArray[np.float32], other: NDArray[np.float32], crop: Crop) -> bool:
@@ -125,7 +129,7 @@ def _sharpen(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np
     return np.asarray(Image.fromarray(picture).filter(kernel))
 
 
-def _recompress(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+def recompress(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
     if rng.random() < 0.4:
         return picture
     buffer = BytesIO()

@@ -9,6 +9,7 @@ from lighting.geometry import Pinhole, camera_pixel, direction, wrap_azimuth
 
 MAX_HORIZONTAL_FOV = 106.0  # deg, about that of a phone's ultra-wide lens
 PHONE_ASPECTS = (9 / 16, 2 / 3, 3 / 4, 1.0, 4 / 3, 3 / 2, 16 / 9)
+TILTED = 45.0  # deg, largest roll of a tilted phone
 AIMS = 40  # cameras tried until one sees the sun
 
 
@@ -38,9 +39,14 @@ def phone_camera(rng: np.random.Generator) -> Camera:
 
 
 def training_camera(rng: np.random.Generator) -> Camera:
-    """Half as phones take photos, half near the paper's protocol with a small roll; half of all are mirrored."""
+    """Half as phones take photos, half near the paper's protocol with a small roll; half of all are mirrored.
+
+    One in seven of the phones is tilted, by up to TILTED.
+    """
     if rng.random() < 0.5:
         camera = phone_camera(rng)
+        if rng.random() < 1 / 7:
+            camera = replace(camera, roll=rng.uniform(-TILTED, TILTED))
     else:
         roll = float(np.clip(rng.normal(0, 2), -10, 10))
         camera = replace(paper_camera(rng), roll=roll, vertical_fov=rng.uniform(32, 75))

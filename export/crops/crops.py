@@ -23,6 +23,9 @@ _KERNELS = {  # a bicubic filter would draw a black ring around the sun of an HD
 }
 
 
+VISIBILITY = {"yes": 1.0, "partly": 0.5, "no": 0.0}  # target by whether direct sunlight reaches the scene
+
+
 @dataclass(frozen=True)
 class Crop:
     """A picture and its targets; NaN where the panorama does not tell."""
@@ -76,7 +79,7 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
         sun_azimuth=side * float(wrap_azimuth(label.sun_azimuth - camera.azimuth)),
         sun_elevation=max(label.sun_elevation, 0.0),
         sun_uncertainty=label.sun_uncertainty,
-        sun_visibility={"yes": 1.0, "partly": 0.5, "no": 0.0}.get(label.direct, nan),
+        sun_visibility=VISIBILITY.get(label.direct, nan),
         turbidity=label.turbidity if label.fit_ok else nan,
         exposure=label.exposure * gain if label.fit_ok else nan,
         gain=gain,

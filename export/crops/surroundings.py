@@ -1,7 +1,7 @@
-"""A coarse map of the light around a crop's camera: a further training target, with or without a sun.
+"""A coarse map of the light around a crop's camera, in the crop's own exposure and white balance.
 
-Only training uses it. It holds many values where the sun's direction is a single one, so a network that can predict it
-has learnt more from a panorama than which place it is.
+It is a training target: it holds many values where the sun's direction is a single one, so a network that predicts it
+has learnt more from a panorama than which place it is. What is learnt also completes the maps that reflect the place.
 """
 
 import numpy as np
@@ -11,25 +11,27 @@ from export.crops.cameras import Camera
 from export.crops.crops import resize
 from export.crops.sources import Source
 from export.data import linear_of
-from lighting.colour import luminance
 from lighting.geometry import Floats
 
 ROWS, COLUMNS = 12, 24  # cells of the map
 CELLS = ROWS * COLUMNS
+DARKEST = 0.01  # added to radiances before the logarithm
+BRIGHTEST = 4.0  # the photo's white is 1; the sun's disc counts no more than this
 _FINE = 6  # parts of a column, the steps by which the map is turned
 
 
 def light_around(source: Source) -> Floats:
-    """Log luminance and log blue over red (ROWS, _FINE * COLUMNS, 2) of a panorama, minus their means."""
-    linear = linear_of(source.panorama, source.levels[-1])
-    small = resize(linear, _FINE * COLUMNS, ROWS, Image.Resampling.BOX)
-    light = np.log(luminance(small) + 0.01)
-    colour = np.log((small[..., 2] + 0.02) / (small[..., 0] + 0.02))
-    return np.stack([light - light.mean(), colour - colour.mean()], axis=-1).astype(np.float32)
+    """Linear radiance (ROWS, _FINE * COLUMNS, 3) of a panorama, in its own exposure."""
+    linear = np.asarray(linear_of(source.panorama, source.levels[-1]), dtype=np.float32)
+    return resize(linear, _FINE * COLUMNS, ROWS, Image.Resampling.BOX)
 
 
-def seen_from(around: Floats, camera: Camera) -> Floats:
-    """The map (2 * CELLS,) row by row with the camera's azimuth in its middle, mirrored as the crop is."""
+def seen_from(around: Floats, camera: Camera, gains: Floats) -> Floats:
+    """Log radiance (ROWS * COLUMNS * 3,) row by row, the camera's azimuth in the map's middle, mirrored as the crop is.
+
+    `gains` (3,) lead from the panorama's values to the photo's.
+    """
     turned = np.roll(around, -round(camera.azimuth / 360 * _FINE * COLUMNS), axis=1)
     turned = turned[:, ::-1] if camera.mirrored else turned
-    return np.asarray(turned.reshape(ROWS, COLUMNS, _FINE, 2).mean(axis=2).ravel())
+    cells = np.minimum(turned * gains, BRIGHTEST).reshape(ROWS, COLUMNS, _FINE, 3).mean(axis=2)
+    return np.asarray(np.log(cells + DARKEST), dtype=np.float32).ravel()

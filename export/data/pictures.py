@@ -9,7 +9,7 @@ from PIL import Image
 
 from export.data.panoramas import Panorama
 from export.data.tables import DataError
-from lighting.colour import srgb_decode
+from lighting.colour import SRGB_LINEAR
 from lighting.probe.regions import shrink
 
 _LARGEST_HALF = 65504.0  # half floats end here
@@ -44,10 +44,7 @@ def linear_of(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
 
 def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Linear values in [0, 1] of an 8-bit sRGB picture of any shape."""
-    return _DECODED[picture]
-
-
-_DECODED: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
+    return SRGB_LINEAR[picture]
 
 
 def _read_ldr(path: Path) -> NDArray[np.uint8]:

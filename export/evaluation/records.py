@@ -22,6 +22,7 @@ class Truth:
     scored: Bools  # (N,) the sun's direction is known well enough to score
     sun: Floats  # (N, 3)
     camera: Floats  # (N, 3) elevation, roll, vertical field of view
+    aspect: Floats  # (N,) width over height
     visibility: Floats  # (N,) 1 direct sun, 0.5 partly, 0 none
     turbidity: Floats  # (N,)
     exposure: Floats  # (N,)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from export.evaluation.camera_scores import camera_scores
 from export.evaluation.intervals import difference_interval, median_interval
 from export.evaluation.metrics import camera_figures, sun_error, sun_figures
 from export.evaluation.records import Answers, Bools, Truth, select
@@ -16,6 +17,8 @@ def report(protocol: str, truth: Truth, said: dict[str, Answers], ours: str) -> 
     """All tables of one protocol; `said` has each method's answers."""
     scored = select(truth, truth.scored)
     answered = {name: select(a, truth.scored) for name, a in said.items()}
+    cameras = {name: a for name, a in said.items() if np.isfinite(a.camera).all()}
+    others = [name for name, a in cameras.items() if name != ours and np.isfinite(a.radius_50).all()]
     return "\n\n".join(
         [
             f"## Protocol `{protocol}`: {len(truth.scored)} crops, {len(scored.sun)} with a sun to score "
@@ -26,8 +29,11 @@ def report(protocol: str, truth: Truth, said: dict[str, Answers], ours: str) -> 
             intervals_table(scored, answered, ours),
             f"`{ours}` by true sun elevation, and by what is in view",
             figures_table(breakdown(scored, answered[ours])),
+            *[f"`{name}` by the same\n\n{figures_table(breakdown(scored, answered[name]))}" for name in others],
             "Camera and sky, over all crops [deg]",
-            figures_table({n: camera_figures(truth, a) for n, a in said.items() if np.isfinite(a.camera).all()}),
+            figures_table({name: camera_figures(truth, a) for name, a in cameras.items()}),
+            "Camera as calibration papers score it: area under the recall of errors, and the horizon [%]",
+            figures_table({name: camera_scores(truth, a) for name, a in cameras.items()}),
         ]
     )
 

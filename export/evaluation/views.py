@@ -70,6 +70,7 @@ def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
         scored=np.isfinite(sun[:, 0]) & (uncertainty <= CERTAIN),
         sun=sun,
         camera=np.array([[c.camera.elevation, c.camera.roll, c.camera.vertical_fov] for c in crops]),
+        aspect=np.array([c.camera.aspect for c in crops]),
         visibility=np.array([c.sun_visibility for c in crops]),
         turbidity=np.array([c.turbidity for c in crops]),
         exposure=np.array([c.exposure for c in crops]),

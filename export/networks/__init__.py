@@ -1,25 +1,28 @@
 """The networks in torch, the runs that trained them, and the ONNX file that ships."""
 
 from export.networks.averaging import merge
-from export.networks.checkpoints import CHECKPOINT, averaged_weights
+from export.networks.checkpoints import CHECKPOINT, averaged_weights, read_network
 from export.networks.layers import Said
 from export.networks.network import build, load_weights
 from export.networks.onnx import write_onnx
-from export.networks.parameters import encode
+from export.networks.parameters import LIGHT, binned, encode
 from export.networks.runs import RECORD, history, read_record, read_spec
 from export.networks.specs import TARGET_WIDTH, specs
 
 __all__ = [
     "CHECKPOINT",
+    "LIGHT",
     "RECORD",
     "TARGET_WIDTH",
     "Said",
     "averaged_weights",
+    "binned",
     "build",
     "encode",
     "history",
     "load_weights",
     "merge",
+    "read_network",
     "read_record",
     "read_spec",
     "specs",

@@ -9,6 +9,7 @@ from export.networks.network import build, load_weights
 from export.networks.runs import read_spec
 
 CHECKPOINT = "checkpoint.pt"
+LEARNT = {"sees": "seen.", "bins": "camera.", "around": "light."}  # parts of a network, and a head of each
 
 
 def averaged_weights(folder: Path) -> dict[str, Tensor]:
@@ -20,6 +21,7 @@ def averaged_weights(folder: Path) -> dict[str, Tensor]:
 def read_network(folder: Path) -> nn.Module:
     """The averaged network of a training folder, ready to answer."""
     weights = averaged_weights(folder)
-    network = build(read_spec(folder), sees=any(name.startswith("seen.") for name in weights))
+    has = {part: any(name.startswith(head) for name in weights) for part, head in LEARNT.items()}
+    network = build(read_spec(folder), **has)
     load_weights(network, weights)
     return network.eval()

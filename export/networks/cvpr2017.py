@@ -38,4 +38,4 @@ class DeepOutdoor(nn.Module):
 
     def forward(self, photo: Tensor) -> Said:
         shared = self.shared(self.convolutions(photo))
-        return Said(self.sun(shared), self.values(shared), nothing(photo), nothing(photo))
+        return Said(self.sun(shared), self.values(shared), *[nothing(photo)] * 5)

@@ -11,6 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 HALVED = 256  # least elements of a tensor that is stored in half precision
 BYTES = 1024  # least weights of one output that are stored as bytes with a scale
+FEW = 8  # outputs; a tensor with fewer is not worth the rounding
 
 
 def share(model: Any) -> None:
@@ -55,7 +56,10 @@ def forget_origin(model: Any) -> None:
 
 
 def store_small(model: Any) -> None:
-    """Store the weights of an output as bytes with a scale if it has many, other large tensors in half precision."""
+    """Store weights as bytes with a scale for each output where outputs and weights are many, else in half precision.
+
+    Small tensors stay as they are.
+    """
     columns = {node.input[1] for node in model.graph.node if node.op_type == "MatMul"}  # an output is a column there
     tensors, nodes = [], []
     for tensor in model.graph.initializer:
@@ -72,7 +76,7 @@ def store_small(model: Any) -> None:
 
 def _stored(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[Any], list[Any]]:
     """Small tensors that replace a large one, whose outputs lie along `axis`, and the nodes that widen them."""
-    if weights.size < BYTES * weights.shape[axis]:
+    if weights.size < BYTES * weights.shape[axis] or weights.shape[axis] < FEW:
         half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
         return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]
     others = tuple(i for i in range(weights.ndim) if i != axis)

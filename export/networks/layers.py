@@ -12,7 +12,10 @@ class Said(NamedTuple):
     sun: Tensor  # (B, G) logits over the cells of its grid
     raw: Tensor  # (B, 6) values that `decode` turns into the columns of lighting.model.PARAMETERS
     seen: Tensor  # (B, 1 + cells) logits of where in the picture the sun is seen, the first for nowhere
-    around: Tensor  # (B, 2 * crops.CELLS) light around the camera, for training alone
+    around: Tensor  # (B, 3 * crops.CELLS) log radiance around the camera, RGB cell by cell
+    camera: Tensor  # (B, 3, BINS) logits of the camera's elevation, roll and field of view; (B, 0) as others
+    light: Tensor  # (B, 7) log irradiance of the sun (3) and the sky (3), logit of the cloud cover
+    suitable: Tensor  # (B, 1) logit that this is an ordinary photo of outdoors by daylight
 
 
 def convolution(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Sequential:
@@ -41,10 +44,10 @@ class InvertedResidual(nn.Module):
         self.drop = drop
 
     def forward(self, x: Tensor) -> Tensor:
-        wide: Tensor = x if self.expand is None else nn.functional.relu6(self.expand(x))
+        wide: Tensor = x if self.expand is None else nn.functional.relu6(self.expand(x), inplace=True)
         with torch.autocast(x.device.type, enabled=False):  # bfloat16 depthwise gradients are several times slower
             wide = self.depthwise(wide.float())
-        y: Tensor = self.project(nn.functional.relu6(wide))
+        y: Tensor = self.project(nn.functional.relu6(wide, inplace=True))
         if not self.residual:
             return y
         if self.training and self.drop:

@@ -11,17 +11,21 @@ from export.networks.outdoor import Outdoor
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
+HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
 
-def build(spec: ModelSpec, *, pretrained: bool = False, sees: bool = True, around: bool = False) -> nn.Module:
+
+def build(
+    spec: ModelSpec, *, pretrained: bool = False, sees: bool = True, bins: bool = True, around: bool = False
+) -> nn.Module:
     """The network of `spec.name`; `pretrained` loads the ImageNet weights of the backbone if it has one.
 
-    Our network before version 1.3 did not say where in the picture the sun is: it lacks `sees`. With `around` it also
-    says the light around the camera.
+    Our network before version 1.3 did not say where in the picture the sun is: it lacks `sees`. Before 2.0 it had no
+    `bins` of the camera's angles. With `around` it also says the light around the camera and its power.
     """
     cells = len(grid_directions(spec.sun_grid))
     if spec.name == "cvpr2017":
         return DeepOutdoor(spec, cells)
-    network = Outdoor(spec, cells, sees=sees, around=around)
+    network = Outdoor(spec, cells, sees=sees, bins=bins, around=around)
     if pretrained:
         load_imagenet(network.backbone)
     return network
@@ -30,10 +34,10 @@ def build(spec: ModelSpec, *, pretrained: bool = False, sees: bool = True, aroun
 def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
     """Load the weights of a run into a network; ValueError if they do not fit.
 
-    The heads `seen` and `around` keep their own weights if the run has none for them. Weights of the head `around` are
-    ignored by a network without it.
+    Heads of HEADS keep their own weights if the run has none for them. Weights of heads that the network lacks are
+    ignored.
     """
     missing, unknown = network.load_state_dict(weights, strict=False)
-    unknown = [name for name in unknown if not name.startswith("around.")]
-    if unknown or not all(name.startswith(("seen.", "around.")) for name in missing):
+    unknown = [name for name in unknown if not name.startswith(HEADS)]
+    if unknown or not all(name.startswith(HEADS) for name in missing):
         raise ValueError(f"The weights do not fit this network: {[*missing, *unknown][:3]}.")

@@ -21,7 +21,7 @@ from export.networks.runs import describe_data, differ, history, read_record, re
 from export.networks.served import Served
 from lighting.errors import ModelError
 from lighting.files import replacing
-from lighting.model import OUTPUTS, Model
+from lighting.model import Model
 from lighting.records import ModelSpec
 
 OPSET = 18
@@ -29,17 +29,26 @@ TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative t
 ROUNDED = 3e-2  # the same once weights are stored small: that shifts the camera, and a seen sun with it
 
 
-def write_onnx(folders: Sequence[Path], target: Path, *, temperature: float = 1.0, version: str | None = None) -> float:
+def write_onnx(
+    folders: Sequence[Path],
+    target: Path,
+    *,
+    temperature: float = 1.0,
+    version: str | None = None,
+    cameras: Sequence[Path] = (),
+) -> float:
     """Write `target` from training folders; returns its difference to torch (see `parity`).
 
     `temperature` divides the suns' logits (Guo et al., ICML 2017). The version is the first run's unless another is
     given. DataError if the runs' networks expect different photos; ModelError if the file's answers differ from torch's
     by more than TOLERANCE, or by more than ROUNDED once its weights are stored small.
     """
-    if differ(folders):
+    if differ([*folders, *cameras]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")
     spec, known = _described(folders, version)
-    served = Served([read_network(f) for f in folders], spec.sun_grid, temperature).eval()
+    known["cameras"] = json.dumps([history(read_record(f)) for f in cameras])
+    networks, further = ([read_network(f) for f in some] for some in (folders, cameras))
+    served = Served(networks, spec.sun_grid, temperature, further).eval()
     known["temperature"] = f"{temperature:.3f}"
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
@@ -80,7 +89,7 @@ def trace(served: Served, spec: ModelSpec) -> Any:
             served,
             (torch.zeros(2, 3, spec.height, spec.width),),
             input_names=["photo"],
-            output_names=list(OUTPUTS),
+            output_names=served.outputs,
             dynamic_shapes={"photo": {0: torch.export.Dim("batch", min=1)}},
             opset_version=OPSET,
             dynamo=True,
@@ -119,5 +128,5 @@ def parity(served: Served, path: Path) -> float:
     batch = rng.normal(0, 1, (5, 3, model.spec.height, model.spec.width)).astype(np.float32)
     with torch.inference_mode():
         expected = [output.numpy() for output in served(torch.from_numpy(batch))]
-    found = model.session.run(OUTPUTS, {"photo": batch})
+    found = model.session.run(served.outputs, {"photo": batch})
     return float(np.max([np.abs(a - b).max() / np.abs(a).max() for a, b in zip(expected, found, strict=True)]))

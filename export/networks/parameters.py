@@ -21,3 +21,31 @@ def decode(raw: Tensor) -> Tensor:
     value = raw[:, :5] * _SCALE.to(raw) + _CENTRE.to(raw)
     value = torch.where(_LOGARITHMIC.to(raw.device), value.exp(), value)
     return torch.cat([value, raw[:, 5:].sigmoid()], dim=1)
+
+
+BINS = 128  # of each angle of the camera
+LIGHT = 7  # log irradiance of the sun (3) and of the sky (3), logit of the cloud cover
+_LOWEST = torch.tensor([-50.0, -50.0, 12.0])  # deg: elevation, roll, vertical field of view
+_HIGHEST = torch.tensor([50.0, 50.0, 112.0])
+_SPREAD = 1.5  # bins, standard deviation of a target around the true angle
+
+
+def _bins(like: Tensor) -> Tensor:
+    """Raw values (3, BINS) at the bins' centres."""
+    low = (_LOWEST - _CENTRE[2:]) / _SCALE[2:]
+    high = (_HIGHEST - _CENTRE[2:]) / _SCALE[2:]
+    steps = (torch.arange(BINS) + 0.5) / BINS
+    return (low[:, None] + (high - low)[:, None] * steps).to(like)
+
+
+def expected(logits: Tensor) -> Tensor:
+    """Raw values (B, 3) of the camera: the means of its bins' probabilities, from logits (B, 3, BINS)."""
+    chances = logits.float().softmax(dim=2)
+    return (chances * _bins(chances)).sum(dim=2)
+
+
+def binned(raw: Tensor) -> Tensor:
+    """Target probabilities (B, 3, BINS) of raw values (B, 3) of the camera."""
+    centres = _bins(raw)
+    width = (centres[:, 1] - centres[:, 0])[:, None]
+    return (-0.5 * ((raw[:, :, None] - centres) / (_SPREAD * width)) ** 2).softmax(dim=2)

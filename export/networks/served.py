@@ -5,32 +5,73 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
+from export.crops.surroundings import COLUMNS, DARKEST, ROWS
 from export.networks.layers import Said
-from export.networks.parameters import decode
+from export.networks.parameters import decode, expected
 from export.networks.seen_sun import seen_probability, towards, with_the_seen
+from lighting.model import MORE_OUTPUTS, OUTPUTS
 from lighting.sun_grid import grid_directions
 
 
 class Served(nn.Module):
     """Networks whose averaged answers are sun probabilities (B, G) and parameters (B, 6).
 
-    A sun that they see in the picture enters the probabilities.
+    Further networks, `cameras`, answer for the camera alone. A sun that they see in the picture enters the
+    probabilities. Networks that learnt it also say the light (B, 8) and the radiance around the camera (B, ROWS,
+    COLUMNS, 3).
     """
 
     cells: Tensor
 
-    def __init__(self, networks: Sequence[nn.Module], sun_grid: str, temperature: float = 1.0) -> None:
+    def __init__(
+        self,
+        networks: Sequence[nn.Module],
+        sun_grid: str,
+        temperature: float = 1.0,
+        cameras: Sequence[nn.Module] = (),
+    ) -> None:
         super().__init__()
+        self.cameras = nn.ModuleList(cameras)
         self.networks = nn.ModuleList(networks)
         self.temperature = temperature
         self.register_buffer("cells", torch.tensor(grid_directions(sun_grid), dtype=torch.float32))
 
-    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
+    @property
+    def outputs(self) -> list[str]:
+        """Names of what `forward` returns."""
+        return [*OUTPUTS, *(MORE_OUTPUTS if any(n.light is not None for n in self.networks) else ())]
+
+    def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
         said: list[Said] = [network(photo) for network in self.networks]
         sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in said]).mean(dim=0)
-        parameters = decode(torch.stack([one.raw.float() for one in said]).mean(dim=0))
+        raw = [_raw(one) for one in said]
+        cameras = torch.stack([one[:, 2:5] for one in [*raw, *(_raw(network(photo)) for network in self.cameras)]])
+        mean = torch.stack(raw).mean(dim=0)
+        parameters = decode(torch.cat([mean[:, :2], cameras.mean(dim=0), mean[:, 5:]], dim=1))
         seen = [seen_probability(one.seen.float()) for one in said if one.seen.shape[1]]
-        if not seen:
-            return sun, parameters
-        rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
-        return with_the_seen(sun, torch.stack(seen).mean(dim=0), rays, self.cells), parameters
+        if seen:
+            rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
+            sun = with_the_seen(sun, torch.stack(seen).mean(dim=0), rays, self.cells)
+        return sun, parameters, *_light(said)
+
+
+def _raw(said: Said) -> Tensor:
+    """Raw values (B, 6); the camera's are the mean of those of its bins and of the head of values, where both are."""
+    raw = said.raw.float()
+    if not said.camera.shape[1]:
+        return raw
+    camera = 0.5 * (raw[:, 2:5] + expected(said.camera))
+    return torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1)
+
+
+def _light(said: Sequence[Said]) -> tuple[Tensor, ...]:
+    """The light (B, 8) and what lies around (B, ROWS, COLUMNS, 3) of the networks that say it; nothing if none does."""
+    known = [one for one in said if one.light.shape[1]]
+    if not known:
+        return ()
+    light = torch.stack([one.light.float() for one in known]).mean(dim=0)
+    suitable = torch.stack([one.suitable.float() for one in known]).mean(dim=0)
+    around = torch.stack([one.around.float() for one in known]).mean(dim=0)
+    shares = torch.cat([light[:, 6:], suitable], dim=1).sigmoid()
+    radiance = (around.exp() - DARKEST).clamp_min(0.0).reshape(-1, ROWS, COLUMNS, 3)
+    return torch.cat([light[:, :6].exp(), shares], dim=1), radiance

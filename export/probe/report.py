@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from export.probe.scans import report as scans_report
 from export.probe.synthetic import TIMES, Camera, expose, gain_of, photograph
@@ -17,7 +18,8 @@ from lighting.probe.align import yaw_rotation
 from lighting.probe.develop import Probe, make_probe, make_series
 from lighting.probe.exposures import Bracket, bracket_of, read_bracket
 from lighting.probe.lens import Kind, Lens, lens_of
-from lighting.probe.ratios import exposed
+from lighting.probe.mapping import to_latlong
+from lighting.probe.ratios import clipped, exposed
 from lighting.probe.settings import Moment, Settings
 from lighting.records import Lighting
 
@@ -26,6 +28,7 @@ DAY = datetime(2024, 6, 1, 9, 0, tzinfo=UTC)
 SIDE = 800  # pixels of a picture
 HEIGHT = 256  # rows of the maps compared
 SKY_FILL = 8.0  # of full scale: the peak in the shortest exposure when the sky is exposed for, and the sun clips
+_DARK = 0.05  # quantile that counts as the darkest sky
 ALPNACH = Moment(datetime(2018, 1, 29, 11, 9, 20, tzinfo=UTC), 46.94, 8.28)
 ALPNACH_CIRCLE = ((149.5, 141.0), 132.5)  # centre and radius, pixels, read off the longest exposure
 
@@ -35,6 +38,8 @@ class Measured:
     """A merged synthetic bracket against its truth."""
 
     sky: float  # root mean square of the relative error over the sky
+    alone: float  # the same of the longest exposure alone, without any merging
+    steps: float  # of the camera's rounding, that red has in it in the darkest twentieth of the sky
     sun: float  # largest relative error of the sun's irradiance over the channels
     clipped: bool  # what the probe says of the sun
     turn: float  # deg, between the rotation found and the true one
@@ -46,26 +51,36 @@ def lighting_at(moment: Moment, turbidity: float = 3.0) -> Lighting:
     return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=turbidity, exposure=1.0)
 
 
-def measure(camera: Camera, moment: Moment, lens: Lens, yaw: float, seed: int = 0) -> Measured:
+def measure(
+    camera: Camera, moment: Moment, lens: Lens, yaw: float, seed: int = 0, times: Sequence[float] = TIMES
+) -> Measured:
     """Photograph a clear sky, merge it and compare."""
     lighting, rotation = lighting_at(moment), yaw_rotation(yaw)
     picture = photograph(lighting, lens, rotation)
-    bracket = bracket_of(expose(picture, camera, np.random.default_rng(seed)))
+    bracket = bracket_of(expose(picture, camera, np.random.default_rng(seed), times))
     probe = make_probe(bracket, moment, _settings(lens))
     assert probe.spot is not None
     assert probe.alignment is not None
-    gain = gain_of(picture, camera)
+    gain = gain_of(picture, camera, times)
     power = probe.spot.irradiance / gain / sun_irradiance(lighting) - 1
-    sky = sky_error(probe, lighting, gain)
-    return Measured(sky, float(np.abs(power).max()), probe.spot.clipped, turned(probe.alignment.rotation, rotation))
+    longest = bracket.photos[-1]
+    single = to_latlong(longest.pixels / np.float32(times[-1]), clipped(longest), lens, rotation, HEIGHT)[0]
+    return Measured(
+        sky=sky_error(probe.image, lighting, gain),
+        alone=sky_error(single, lighting, gain),
+        steps=float(np.quantile(picture[picture.any(axis=-1), 0], _DARK) * gain * times[-1] / longest.step),
+        sun=float(np.abs(power).max()),
+        clipped=probe.spot.clipped,
+        turn=turned(probe.alignment.rotation, rotation),
+    )
 
 
-def sky_error(probe: Probe, lighting: Lighting, gain: float) -> float:
-    """Relative root mean square over the sky above 5 deg and 5 deg from the sun."""
-    towards = latlong_directions(len(probe.image))
+def sky_error(image: NDArray[np.float32], lighting: Lighting, gain: float) -> float:
+    """Relative root mean square over the sky above 5 deg and 5 deg from the sun, of a map (H, 2H, 3)."""
+    towards = latlong_directions(len(image))
     sky = (towards[..., 1] > np.sin(np.radians(5))) & (angle_between(towards, lighting.sun_direction) > 5)
-    truth = render(lighting, len(probe.image), sun=False)[sky]
-    return float(np.sqrt(np.mean((probe.image[sky] / gain / truth - 1) ** 2)))
+    truth = render(lighting, len(image), sun=False)[sky]
+    return float(np.sqrt(np.mean((image[sky] / gain / truth - 1) ** 2)))
 
 
 def turned(a: Floats, b: Floats) -> float:
@@ -87,6 +102,18 @@ def merging() -> Iterator[str]:
                 f"| {bits} | {name} | {100 * got.sky:.1f} % | {sun} | {'clipped' if got.clipped else 'not clipped'} "
                 f"| {got.turn:.2f}° |"
             )
+
+
+def rounding() -> Iterator[str]:
+    """What a bracket that is exposed for the sun needs for its sky: bits, or longer exposures."""
+    yield "\n## Seven exposures from 1/8000 s on, exposed for the sun\n"
+    yield "| bits | longest | rounding steps in the darkest sky | sky, relative RMSE | by the longest exposure alone |"
+    yield "|---:|---:|---:|---:|---:|"
+    lens, moment = lens_of("equidistant", SIDE, SIDE), Moment(DAY, *PLACE)
+    for bits, longest in ((8, 1), (8, 2), (8, 4), (9, 1), (10, 1), (12, 1)):
+        times = np.geomspace(TIMES[0], longest, len(TIMES))
+        got = measure(Camera(bits), moment, lens, 40.0, times=times.tolist())
+        yield f"| {bits} | {longest} s | {got.steps:.1f} | {100 * got.sky:.1f} % | {100 * got.alone:.1f} % |"
 
 
 def alignment() -> Iterator[str]:
@@ -164,6 +191,7 @@ def stack(folder: Path) -> Iterator[str]:
 def report(folder: Path | None) -> Iterator[str]:
     """All tables, line by line; the stack's where its folder is given."""
     yield from merging()
+    yield from rounding()
     yield from alignment()
     if folder is not None:
         yield from stack(folder)

@@ -19,7 +19,7 @@ from lighting.colour import luminance
 from lighting.evidence import sun_position
 from lighting.files import replacing
 from lighting.geometry import Floats, angle_between, direction
-from lighting.probe.orientation import SUN_CLEARANCE, Scan, log_errors, orient
+from lighting.probe.orientation import SUN_CLEARANCE, Orientation, Scan, log_errors, orient
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import general_luminance, overcast_luminance, perez_luminance, sky_radiance
 
@@ -97,13 +97,20 @@ def report(path: Path = SCANS) -> str:
             f"### {day}, {len(scans)} scans\n\nazimuths run {'clockwise' if found.sense > 0 else 'counter-clockwise'} "
             f"from {found.offset:.1f}° (error {found.error:.3f}, the other sense {found.other:.3f}); each scan alone "
             f"says {found.offsets.min():.0f} to {found.offsets.max():.0f}°, {found.offsets.mean():.1f} ± "
-            f"{found.offsets.std():.1f}\n\n| model | median error | least | largest |\n|---|---:|---:|---:|"
+            f"{found.offsets.std():.1f}, along the sky at most {_along(scans, found):.1f}° from it\n\n"
+            "| model | median error | least | largest |\n|---|---:|---:|---:|"
         )
         for name, model in MODELS.items():
             error = 100 * residuals(scans, found.sense, found.offset, model)
             parts.append(f"| {name} | {np.median(error):.0f} % | {error.min():.0f} % | {error.max():.0f} % |")
         parts.append("")
     return "\n".join(parts)
+
+
+def _along(scans: list[Scan], found: Orientation) -> float:
+    """How far [deg] along the sky, at the sun's height, a single scan's azimuths are from the joint ones at most."""
+    height = np.radians([scan.sun[1] for scan in scans])
+    return float(np.max(np.abs(found.offsets - found.offset) * np.cos(height)))
 
 
 def reduce(source: Path, target: Path = SCANS) -> None:

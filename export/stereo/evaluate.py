@@ -7,7 +7,7 @@ real photographs.
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,21 +37,32 @@ _WRONG: dict[str, dict[str, Any]] = {
 }
 
 
-def evaluate(data: Path, network: Network, say: Say, *, quick: bool = False) -> None:
-    """Print every table; `quick` thins the shapes of the first ones too. LightingError where no shape is at hand."""
+Table = Literal["seasons", "wrong", "photos", "heading", "turbidity", "gloss"]
+TABLES = get_args(Table)
+
+_CHANGES: dict[Table, tuple[str, dict[str, dict[str, Any]]]] = {
+    "wrong": ("What is wrong", _WRONG),
+    "photos": ("Photos from 9 to 16 h", {f"{count}": {"count": count} for count in range(3, 9)}),
+    "heading": ("Heading off by", {f"{d:+d}°": {"heading_error": float(d)} for d in (-5, -2, 0, 2, 5)}),
+    "turbidity": (
+        "Turbidity, told 3",
+        {f"{t:g}": {"turbidity_error": 3.0 - t, "sky": t} for t in (2.0, 3.0, 4.0, 6.0)},
+    ),
+    "gloss": ("Gloss", {f"{g:g}": {"gloss": g} for g in (0.0, 0.05, 0.1, 0.2)}),
+}
+
+
+def evaluate(data: Path, network: Network, say: Say, *, quick: bool = False, tables: Sequence[Table] = TABLES) -> None:
+    """Print tables; `quick` thins the shapes of `seasons` too. LightingError where no shape is at hand."""
     coarse = list(subjects(data, COARSE))
     if not coarse:
         raise LightingError(f"{data} holds no scanned_objects and no meshes.")
-    _seasons(coarse if quick else list(subjects(data, FINE)), network, say)
     scanned = [subject for subject in coarse if subject.scale] or coarse
-    _table("What is wrong", _WRONG, scanned, network, say)
-    _counts(scanned, network, say)
-    _table(
-        "Heading off by", {f"{d:+d}°": {"heading_error": float(d)} for d in (-5, -2, 0, 2, 5)}, scanned, network, say
-    )
-    told = {f"{t:g}": {"turbidity_error": 3.0 - t, "sky": t} for t in (2.0, 3.0, 4.0, 6.0)}
-    _table("Turbidity, told 3", told, scanned, network, say)
-    _table("Gloss", {f"{g:g}": {"gloss": g} for g in (0.0, 0.05, 0.1, 0.2)}, scanned, network, say)
+    for table in tables:
+        if table == "seasons":
+            _seasons(coarse if quick else list(subjects(data, FINE)), network, say)
+        else:
+            _table(*_CHANGES[table], scanned, network, say)
 
 
 def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
@@ -86,11 +97,6 @@ def _depth(found: Found) -> str:
     surface, scale = found.subject.surface, found.subject.scale
     depths = (integrate(normals, surface.mask) for normals in (surface.normals, found.search, found.network))
     return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in depths)
-
-
-def _counts(shapes: Sequence[Subject], network: Network, say: Say) -> None:
-    rows: dict[str, dict[str, Any]] = {f"{count}": {"count": count} for count in range(3, 9)}
-    _table("Photos from 9 to 16 h", rows, shapes, network, say)
 
 
 def _table(title: str, rows: dict[str, dict[str, Any]], shapes: Sequence[Subject], network: Network, say: Say) -> None:

@@ -18,6 +18,7 @@ from lighting.stereo.windows import windows_of
 
 LIFTS = (10, 15, 20, 30, 45, 60, 75, 90)  # deg out of the solar plane
 DEGREES_PER_HOUR = 15
+FULL_ARC = 6  # h
 FAINT = 0.001  # noise of the simulations, of the brightest light: small enough for errors to grow in proportion
 SHOTS = 8
 _TRIALS = 64  # simulated noises of a window, shared among draws of the clouds
@@ -51,6 +52,12 @@ CLOUDY = replace(CASES[1], sky="mixed")
 def triplet(arc: float, lift: float) -> Floats:
     """Unit vectors (3, 3): two on the solar plane `arc` degrees apart, one midway lifted `lift` degrees out of it."""
     return direction([-arc / 2, arc / 2, 0.0], [0.0, 0.0, lift])
+
+
+def cost_of_an_hour(lift: float, full: float) -> float:
+    """Noise gain of one hour with a light lifted `lift` degrees over that of a full arc with one lifted `full`."""
+    hour, arc = triplet(DEGREES_PER_HOUR, lift), triplet(FULL_ARC * DEGREES_PER_HOUR, full)
+    return float(largest_gain(hour) / largest_gain(arc))
 
 
 def spread_of_noise(day: Day, hours: float, noise: float, draws: int) -> tuple[float, float]:
@@ -137,8 +144,10 @@ def _triplets() -> str:
         lines.append(f"  {hours} h apart  " + "".join(f"{gain:7.2f}" for gain in gains))
     free = float(rotation_free_gain(triplet(90, 90)))
     lines.append(f"  three orthogonal lights: 1 / sigma_min {free:.3f}")
-    cost = [float(largest_gain(triplet(15, lift)) / largest_gain(triplet(90, lift))) for lift in LIFTS]
-    lines.append("  1 h / 6 h  " + "".join(f"{ratio:7.2f}" for ratio in cost))
+    lines.append("  1 h / 6 h, the third light as far out of the plane in both")
+    lines.append(" " * 13 + "".join(f"{cost_of_an_hour(lift, lift):7.2f}" for lift in LIFTS))
+    lines.append("  1 h / 6 h with the third light upright on the plane")
+    lines.append(" " * 13 + "".join(f"{cost_of_an_hour(lift, 90):7.2f}" for lift in LIFTS))
     return "\n".join(lines)
 
 

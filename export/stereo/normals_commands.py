@@ -1,6 +1,7 @@
 """`python -m export stereo train|onnx|evaluate|speed`: the network of normals, and how far normals are off."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -44,12 +45,19 @@ def onnx(run: Path, version: str, out: Path | None) -> None:
 @click.option("--data", type=_FOLDER, default=_DATA, show_default=True, help="Has scanned_objects and meshes.")
 @click.option("--network", type=_FOLDER, default=None, help="Network to score. [the one in the package]")
 @click.option("--quick", is_flag=True, help="Thin the shapes of the first tables like those of the others.")
-def evaluate(data: Path, network: Path | None, quick: bool) -> None:
-    """Print how far normals are off on shapes and latitudes that training never saw; a quarter of an hour."""
+@click.option("--table", "tables", multiple=True, metavar="NAME", help="Print only this table, or these. [all]")
+def evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, ...]) -> None:
+    """Print how far normals are off on shapes and latitudes that training never saw; a quarter of an hour.
+
+    Tables: seasons, wrong, photos, heading, turbidity, gloss.
+    """
+    from export.stereo.evaluate import TABLES
     from export.stereo.evaluate import evaluate as run
     from lighting.stereo.normals.network import Network
 
-    run(data, Network.load(network), click.echo, quick=quick)
+    if unknown := set(tables).difference(TABLES):
+        raise click.BadParameter(f"{min(unknown)} is none of {', '.join(TABLES)}.", param_hint="--table")
+    run(data, Network.load(network), click.echo, quick=quick, tables=tables or TABLES)
 
 
 @stereo.command()

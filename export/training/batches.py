@@ -11,24 +11,31 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from export.crops import (
+    CELLS,
     Camera,
     Crop,
+    PhotoSource,
     Source,
     aimed_camera,
     augment,
     companions,
     generator,
+    irradiance_of,
     is_resolved,
     joined,
     light_around,
+    likelihood,
     paper_camera,
+    photo_weights,
     same_view,
     sampling_weights,
     seen_from,
     take,
+    take_photo,
     training_camera,
     where_seen,
 )
+from export.networks import LIGHT
 from export.training.config import TrainConfig
 from lighting.geometry import Floats
 from lighting.photo import place
@@ -45,7 +52,9 @@ class Batch(NamedTuple):
     sun: Tensor  # (B, G)
     parameters: Tensor  # (B, 6)
     seen: Tensor  # (B, 1 + cells) where in the picture the sun is seen, all zero if unknown
-    around: Tensor  # (B, 2 * crops.CELLS) the light around the camera; (B, 0) without --surroundings
+    around: Tensor  # (B, 3 * crops.CELLS) the light around the camera, NaN if unknown; (B, 0) without --surroundings
+    light: Tensor  # (B, 7) as Said.light, the cover itself last; NaN where unknown
+    likely: Tensor  # (B,) whether `sun` is a likelihood of what is known, and not a target
 
 
 class TrainingCrops(Dataset[Batch]):
@@ -61,6 +70,7 @@ class TrainingCrops(Dataset[Batch]):
         config: TrainConfig,
         *,
         synthetic: Sequence[Source] = (),
+        photos: Sequence[PhotoSource] = (),
         tune: bool = False,
     ) -> None:
         self.sources, self.spec, self.config, self.tune = [*sources, *synthetic], spec, config, tune
@@ -69,6 +79,9 @@ class TrainingCrops(Dataset[Batch]):
         chances = np.concatenate(parts)
         self.chances = np.cumsum(chances)
         self.companions = companions(self.sources, chances) if config.joined and not tune else []
+        self.photos = [] if tune else list(photos)
+        self.photo_chances = np.cumsum(photo_weights(photos)) if self.photos else np.zeros(0)
+        self.light = {s.panorama.path: irradiance_of(s) for s in self.sources} if config.surroundings else {}
         self.around = {s.panorama.path: light_around(s) for s in self.sources} if config.surroundings else {}
         self.purpose = f"train from {config.start}" if config.start else "train"
 
@@ -80,6 +93,9 @@ class TrainingCrops(Dataset[Batch]):
             raise IndexError(index)
         if self.tune:
             return self._batch([self.sources[index % len(self.sources)]], index, "tune")
+        rng = generator("photo", index, self.purpose)
+        if self.photos and rng.random() < self.config.photos_share:
+            return self._photo(self.photos[_draw(self.photo_chances, rng)], rng)
         return self._batch([self.sources[number] for number in self._drawn(index)], index, self.purpose)
 
     def _drawn(self, index: int) -> list[int]:
@@ -101,15 +117,30 @@ class TrainingCrops(Dataset[Batch]):
         for other in shown[1:]:
             cameras.append(same_view(camera, source, other, rng))
             crop = joined(crop, take(other, cameras[-1], self.spec, sharpness), rng)
-        pixels, gain, hidden = augment(crop, rng)
+        pixels, gains, hidden = augment(crop, rng)
         resolved = all(is_resolved(s, camera, sharpness * pixels.shape[0]) for s in shown)
         visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
         return Batch(
             photo=torch.from_numpy(place(pixels, self.spec)),
             sun=torch.from_numpy(self._sun(crop)),
-            parameters=torch.from_numpy(_parameters(crop, gain, resolved=resolved)),
+            parameters=torch.from_numpy(_parameters(crop, float(gains.mean()), resolved=resolved)),
             seen=torch.from_numpy(where_seen(crop, self.spec, visible)).float(),
-            around=torch.from_numpy(self._around(shown, cameras)),
+            around=torch.from_numpy(self._around(shown, cameras, gains * crop.gain)),
+            light=torch.from_numpy(self._light(shown, gains * crop.gain)),
+            likely=torch.tensor(False),
+        )
+
+    def _photo(self, photo: PhotoSource, rng: np.random.Generator) -> Batch:
+        crop = take_photo(photo, rng, self.spec)
+        pixels, _, _ = augment(crop, rng)
+        return Batch(
+            photo=torch.from_numpy(place(pixels, self.spec)),
+            sun=torch.from_numpy(likelihood(crop, self.spec.sun_grid).astype(np.float32)),
+            parameters=torch.from_numpy(_parameters(crop, 1.0, resolved=True)),
+            seen=torch.from_numpy(where_seen(crop, self.spec, visible=None)).float(),
+            around=torch.full((3 * CELLS if self.around else 0,), math.nan),
+            light=torch.full((LIGHT if self.around else 0,), math.nan),
+            likely=torch.tensor(True),
         )
 
     def _sun(self, crop: Crop) -> NDArray[np.float32]:
@@ -118,12 +149,20 @@ class TrainingCrops(Dataset[Batch]):
         width = math.hypot(crop.sun_uncertainty, self.config.target_width)
         return soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid).astype(np.float32)
 
-    def _around(self, shown: Sequence[Source], cameras: Sequence[Camera]) -> Floats:
+    def _around(self, shown: Sequence[Source], cameras: Sequence[Camera], gains: Floats) -> Floats:
         """The light around the camera; its mean if two places share the picture."""
         if not self.around:
             return np.zeros(0, np.float32)
-        maps = [seen_from(self.around[s.panorama.path], c) for s, c in zip(shown, cameras, strict=True)]
-        return np.asarray(np.mean(maps, axis=0))
+        maps = [seen_from(self.around[s.panorama.path], c, gains) for s, c in zip(shown, cameras, strict=True)]
+        return np.asarray(np.mean(maps, axis=0, dtype=np.float32))
+
+    def _light(self, shown: Sequence[Source], gains: Floats) -> Floats:
+        """Log irradiance of sun and sky in the photo's values, and the cover; unknown if two places share it."""
+        if not self.light:
+            return np.zeros(0, np.float32)
+        known = self.light[shown[0].panorama.path]
+        values = np.concatenate([np.log(known.sun * gains), np.log(known.sky * gains), [known.cover]])
+        return np.where(len(shown) == 1, values, math.nan).astype(np.float32)
 
     def _camera(self, source: Source, rng: np.random.Generator) -> Camera:
         label = source.label

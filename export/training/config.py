@@ -26,7 +26,7 @@ class TrainConfig:
     tune_share: float = 0.08  # of the training places, held out for the log
     aimed: float = 0.2  # of the crops of panoramas that show the sun, aimed at it
     joined: float = 0.0  # of the crops, divided by a line between two places under the same sun
-    surroundings: bool = False  # also learn the light all around the camera
+    surroundings: bool = False  # also learn the light all around the camera and its power
     sharpness: float = 0.45  # least share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
@@ -34,5 +34,6 @@ class TrainConfig:
     start: str = ""  # folder of an earlier run: start from its averaged weights, with other crops
     synthetic: str = ""  # folder of `python -m export synthesize`, mixed in
     synthetic_share: float = 0.3  # of the crops, if there is such a folder
+    photos_share: float = 0.0  # of the crops, of the folder's ordinary photos
     workers: int = 2
     checkpoint_minutes: float = 4.0

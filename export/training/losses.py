@@ -4,11 +4,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from export.networks import Said, encode
+from export.networks import Said, binned, encode
 from export.training.batches import Batch
 
+LEAST_LIKELIHOOD = 1e-9
 PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view
-AROUND_WEIGHT = 5.0  # of the light around the camera
+AROUND_WEIGHT = 3.0  # of the light around the camera
+CAMERA_WEIGHT = 0.25  # of each angle's bins
+LIGHT_WEIGHT = 0.5
 
 
 def losses(said: Said, batch: Batch) -> dict[str, Tensor]:
@@ -20,15 +23,43 @@ def losses(said: Said, batch: Batch) -> dict[str, Tensor]:
     shining = F.binary_cross_entropy_with_logits(said.raw[:, 5].float(), target[:, 5], reduction="none")
     by_parameter = _masked_mean(fit, known[:, :5])
     parts = {
-        "sun": _cross_entropy(said.sun, batch.sun),
+        "sun": _sun(said.sun, batch),
         "parameters": (by_parameter * by_parameter.new_tensor(PARAMETER_WEIGHTS)).sum(),
         "visibility": _masked_mean(shining, known[:, 5]),
     }
     if said.seen.shape[1]:
         parts["seen"] = _cross_entropy(said.seen, batch.seen)
     if said.around.shape[1]:
-        parts["around"] = AROUND_WEIGHT * F.smooth_l1_loss(said.around.float(), batch.around, beta=0.3)
+        seen_around = torch.isfinite(batch.around)
+        off = F.smooth_l1_loss(said.around.float(), batch.around.nan_to_num(), reduction="none", beta=0.3)
+        parts["around"] = AROUND_WEIGHT * _masked_mean(off.mean(dim=1), seen_around.all(dim=1))
+    if said.camera.shape[1]:
+        parts["camera"] = CAMERA_WEIGHT * _camera(said.camera, target[:, 2:5], known[:, 2:5])
+    if said.light.shape[1]:
+        parts["light"] = LIGHT_WEIGHT * _light(said.light.float(), batch.light)
     return parts
+
+
+def _sun(logits: Tensor, batch: Batch) -> Tensor:
+    """Cross entropy with a target; where the target is a likelihood, the logarithm of the mean likelihood instead."""
+    log_chance = F.log_softmax(logits.float(), dim=1)
+    cross = -(batch.sun * log_chance).sum(dim=1)
+    mean = -torch.logsumexp(log_chance + batch.sun.clamp_min(LEAST_LIKELIHOOD).log(), dim=1)
+    return _masked_mean(torch.where(batch.likely, mean, cross), batch.sun.sum(dim=1) > 0.5)
+
+
+def _camera(logits: Tensor, target: Tensor, known: Tensor) -> Tensor:
+    cross = -(binned(target) * F.log_softmax(logits.float(), dim=2)).sum(dim=2)
+    return _masked_mean(cross, known).sum()
+
+
+def _light(said: Tensor, target: Tensor) -> Tensor:
+    """The median in the logarithm of the powers, and the cloud cover."""
+    known = torch.isfinite(target)
+    target = target.nan_to_num()
+    off = F.smooth_l1_loss(said[:, :6], target[:, :6], reduction="none", beta=0.1)
+    covered = F.binary_cross_entropy_with_logits(said[:, 6], target[:, 6], reduction="none")
+    return _masked_mean(off, known[:, :6]).sum() / 3 + _masked_mean(covered, known[:, 6])
 
 
 def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:

@@ -34,6 +34,7 @@ class Run:
         self.config = config
         self.spec = specs(config.version)[config.network]
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self.halves = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
         torch.manual_seed(0)
         network = build(self.spec, pretrained=config.pretrained and not config.start, around=config.surroundings)
         if config.start:
@@ -72,8 +73,8 @@ class Run:
             torch.save({**{k: v.state_dict() for k, v in parts.items()}, "step": self.step}, path)
 
     def forward(self, network: nn.Module, batch: Batch) -> dict[str, Tensor]:
-        """Losses of a batch on the device, in bfloat16 where that is safe."""
-        with torch.autocast(self.device.type, torch.bfloat16):
+        """Losses of a batch on the device, in bfloat16 where that is safe and the processor has it."""
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
             said = network(batch.photo)
         return losses(said, batch)
 

@@ -4,8 +4,8 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from export.crops import Source, load_sources
-from export.data import DataError, Panorama, read_index
+from export.crops import PhotoSource, Source, load_photos, load_sources
+from export.data import DataError, Panorama, read_index, read_photo_rows
 from export.towns import LABELS
 from export.training.config import TrainConfig
 
@@ -26,6 +26,11 @@ def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Pano
         return int(hashlib.sha256(panorama.place.encode()).hexdigest(), 16) % 1000 < 1000 * share
 
     return [p for p in panoramas if not held_out(p)], [p for p in panoramas if held_out(p)]
+
+
+def training_photos(config: TrainConfig) -> list[PhotoSource]:
+    """The ordinary photos that the run mixes in, if any."""
+    return load_photos(read_photo_rows(config.data)) if config.photos_share else []
 
 
 def synthetic_sources(config: TrainConfig) -> list[Source]:

@@ -15,7 +15,7 @@ from export.training.batches import TrainingCrops
 from export.training.config import TrainConfig
 from export.training.record import commit, earlier_commits, write_record
 from export.training.run import Run
-from export.training.sources import synthetic_sources, training_panoramas
+from export.training.sources import synthetic_sources, training_panoramas, training_photos
 
 
 def train(config: TrainConfig) -> Path:
@@ -29,7 +29,13 @@ def train(config: TrainConfig) -> Path:
     before = earlier_commits(config) if run.checkpoint.exists() else []
     run.resume()
     write_record(run, [*before, commit()], kept, held_out)
-    dataset = TrainingCrops(load_sources(kept, config.labels), run.spec, config, synthetic=synthetic_sources(config))
+    dataset = TrainingCrops(
+        load_sources(kept, config.labels),
+        run.spec,
+        config,
+        synthetic=synthetic_sources(config),
+        photos=training_photos(config),
+    )
     tune = TrainingCrops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
     print(
         f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out, "

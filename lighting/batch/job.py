@@ -11,20 +11,23 @@ from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, 
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
-    from lighting.photo import Source
+    from lighting.files import Compression, Target
     from lighting.pipeline import Estimator
     from lighting.records import Lighting
 
 SETTINGS = "batch.json"
+DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits and other work may slow the machine
 
 
 @dataclass(frozen=True)
 class Maps:
-    """How environment maps are rendered; see envmap.view."""
+    """How environment maps are rendered and written; see envmap.view and files.write_exr."""
 
     height: int = 512
     sun: bool | None = None
     yaw: float = 0.0
+    sky: str | None = None
+    compression: "Compression" = "zip"
 
 
 @dataclass(frozen=True)
@@ -80,11 +83,23 @@ def load_estimator(job: Job) -> "tuple[Estimator, Given]":
     return Estimator(Model.load(job.model, threads=1)), Given(**job.given)
 
 
-def lighting_or_reason(estimator: "Estimator", source: "Source", given: "Given") -> "Lighting | str":
-    """The light of a photo, or one sentence that says why the photo has none; other errors are raised."""
-    from lighting.photo import read_photo
+def write_map(target: "Target", lighting: "Lighting", maps: Maps) -> None:
+    """Render and write an environment map; raises EnvironmentMapError."""
+    from lighting.envmap import view
+    from lighting.files import write_exr
+
+    image, turned = view(lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky)
+    write_exr(target, image, turned, compression=maps.compression)
+
+
+def lighting_or_reason(estimator: "Estimator", source: Path | bytes, given: "Given") -> "Lighting | str":
+    """The light of a photo, or one sentence that says why the photo has none; other errors are raised.
+
+    The photo is decoded in a process of its own: one that would take too long or too much memory fails alone.
+    """
+    from lighting.photo.apart import read_apart
 
     try:
-        return estimator(read_photo(source), given).lighting
+        return estimator(read_apart(source, seconds=DECODE_SECONDS), given).lighting
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return reason(error)

@@ -2,12 +2,20 @@
 
 import glob
 import os
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from lighting.batch.summary import in_words
 from lighting.errors import BatchError
+from lighting.photo import RAW_SUFFIXES
 
-SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif")  # of photos in a folder; a glob may match any file
+SUFFIXES = (  # of photos in a folder; a glob may match any file
+    ".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".tif", ".tiff", ".avif", *RAW_SUFFIXES,
+)  # fmt: skip
+OTHERS = (  # of pictures that are no photos or that nothing here reads
+    ".gif", ".bmp", ".jxl", ".jp2", ".j2k", ".jxr", ".psd", ".svg", ".exr", ".hdr", ".tga", ".ppm", ".xcf", ".ico",
+)  # fmt: skip
 
 
 def find_photos(pattern: str) -> tuple[str, list[str]]:
@@ -17,21 +25,30 @@ def find_photos(pattern: str) -> tuple[str, list[str]]:
     wildcard. Raises BatchError if there is no photo.
     """
     if Path(pattern).is_dir():
-        source, names = pattern, list(_photos_below(Path(pattern)))
+        source, names = pattern, list(_files_below(Path(pattern), SUFFIXES))
     else:
         source = _fixed_part(pattern)
         names = list(_matches(pattern, Path(source)))
     if not names:
-        raise BatchError(f"{pattern} is neither a folder with photos nor a pattern that matches any.")
+        others = in_words(other_pictures(pattern))
+        but = f"; its pictures are of kinds that are not read{others}" if others else ""
+        raise BatchError(f"{pattern} is neither a folder with photos nor a pattern that matches any{but}.")
     return source, sorted(names)
 
 
-def _photos_below(source: Path) -> Iterator[str]:
-    """Names of the photos at any depth, without hidden files and folders."""
+def other_pictures(pattern: str) -> Counter[str]:
+    """How many pictures of each kind that is not read lie in a folder, by suffix; none for a glob."""
+    folder = Path(pattern)
+    names = _files_below(folder, OTHERS) if folder.is_dir() else ()
+    return Counter(Path(name).suffix.lower() for name in names)
+
+
+def _files_below(source: Path, suffixes: tuple[str, ...]) -> Iterator[str]:
+    """Names of the files at any depth that end so, without hidden files and folders."""
     for parent, folders, files in os.walk(source):
         folders[:] = [name for name in folders if not name.startswith(".")]
         below = Path(parent).relative_to(source)
-        yield from ((below / name).as_posix() for name in files if name.lower().endswith(SUFFIXES) and name[0] != ".")
+        yield from ((below / name).as_posix() for name in files if name.lower().endswith(suffixes) and name[0] != ".")
 
 
 def _matches(pattern: str, source: Path) -> Iterator[str]:

@@ -9,12 +9,20 @@ import errno
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lighting.batch.job import SETTINGS, Job, Maps, check_settings, lighting_or_reason, load_estimator, settings
+from lighting.batch.job import (
+    SETTINGS,
+    Job,
+    Maps,
+    check_settings,
+    lighting_or_reason,
+    load_estimator,
+    settings,
+    write_map,
+)
 from lighting.batch.journal import JOURNAL, Journal, open_journal
 from lighting.batch.table import TABLE
 from lighting.batch.workers import work_through
@@ -73,12 +81,9 @@ def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
 
 def _write_map(path: Path, lighting: "Lighting", maps: Maps) -> bool:
     """Whether the file system takes a name as long as the map's; raises EnvironmentMapError for other failures."""
-    from lighting.envmap import view
-    from lighting.files import write_exr
-
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        write_exr(path, *view(lighting, **asdict(maps)))
+        write_map(path, lighting, maps)
     except EnvironmentMapError as error:
         if isinstance(error.__cause__, OSError) and error.__cause__.errno == errno.ENAMETOOLONG:
             return False

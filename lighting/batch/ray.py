@@ -9,13 +9,16 @@ import json
 import posixpath
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from time import monotonic
 from typing import Any
 
-from lighting.batch.job import SETTINGS, Job, check_settings, lighting_or_reason, load_estimator, settings
+from lighting.batch.job import SETTINGS, Job, check_settings, lighting_or_reason, load_estimator, settings, write_map
 from lighting.batch.photos import SUFFIXES, find_photos
+from lighting.batch.summary import Summary
 from lighting.batch.table import TABLE, row, schema
 from lighting.errors import BatchError
+
+NEEDED = "The engine ray needs Ray and pyarrow: pip install 'outdoor-lighting[ray]'."
 
 _ACTOR_CPUS = 0.9  # reserved for an actor; the rest of its CPU is left for the tasks that read and write
 _TASK_CPUS = 0.05
@@ -25,9 +28,9 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
     """As find_photos, also for the URI of a folder, without wildcards."""
     if "://" not in source:
         return find_photos(source)
+    filesystem, base = _place(source)
     from pyarrow.fs import FileSelector
 
-    filesystem, base = _place(source)
     found = (file.path for file in filesystem.get_file_info(FileSelector(base, recursive=True)) if file.is_file)
     names = sorted(posixpath.relpath(path, base) for path in found if path.lower().endswith(SUFFIXES))
     if not names:
@@ -37,12 +40,13 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
 
 def run_ray(
     job: Job, names: Sequence[str], *, address: str | None, workers: int | None, overwrite: bool, progress: bool
-) -> int:
+) -> Summary:
     """Process the photos that are not in the results, on the cluster at `address` or on a local one.
 
-    `workers` is the number of actors, by default one per CPU. Returns the number of failed photos in all results.
-    Raises BatchError if Ray is not installed or the folder holds results of another job.
+    `workers` is the number of actors, by default one per CPU. Raises BatchError if Ray or pyarrow is not installed or
+    the folder holds results of another job.
     """
+    began = monotonic()
     filesystem, out = _place(job.out)
     _open_results(filesystem, out, job, overwrite)
     done = _finished(filesystem, f"{out}/{TABLE}")
@@ -50,7 +54,8 @@ def run_ray(
     if missing:
         with _connected(address):
             _map_photos(job, missing, workers, progress)
-    return sum(_finished(filesystem, f"{out}/{TABLE}").values())
+    failures = _finished(filesystem, f"{out}/{TABLE}").values()
+    return Summary(len(failures) - sum(failures), sum(failures), len(done), monotonic() - began)
 
 
 class PhotoActor:
@@ -97,7 +102,7 @@ def _connected(address: str | None) -> Iterator[None]:
     try:
         import ray
     except ImportError as error:
-        raise BatchError("The engine ray needs Ray: pip install 'outdoor-lighting[ray]'.") from error
+        raise BatchError(NEEDED) from error
     if ray.is_initialized():
         yield
         return
@@ -112,11 +117,13 @@ def _connected(address: str | None) -> Iterator[None]:
 
 
 def _place(path: str) -> tuple[Any, str]:
-    """The filesystem of a local path or a URI, and the path in it."""
+    """The filesystem of a local path or a URI, and the path in it; raises BatchError without pyarrow."""
     from os.path import realpath
 
-    from pyarrow.fs import FileSystem, LocalFileSystem
-
+    try:
+        from pyarrow.fs import FileSystem, LocalFileSystem
+    except ImportError as error:
+        raise BatchError(NEEDED) from error
     return FileSystem.from_uri(path) if "://" in path else (LocalFileSystem(), realpath(path))
 
 
@@ -157,12 +164,9 @@ def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
 
 
 def _write_map(job: Job, name: str, light: Any) -> None:
-    from lighting.envmap import view
-    from lighting.files import write_exr
-
     assert job.maps
     filesystem, out = _place(job.out)
     target = f"{out}/{name}.exr"
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(target) as stream:
-        write_exr(stream, *view(light, **asdict(job.maps)))
+        write_map(stream, light, job.maps)

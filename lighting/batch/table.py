@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from itertools import islice
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Any, get_args, get_origin
 
 from lighting.batch.journal import JOURNAL, read_records
@@ -49,7 +50,9 @@ def schema() -> Any:
 
 
 def _kind(pyarrow: Any, hint: Any) -> Any:
-    """The pyarrow type of a field of Lighting: text, number, or a list of either."""
+    """The pyarrow type of a field of Lighting: text, number, or a list of either; any may be absent."""
+    if get_origin(hint) is UnionType:
+        return _kind(pyarrow, next(kind for kind in get_args(hint) if kind is not NoneType))
     if get_origin(hint) is tuple:
         return pyarrow.list_(_kind(pyarrow, get_args(hint)[0]))
     return pyarrow.string() if hint is str else pyarrow.float64()

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,8 +16,9 @@ from lighting.cli.options import map_options, model_option, quiet_option
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
-    from lighting.batch import Job
+    from lighting.batch import Job, Summary
     from lighting.evidence import Given
+    from lighting.files import Compression
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class _Options:
     height: int
     sun: bool | None
     yaw: float
+    sky: str | None
+    compression: "Compression | None"
     parquet: bool
     workers: int | None
     overwrite: bool
@@ -42,7 +46,9 @@ class _Options:
     def job(self) -> "Job":
         from lighting.batch import Job, Maps
 
-        maps = Maps(self.height, self.sun, self.yaw) if self.envmap else None
+        maps = None
+        if self.envmap:
+            maps = Maps(self.height, self.sun, self.yaw, self.sky, self.compression or "zip")
         return Job(self.input, self.out, self.model, maps, self.engine, self.given.said())
 
     @property
@@ -77,48 +83,54 @@ def batch(ctx: click.Context, /, **options: Any) -> None:
     """
     asked = _Options(**options)
     _refuse_idle_options(ctx)
-    failed = _run_ray(asked) if asked.engine == "ray" else _run_pool(asked)
-    if failed:
+    found = _run_ray(asked) if asked.engine == "ray" else _run_pool(asked)
+    if found.failed:
         out = shown(asked.out)
-        click.echo(f"Photos that could not be read: {failed}; the reasons are in {out}.", err=True)
-    ctx.exit(1 if failed else 0)
+        click.echo(f"Photos that could not be read: {found.failed}; the reasons are in {out}.", err=True)
+    if not asked.quiet:
+        click.echo(str(found), err=True)
+    ctx.exit(1 if found.failed else 0)
 
 
 def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
     given = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-    if not ctx.params["envmap"] and given & {"height", "sun", "yaw"}:
-        raise click.UsageError("--height, --sun and --yaw need --envmap.")
+    if not ctx.params["envmap"] and given & {"height", "sun", "yaw", "sky", "compression"}:
+        raise click.UsageError("--height, --sun, --yaw, --sky and --compression need --envmap.")
     if ctx.params["engine"] == "pool" and "address" in given:
         raise click.UsageError("--address needs --engine ray.")
     if ctx.params["engine"] == "ray" and "parquet" in given:
         raise click.UsageError("--engine ray writes Parquet by itself, and nothing else.")
 
 
-def _run_pool(asked: _Options) -> int:
-    """Returns how many photos failed."""
-    from lighting.batch import find_photos, open_batch, require_parquet, run_pool, write_table
-    from lighting.model import available_cpus
+def _run_pool(asked: _Options) -> "Summary":
+    """Returns what became of the photos."""
+    from lighting.batch import Summary, find_photos, open_batch, other_pictures, require_parquet, run_pool, write_table
+    from lighting.cpus import available_cpus
+
+    began = monotonic()
 
     if asked.parquet:
         require_parquet()
     source, names = find_photos(asked.input)
     job = replace(asked.job, source=source)
     with open_batch(job, overwrite=asked.overwrite) as journal:
+        earlier, done = len(journal.done), len(journal.done.intersection(names))
         finished = run_pool(job, names, journal, asked.workers or available_cpus())
-        for _name in _progress(finished, len(journal.done.intersection(names)), len(names), asked.progress):
+        for _name in _progress(finished, done, len(names), asked.progress):
             pass
         if asked.parquet:
             write_table(Path(job.out))
-    return journal.failed
+    done = len(journal.done) - journal.failed
+    return Summary(done, journal.failed, earlier, monotonic() - began, other_pictures(asked.input))
 
 
-def _run_ray(asked: _Options) -> int:
-    """Returns how many photos failed, in this run and in the earlier ones whose results are kept."""
-    from lighting.batch import find_photos_at, run_ray
+def _run_ray(asked: _Options) -> "Summary":
+    """Returns what became of the photos, in this run and in the earlier ones whose results are kept."""
+    from lighting.batch import find_photos_at, other_pictures, run_ray
 
     source, names = find_photos_at(asked.input)
-    return run_ray(
+    found = run_ray(
         replace(asked.job, source=source),
         names,
         address=asked.address,
@@ -126,6 +138,7 @@ def _run_ray(asked: _Options) -> int:
         overwrite=asked.overwrite,
         progress=asked.progress,
     )
+    return replace(found, others=other_pictures(asked.input))
 
 
 def _progress(finished: Iterator[str], done: int, total: int, visible: bool) -> Any:

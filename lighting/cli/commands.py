@@ -12,7 +12,9 @@ from lighting.cli.files import (
     naming,
     open_lighting,
     photo_bytes,
+    place_of,
     refuse_collisions,
+    refuse_idle_compression,
     write_map,
     write_preview,
 )
@@ -76,19 +78,32 @@ def estimate(
 @click.argument("photo")
 @map_output
 @map_options
+@click.option(
+    "--surroundings/--no-surroundings",
+    default=None,
+    help="Whether the map shows the place, not the sky alone; by default where the network predicts it.",
+)
 @click.option("--preview", metavar="FILE.png", callback=preview_file, help="Also draw what `lighting preview` draws.")
 @given_options
 @model_option
 @quiet_option
 def envmap(
-    photo: str, output: str, preview: str | None, given: "Given", model: str | None, quiet: bool, **view: Any
+    photo: str,
+    output: str,
+    surroundings: bool | None,
+    preview: str | None,
+    given: "Given",
+    model: str | None,
+    quiet: bool,
+    **view: Any,
 ) -> None:
     """Estimate the light of PHOTO and render its environment map."""
     refuse_collisions(photo, output, preview)
+    refuse_idle_compression(output, view["compression"])
     with naming(photo):
         data = photo_bytes(photo)
         estimate = estimated(data, given, model)
-    write_map(output, estimate.lighting, **view)
+    write_map(output, estimate.lighting, place=place_of(data, estimate, surroundings), **view)
     if preview:
         write_preview(preview, data, estimate)
     if not quiet and "-" not in (output, preview):
@@ -106,6 +121,7 @@ def render(record: str, output: str, **view: Any) -> None:
     LIGHTING.json holds one record, or one line that "estimate --json" printed.
     """
     refuse_collisions(record, output)
+    refuse_idle_compression(output, view["compression"])
     write_map(output, open_lighting(record), **view)
 
 

@@ -6,15 +6,19 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
 from lighting.cli.words import shown
 from lighting.errors import ParameterError, PhotoError
 
+PLACE_SIDE = 1000  # pixels, least length of a photo's longer side if it has as many, where a map shows it
+
 if TYPE_CHECKING:
+    from lighting.envmap import Place
     from lighting.evidence import Given
+    from lighting.files import Compression
     from lighting.photo import Photo
     from lighting.pipeline import Estimator
     from lighting.records import Estimate, Lighting
@@ -67,17 +71,23 @@ def open_lighting(name: str) -> "Lighting":
     return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
 
 
-def load_estimator(model: str | None) -> "Estimator":
+def load_estimator(model: str | None, *, for_one_photo: bool = False) -> "Estimator":
     from lighting.model import Model
     from lighting.pipeline import Estimator
 
-    return Estimator(Model.load(model))
+    return Estimator(Model.load(model, for_one_photo=for_one_photo))
 
 
 def estimated(photo: bytes, given: "Given", model: str | None) -> "Estimate":
-    from lighting.photo import read_photo
+    """The estimate of a photo's bytes; the network is loaded in a thread while the photo is decoded."""
+    from concurrent.futures import ThreadPoolExecutor
 
-    return load_estimator(model)(read_photo(photo), given)
+    with ThreadPoolExecutor(1) as pool:
+        estimator = pool.submit(load_estimator, model, for_one_photo=True)
+        from lighting.photo import read_photo
+
+        picture = read_photo(photo)
+    return estimator.result()(picture, given)
 
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:
@@ -87,16 +97,32 @@ def refuse_collisions(source: str, *outputs: str | None) -> None:
         raise click.UsageError("The input and the outputs must be different files.")
 
 
-def write_map(output: str, lighting: "Lighting", height: int, sun: bool | None, yaw: float) -> None:
+def place_of(photo: bytes, estimate: "Estimate", wanted: bool | None) -> "Place | None":
+    """The place for a map, by default where the network predicted what lies around."""
+    from lighting.envmap import Place
+    from lighting.photo import read_photo
+
+    if estimate.around is None if wanted is None else not wanted:
+        return None
+    return Place(read_photo(photo, target=PLACE_SIDE).pixels, estimate.around)
+
+
+def refuse_idle_compression(output: str, compression: "Compression | None") -> None:
+    """Raise UsageError for a compression where no EXR is written."""
+    if compression is not None and output != "-" and not output.lower().endswith(".exr"):
+        raise click.UsageError("--compression goes with .exr alone.")
+
+
+def write_map(output: str, lighting: "Lighting", compression: "Compression | None", **view_options: Any) -> None:
     """Render and write; with a yaw, the record in the file is turned with the map."""
     from lighting.envmap import view
     from lighting.files import encode_envmap, write_envmap
 
-    image, lighting = view(lighting, height, sun=sun, yaw=yaw)
+    image, lighting = view(lighting, **view_options)
     if output == "-":
-        write_stdout(encode_envmap(image, lighting, "exr"))
+        write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip"))
     else:
-        write_envmap(output, image, lighting)
+        write_envmap(output, image, lighting, compression=compression or "zip")
 
 
 def write_preview(output: str, photo: bytes, estimate: "Estimate") -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import naming, read_bytes
+from lighting.cli.files import naming, open_lighting, read_bytes
 from lighting.cli.group import cli
 
 if TYPE_CHECKING:
@@ -19,9 +19,15 @@ if TYPE_CHECKING:
 @cli.command()
 @click.argument("file")
 def info(file: str) -> None:
-    """Describe an EXR, a network (.onnx) or a photo as JSON."""
-    described = _describe_network(file) if Path(file).suffix.lower() == ".onnx" else _describe_picture(file)
-    click.echo(json.dumps({"file": file, **described}, indent=2))
+    """Describe an EXR, a network, a lighting record or a photo as JSON."""
+    describe = _BY_SUFFIX.get(Path(file).suffix.lower(), _describe_picture)
+    click.echo(json.dumps({"file": file, **describe(file)}, indent=2))
+
+
+def _describe_record(file: str) -> dict[str, Any]:
+    from lighting.files import full_record
+
+    return {"kind": "lighting record", "lighting": full_record(open_lighting(file))}
 
 
 def _describe_network(file: str) -> dict[str, Any]:
@@ -59,3 +65,6 @@ def _describe_map(data: bytes) -> dict[str, Any]:
     image, lighting = read_exr(BytesIO(data))
     record = None if lighting is None else full_record(lighting)
     return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}
+
+
+_BY_SUFFIX = {".onnx": _describe_network, ".json": _describe_record, ".jsonl": _describe_record}

@@ -55,6 +55,22 @@ def _finite(_ctx: click.Context, _param: click.Parameter, value: float) -> float
     return value
 
 
+def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
+    from lighting.sky import MODELS
+
+    if value is not None and value not in MODELS:
+        raise click.BadParameter(f"{value} is not one of {', '.join(MODELS)}.")
+    return value
+
+
+def _compression(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
+    from lighting.files import COMPRESSIONS
+
+    if name is not None and name not in COMPRESSIONS:
+        raise click.BadParameter(f"{name!r} is not one of {', '.join(COMPRESSIONS)}.")
+    return name
+
+
 height_option = click.option(
     "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
 )
@@ -69,7 +85,19 @@ def map_options(command: Command) -> Command:
         height_option,
         sun_option,
         click.option(
+            "--sky",
+            metavar="MODEL",
+            callback=_sky,
+            help="The sky's shape: hosek-wilkie, preetham, perez, lalonde-matthews, cie-overcast or cie-1 to cie-15.",
+        ),
+        click.option(
             "--yaw", default=0.0, metavar="DEG", callback=_finite, help="Turn the map to the right, sun and all."
+        ),
+        click.option(
+            "--compression",
+            metavar="NAME",
+            callback=_compression,
+            help="How an EXR is packed: zip (the default), zip-exact, pxr24, piz, htj2k or none.",
         ),
     ]
     for option in reversed(options):

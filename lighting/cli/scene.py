@@ -68,8 +68,10 @@ def scene(**options: Any) -> None:
     with naming(asked.photo):
         data = photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        lighting = open_lighting(asked.record) if asked.record else estimated(data, asked.given, asked.model).lighting
-    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun)
+        estimate = None if asked.record else estimated(data, asked.given, asked.model)
+        lighting = estimate.lighting if estimate else open_lighting(asked.record or "-")
+    around = estimate.around if estimate else None
+    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, around=around)
     write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
     if not asked.quiet:
         click.echo(in_words(asked.photo, lighting))

@@ -6,7 +6,12 @@ from typing import Any
 from lighting.decoding import lighting_from
 from lighting.evidence.fusion import Fused
 from lighting.evidence.metadata import Known
-from lighting.records import Estimate
+from lighting.records import SUITABLE, Estimate
+
+UNSUITABLE = (
+    "This does not look like an ordinary photo of outdoors by daylight, upright and with an ordinary lens: "
+    "the answer may mean nothing."
+)
 
 
 def estimate_of(fused: Fused, known: Known) -> Estimate:
@@ -23,6 +28,10 @@ def estimate_of(fused: Fused, known: Known) -> Estimate:
         told["relative_heading"] = round(fused.relative_heading.best, 2) % 360.0
     if not known.sun_is_up:
         told["sun_visibility"] = 0.0
+        told["sun_irradiance"] = None if lighting.sun_irradiance is None else (0.0, 0.0, 0.0)
+    if lighting.suitable is not None and lighting.suitable < SUITABLE:
+        told["warnings"] = (*told["warnings"], UNSUITABLE)
     if known.location is not None:
         told["latitude"], told["longitude"] = known.location
-    return Estimate(replace(lighting, **told), fused.on_cells())
+    light = fused.prediction.light
+    return Estimate(replace(lighting, **told), fused.on_cells(), light.around if light else None)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from lighting.evidence.sun import suns
 from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
-from lighting.turns import Placed
+
+if TYPE_CHECKING:
+    from lighting.turns import Placed
 
 KINDS = ("heading", "latitude", "time")
 LATITUDES = np.arange(-70.0, 71.0)  # deg, tried
@@ -72,7 +74,7 @@ def series_of(
     facts: Sequence[PhotoFacts],
     given: Given,
     headings: Sequence[float] | None = None,
-    placed: Sequence[Placed] | None = None,
+    placed: "Sequence[Placed] | None" = None,
 ) -> Series:
     """Photos of one place brought into one frame by `headings` [deg] or matches; ParameterError where neither does."""
     merged = [merge(fact, given) for fact in of_one_place(facts)]

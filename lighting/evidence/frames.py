@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,9 @@ from lighting.circular import mean_angle
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import Evidence
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.turns.sets import Placed
+
+if TYPE_CHECKING:
+    from lighting.turns import Placed
 
 TURN_NOISE = 10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
 
@@ -49,7 +52,7 @@ def check_heading(photos: int, heading: float | None) -> None:
 
 
 def frames(
-    evidence: Sequence[Evidence], headings: Sequence[float] | None, placed: Sequence[Placed] | None = None
+    evidence: Sequence[Evidence], headings: Sequence[float] | None, placed: "Sequence[Placed] | None" = None
 ) -> Frames:
     """By exact headings [deg] if given; else by matches, by compass headings where all have one, or unknown.
 
@@ -69,7 +72,7 @@ def frames(
     return Frames(np.arange(count), np.zeros(count), np.zeros(count))
 
 
-def _by_matches(placed: Sequence[Placed]) -> Frames:
+def _by_matches(placed: "Sequence[Placed]") -> Frames:
     group, turn, noise = ([getattr(p, name) for p in placed] for name in ("group", "heading", "heading_sigma"))
     return Frames(np.array(group, dtype=np.intp), np.array(turn), np.array(noise), "turns")
 

@@ -6,10 +6,12 @@ raised to the power 1 / (1 + (n - 1) correlation), whose sum over the photos nev
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading, von_mises
+from lighting.decoding import light_numbers, light_of_numbers
 from lighting.errors import ParameterError
 from lighting.evidence.frames import Frames, frames
 from lighting.evidence.fusion import (
@@ -25,9 +27,11 @@ from lighting.evidence.fusion import (
 )
 from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.records import EVIDENCE, Prediction, SunEstimate, check_range
+from lighting.records import EVIDENCE, Light, Prediction, SunEstimate, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
-from lighting.turns.sets import Placed
+
+if TYPE_CHECKING:
+    from lighting.turns import Placed
 
 CORRELATION = SUN.far  # of views that share nothing: of the sun's distribution in one frame
 AZIMUTH_CORRELATION = AZIMUTH.far  # of its azimuth at a known elevation
@@ -43,7 +47,7 @@ def fuse_together(
     predictions: Sequence[Prediction],
     evidence: Sequence[Evidence],
     headings: Sequence[float] | None = None,
-    placed: Sequence[Placed] | None = None,
+    placed: "Sequence[Placed] | None" = None,
 ) -> tuple[Fused, ...]:
     """One answer a photo, in its own camera's frame, for photos of one place and light.
 
@@ -65,7 +69,7 @@ def fuse_together(
     )
 
 
-def _as_matched(predictions: Sequence[Prediction], placed: Sequence[Placed]) -> list[Prediction]:
+def _as_matched(predictions: Sequence[Prediction], placed: "Sequence[Placed]") -> list[Prediction]:
     """The predictions with the lens and the levels that matches reveal."""
     return [
         p
@@ -75,7 +79,7 @@ def _as_matched(predictions: Sequence[Prediction], placed: Sequence[Placed]) -> 
     ]
 
 
-def _unmatched(photo: int, turns: Frames, placed: Sequence[Placed] | None) -> tuple[str, ...]:
+def _unmatched(photo: int, turns: Frames, placed: "Sequence[Placed] | None") -> tuple[str, ...]:
     """A warning where matching was tried and this photo is left alone."""
     if placed is None or np.count_nonzero(turns.group == turns.group[photo]) > 1:
         return ()
@@ -105,10 +109,24 @@ def power(count: int, correlation: float) -> float:
 
 
 def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
-    """The predictions with their common turbidity and exposure: geometric means."""
+    """The predictions with their common turbidity, exposure and irradiances, geometric means, and their mean cover."""
     logs = np.log([[max(p.turbidity, _LOWEST), max(p.exposure, _LOWEST)] for p in predictions])
     turbidity, exposure = map(float, np.exp(logs.mean(axis=0)))
-    return [replace(p, turbidity=turbidity, exposure=exposure) for p in predictions]
+    light = _common_light([p.light for p in predictions])
+    return [
+        replace(p, turbidity=turbidity, exposure=exposure, light=light and _own(light, p.light)) for p in predictions
+    ]
+
+
+def _common_light(lights: Sequence[Light | None]) -> Light | None:
+    """The mean of lights; None unless every photo has one."""
+    known = [light_numbers(light) for light in lights if light is not None]
+    return light_of_numbers(np.mean(known, axis=0)) if len(known) == len(lights) else None
+
+
+def _own(common: Light, own: Light | None) -> Light:
+    """The common light with what one photo alone tells: whether it is suitable, and the place all around."""
+    return common if own is None else replace(common, suitable=own.suitable, around=own.around)
 
 
 def _share_time(evidence: Sequence[Evidence]) -> list[Evidence]:

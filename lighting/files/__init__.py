@@ -1,16 +1,21 @@
 """What is written and read again: environment maps, pictures and records. A file appears only when it is whole."""
 
 from lighting.files.atomic import replacing
-from lighting.files.exr import MAGIC, SOFTWARE, checked_map, read_attributes, read_exr, write_exr
-from lighting.files.formats import encode_envmap, encode_png, write_envmap
+from lighting.files.compression import COMPRESSIONS, Compression
+from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attributes, read_exr, write_exr
+from lighting.files.formats import encode_envmap, encode_jpeg, encode_png, write_envmap
 from lighting.files.record import full_record, json_line
 from lighting.files.rgbe import read_hdr
 
 __all__ = [
+    "COMPRESSIONS",
     "MAGIC",
     "SOFTWARE",
+    "Compression",
+    "Target",
     "checked_map",
     "encode_envmap",
+    "encode_jpeg",
     "encode_png",
     "full_record",
     "json_line",

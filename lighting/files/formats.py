@@ -3,6 +3,7 @@
 import io
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import tone_map
 from lighting.errors import EnvironmentMapError
+from lighting.files.compression import Compression
 from lighting.files.exr import SOFTWARE, Target, checked_map, opened, write_exr
 from lighting.geometry import Floats
 from lighting.records import Lighting
@@ -20,19 +22,27 @@ _DARKEST = 1e-38  # what RGBE cannot hold becomes black
 _RUN = 127  # the longest run of the Radiance run-length code
 
 
-def write_envmap(target: str | os.PathLike[str], image: Floats, lighting: Lighting | None = None) -> None:
+def write_envmap(
+    target: str | os.PathLike[str],
+    image: Floats,
+    lighting: Lighting | None = None,
+    *,
+    compression: Compression = "zip",
+) -> None:
     """Write a map (H, 2H, 3) to a path in the format of its suffix: .exr, .hdr or .png.
 
-    The path appears only when the file is whole. Raises EnvironmentMapError for another suffix or shape and for a path
-    that cannot be written.
+    `compression` is how `write_exr` packs it; the others know none. The path appears only when the file is whole.
+    Raises EnvironmentMapError for another suffix or shape and for a path that cannot be written.
     """
-    _writer(format_of(target))(target, image, lighting)
+    _writer(format_of(target), compression)(target, image, lighting)
 
 
-def encode_envmap(image: Floats, lighting: Lighting | None = None, format: str = "exr") -> bytes:
+def encode_envmap(
+    image: Floats, lighting: Lighting | None = None, format: str = "exr", *, compression: Compression = "zip"
+) -> bytes:
     """The bytes of such a file; `format` is exr, hdr or png."""
     buffer = io.BytesIO()
-    _writer(format)(buffer, image, lighting)
+    _writer(format, compression)(buffer, image, lighting)
     return buffer.getvalue()
 
 
@@ -45,6 +55,15 @@ def encode_png(pixels: NDArray[np.uint8], compress_level: int = 6) -> bytes:
     return buffer.getvalue()
 
 
+def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
+    """The bytes of a JPEG of pixels (H, W, 3), without metadata."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()
+
+
 def format_of(path: str | os.PathLike[str]) -> str:
     """The format that a path's suffix names; EnvironmentMapError for one that is not an environment map's."""
     suffix = Path(path).suffix.lower().removeprefix(".")
@@ -53,10 +72,10 @@ def format_of(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def _writer(format: str) -> Writer:
+def _writer(format: str, compression: Compression) -> Writer:
     if format not in _WRITERS:
         raise EnvironmentMapError(f"The format {format!r} is not known; an environment map is exr, hdr or png.")
-    return _WRITERS[format]
+    return partial(write_exr, compression=compression) if format == "exr" else _WRITERS[format]
 
 
 def _write_hdr(target: Target, image: Floats, _: Lighting | None) -> None:

@@ -17,6 +17,7 @@ MOST_SEGMENTS = 4096  # 64 MB need 1,000 of full length; Pillow takes microsecon
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
 _FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
+_DCT = (0xC0, 0xC1, 0xC2)  # what any decoder reads
 _FEW, _MANY = 1 << 9, 1 << 17  # bytes searched at once: first few, since segments follow each other closely
 
 
@@ -51,6 +52,16 @@ def coefficients(data: bytes) -> float:
             factors = [divmod(data[at + 11 + 3 * i], 16) for i in range(data[at + 9])]
     whole = max(wide for wide, _ in factors) * max(high for _, high in factors)
     return sum(wide * high for wide, high in factors) / whole
+
+
+def frame_size(data: bytes) -> tuple[int, int]:
+    """Width and height that a JPEG's first frame announces; 0, 0 for a lossless one, and where none is found."""
+    for marker, at in _segments(data):
+        if marker in _DCT and len(data) >= at + 9:
+            return int.from_bytes(data[at + 7 : at + 9]), int.from_bytes(data[at + 5 : at + 7])
+        if marker in _FRAMES or marker == _SOS:
+            break
+    return 0, 0
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:

@@ -3,6 +3,7 @@
 from PIL import Image
 
 from lighting.photo.jpeg import coefficients
+from lighting.photo.pixels import MOST_KEPT
 
 BYTES = 4  # that a photo may take for each of the `max_pixels`; a kind that needs more per pixel is given fewer pixels
 FIXED = 64_000_000  # bytes beside, of conversions in strips
@@ -13,8 +14,10 @@ PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-22, Pillow 13.0
     "PNG": 4.0,  # Pillow's own picture
     "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
     "HEIF": 10.0,
+    "TIFF": 16.0,  # a strip as large as the picture, of up to twice the bytes per colour, beside Pillow's own
+    "AVIF": 14.0,
 }
-NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC"}
+NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
 
 
 def admitted(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
@@ -24,3 +27,12 @@ def admitted(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str
     needed = held * COEFFICIENT + (0 if held else PER_PIXEL[kind])
     name = f"progressive {NAMES[kind]}" if held else NAMES[kind]
     return min(max_pixels, int(max_pixels * BYTES / needed)), name
+
+
+def allowance(size: int, max_pixels: int, target: int | None) -> int:
+    """Bytes of memory that reading a photo of `size` bytes may take, with its pixels that are kept and a turned copy.
+
+    `max_pixels` and `target` are those of `read_photo`.
+    """
+    kept = MOST_KEPT if target is None else min(4 * target * target, MOST_KEPT)
+    return BYTES * max_pixels + FIXED + 2 * size + 6 * kept

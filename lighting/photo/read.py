@@ -1,8 +1,9 @@
 """Bytes to upright sRGB pixels.
 
-What is read: JPEG, PNG, WebP, and HEIC where pillow-heif is installed (extra `heif`). Everything ends as 8-bit sRGB:
-16-bit samples are scaled, embedded colour profiles are converted, transparent parts become mid-grey, and of an
-animation or a series the first picture counts. A damaged EXIF block or colour profile never rejects a photo.
+What is read: JPEG, PNG, WebP, TIFF, AVIF where Pillow has it, HEIC where pillow-heif is installed (extra `heif`), and
+the preview in a RAW file. Everything ends as 8-bit sRGB: 16-bit samples are scaled, embedded colour profiles are
+converted, transparent parts become mid-grey, and of an animation or a series the first picture counts. A damaged EXIF
+block or colour profile never rejects a photo.
 """
 
 import os
@@ -13,18 +14,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from io import BytesIO
-from math import ceil
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
+from PIL import ExifTags, Image, UnidentifiedImageError
 
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import admitted
+from lighting.photo.pixels import decode, upright_pixels
+from lighting.photo.png import check_chunks
+from lighting.photo.raw import KIND, described, is_raw, preview
 
 Source = str | os.PathLike[str] | bytes | BinaryIO
 
@@ -37,17 +40,8 @@ MAX_ASPECT = 8  # longer side / shorter side
 
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
 _CHUNK = 1 << 22  # bytes read at once, so that small files need no buffer of the limit's size
-_STRIP = 1 << 22  # pixels converted at once
-_MID_GREY = (128, 128, 128, 255)
-_UPRIGHT = {  # EXIF orientation: what makes the picture upright
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}
+_FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")
+_FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +51,7 @@ class Photo:
     pixels: NDArray[np.uint8]  # (h, w, 3) sRGB, perhaps smaller than the photo in the file
     width: int  # of the upright photo in the file, pixels
     height: int
-    format: str  # "JPEG", "MPO" (a JPEG with further pictures behind it), "PNG", "WEBP" or "HEIF"
+    format: str  # "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", "WEBP", "TIFF", "AVIF", "HEIF", "RAW"
     facts: PhotoFacts = field(default_factory=PhotoFacts)  # what its EXIF block says
 
 
@@ -66,24 +60,33 @@ def read_photo(
 ) -> Photo:
     """The photo in a file, in bytes or in a binary stream.
 
-    Its longer side keeps at least `target` pixels if it has them, and rarely twice as many; None keeps them all.
+    Its longer side keeps at least `target` pixels if it has them, and rarely twice as many; None keeps them all. Where
+    more than 32 million would be kept, each side is divided further.
     Raises PhotoTooLargeError over `max_bytes` or `max_pixels` (at most MOST_PIXELS; fewer for kinds of picture whose
     decoder needs more memory, see `memory.py`), PhotoError for what is not a photo of at least 32 pixels each way and
     of an aspect ratio up to 8:1, OSError for a file that cannot be opened.
     """
     data = photo_data(source, max_bytes)
     try:
-        image = _open(data, max_pixels)
+        with _no_warnings():
+            raw = is_raw(data)
+        image = _open(preview(data) if raw else data, max_pixels)
         width, height = image.size
-        pixels, turned = _decode(image, target or max(image.size))
+        told = described(data, image) if raw else image
+        side = target or max(image.size)
+        decode(image, side)
+        orientation = _orientation(told)
+        pixels = upright_pixels(image, side, orientation)
     except PhotoError:
         raise
+    except MemoryError as error:
+        raise PhotoTooLargeError("The photo needs more memory than its limit.") from error
     except Exception as error:  # decoders raise nearly anything on hostile bytes
         raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
-    width, height = (height, width) if turned else (width, height)
+    width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     with _no_warnings():
-        facts = read_facts(image, width, height)
-    return Photo(pixels, width, height, str(image.format), facts)
+        facts = read_facts(told, width, height)
+    return Photo(pixels, width, height, KIND if raw else str(image.format), facts)
 
 
 def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
@@ -109,17 +112,20 @@ def _drain(stream: BinaryIO, limit: int) -> bytes:
 
 def _open(data: bytes, max_pixels: int) -> Image.Image:
     """The image with its header read and its size found acceptable, before anything is decoded."""
-    formats = ["JPEG", "PNG", "WEBP"]
+    formats = [*_FORMATS]
     if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
         formats = [_heif_format()]
     check_scans(data)
+    check_chunks(data)
     try:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)
     except UnidentifiedImageError as error:
-        raise PhotoError("The file is not a JPEG, PNG, WebP or HEIC photo that can be read.") from error
+        raise PhotoError("The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read.") from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
+    if image.format == "TIFF" and image.mode in _FLOATS:
+        raise PhotoError("The TIFF holds 32 bits per colour, whose white is unknown; convert it to 8 or 16 bits.")
     _check_size(*image.size, *admitted(image, data, max_pixels))
     return image
 
@@ -147,72 +153,13 @@ def _check_size(width: int, height: int, limit: int, kind: str) -> None:
         raise PhotoError(f"The photo is {width} x {height} pixels; one side may be {MAX_ASPECT} times the other.")
 
 
-def _decode(image: Image.Image, target: int) -> tuple[NDArray[np.uint8], bool]:
-    """Upright pixels (h, w, 3), and whether width and height changed places."""
-    scale = min(1.0, target / max(image.size))
-    image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
-    image.load()
-    orientation = _orientation(image)
-    small = _reduced(image, max(image.size) // target)
-    opaque = _over_grey(small) if small.mode == "RGBA" else small
-    rgb = _srgb(opaque, image.info.get("icc_profile"))
-    upright = rgb.transpose(_UPRIGHT[orientation]) if orientation in _UPRIGHT else rgb
-    return np.asarray(upright), orientation in (5, 6, 7, 8)
-
-
-def _orientation(image: Image.Image) -> object:
+def _orientation(image: Image.Image) -> int | None:
     try:
         with _no_warnings():
             value = image.getexif().get(ExifTags.Base.Orientation)
             return value if isinstance(value, int) else None
     except Exception:  # EXIF is hostile input
         return None
-
-
-def _reduced(image: Image.Image, factor: int) -> Image.Image:
-    """The picture in `_eight_bits`, each side divided by the factor and rounded up.
-
-    Strip by strip: conversions of a whole large picture would take several times its memory.
-    """
-    if factor <= 1:
-        return _eight_bits(image)
-    rows = factor * max(1, _STRIP // (factor * image.width))
-    if rows >= image.height:
-        return _eight_bits(image).reduce(factor)
-    edges = range(0, image.height, rows)
-    strips = [
-        _eight_bits(image.crop((0, top, image.width, min(top + rows, image.height)))).reduce(factor) for top in edges
-    ]
-    whole = Image.new(strips[0].mode, (strips[0].width, ceil(image.height / factor)))
-    for top, strip in zip(edges, strips, strict=True):
-        whole.paste(strip, (0, top // factor))
-    return whole
-
-
-def _eight_bits(image: Image.Image) -> Image.Image:
-    """The same picture in mode L, RGB, CMYK or RGBA."""
-    if image.mode.startswith("I"):  # 16-bit grey, which Pillow would clip
-        return Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
-    if image.has_transparency_data:
-        return image if image.mode == "RGBA" else image.convert("RGBA")
-    return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
-
-
-def _over_grey(image: Image.Image) -> Image.Image:
-    if image.getchannel("A").getextrema() == (0, 0):
-        raise PhotoError("The photo is fully transparent.")
-    return Image.alpha_composite(Image.new("RGBA", image.size, _MID_GREY), image).convert("RGB")
-
-
-def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
-    """The picture as sRGB by its ICC profile, or as it stands where that is absent, unfit or damaged."""
-    try:
-        if profile and "sRGB" not in ImageCms.getProfileDescription(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):
-            converted = ImageCms.profileToProfile(image, icc, ImageCms.createProfile("sRGB"), outputMode="RGB")
-            return converted or image.convert("RGB")
-    except Exception:  # a bad profile must not reject a photo either
-        pass
-    return image if image.mode == "RGB" else image.convert("RGB")
 
 
 def _reason(error: Exception) -> str:

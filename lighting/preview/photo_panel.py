@@ -5,18 +5,22 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
+from lighting.preview.in_photo import with_balls
 from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, write, write_inside
 from lighting.preview.layout import Box
 from lighting.preview.palette import PANEL, WHITE, sun_colour
+from lighting.preview.shading import Stage
 from lighting.records import Lighting
 
 
-def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box) -> Image.Image:
+def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: Stage | None = None) -> Image.Image:
+    """The photo with its horizon and the sun, and with the balls of a stage on its ground if one is given."""
     panel = Image.new("RGB", (box.width, box.height), PANEL)
     height, width = photo.shape[:2]
     scale = min(box.width / width, box.height / height)
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
+    picture = picture if stage is None else with_balls(picture, lighting, stage)
     draw_horizon(picture, lighting)
     draw_sun(picture, lighting)
     panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))

@@ -4,19 +4,22 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.envmap import render
+from lighting.envmap import Place, render, surround
 from lighting.files import encode_png
+from lighting.preview.bounces import lit_stage
 from lighting.preview.compass import compass_panel
 from lighting.preview.ink import Style, rounded, write
 from lighting.preview.layout import CAPTION, WIDTH, Box, lay_out
 from lighting.preview.map_panel import map_panel
 from lighting.preview.palette import BACKGROUND, MUTED, TEXT, display
 from lighting.preview.photo_panel import photo_panel
-from lighting.preview.spheres import render_spheres
+from lighting.preview.shading import Stage
+from lighting.preview.spheres import pitch_of, render_stage, sphere_centres
 from lighting.preview.words import draw_headline, numbers_of
 from lighting.records import Estimate, Lighting
 
 MAP_HEIGHT = 512  # rows of the environment map
+_PHOTO = {False: "Photo, with its horizon", True: "Photo, with its horizon and three balls in its light"}  # captions
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
 
@@ -34,17 +37,20 @@ def draw_preview(
     it is rendered here.
     """
     lighting = estimate.lighting
-    envmap = render(lighting, MAP_HEIGHT) if envmap is None else envmap
+    envmap = _map(photo, estimate) if envmap is None else envmap
     aspect, numbers = photo.shape[1] / photo.shape[0], numbers_of(lighting)
     plan = lay_out(aspect, len(numbers))
     compass = compass_panel(estimate, aspect, plan.compass.width)
+    centres = sphere_centres(plan.spheres.width / plan.spheres.height, pitch_of(lighting))
+    stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
+    placed = stage if lighting.sun_irradiance is not None else None
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     draw_headline(canvas, lighting)
     for box, caption, panel in (
-        (plan.photo, "Photo, with its horizon", photo_panel(photo, lighting, plan.photo)),
+        (plan.photo, _PHOTO[placed is not None], photo_panel(photo, lighting, plan.photo, placed)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel(envmap, lighting, aspect, plan.envmap)),
-        (plan.spheres, "Mirror, glossy and diffuse in this light", _spheres_panel(envmap, lighting, plan.spheres)),
+        (plan.spheres, "Mirror, glossy and diffuse in this light", _spheres_panel(stage, lighting, plan.spheres)),
     ):
         _place(canvas, box, caption, panel)
     for corner, (name, value) in zip(plan.cells, numbers, strict=True):
@@ -59,6 +65,13 @@ def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> N
     canvas.paste(panel, (box.x, box.y), rounded(panel.size, 10))
 
 
-def _spheres_panel(envmap: NDArray[np.float32], lighting: Lighting, box: Box) -> Image.Image:
-    linear = render_spheres(envmap, lighting, box.width, box.height, supersampling=2)
+def _map(photo: NDArray[np.uint8], estimate: Estimate) -> NDArray[np.float32]:
+    """The light's map, with the place where the network predicted what lies around."""
+    if estimate.around is None:
+        return render(estimate.lighting, MAP_HEIGHT)
+    return surround(estimate.lighting, Place(photo, estimate.around), MAP_HEIGHT)
+
+
+def _spheres_panel(stage: Stage, lighting: Lighting, box: Box) -> Image.Image:
+    linear = render_stage(stage, lighting, box.width, box.height, supersampling=2)
     return Image.fromarray(display(linear)).reduce(2)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Pinhole, camera_axes, camera_directions, focal_length
 from lighting.preview.bounces import lit_stage
-from lighting.preview.shading import trace
+from lighting.preview.shading import Stage, trace
 from lighting.records import Lighting
 
 VERTICAL_FOV = 40.0  # deg
@@ -33,13 +33,25 @@ def render_spheres(
 
     They stand where `sphere_centres` says, or at `centres` (3, 3) from the camera, on the same ground.
     """
-    pitch = float(np.clip(lighting.camera_elevation, *PITCH))
-    columns, rows = width * supersampling, height * supersampling
-    rays = camera_directions(Pinhole(columns, rows, VERTICAL_FOV, elevation=pitch)).astype(np.float32).reshape(-1, 3)
-    centres = sphere_centres(width / height, pitch) if centres is None else centres
+    centres = sphere_centres(width / height, pitch_of(lighting)) if centres is None else centres
     stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
-    picture = trace(np.zeros(3, np.float32), rays, replace(stage, centres=centres))
+    return render_stage(stage, lighting, width, height, supersampling)
+
+
+def render_stage(
+    stage: Stage, lighting: Lighting, width: int, height: int, supersampling: int = 2
+) -> NDArray[np.float32]:
+    """The same picture of a stage that is lit already."""
+    columns, rows = width * supersampling, height * supersampling
+    camera = Pinhole(columns, rows, VERTICAL_FOV, elevation=pitch_of(lighting))
+    rays = camera_directions(camera).astype(np.float32).reshape(-1, 3)
+    picture = trace(np.zeros(3, np.float32), rays, replace(stage, centres=stage.centres.astype(np.float32)))
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
+
+
+def pitch_of(lighting: Lighting) -> float:
+    """Elevation [deg] of the stage's camera: the photo's, as far as the ground stays in view."""
+    return float(np.clip(lighting.camera_elevation, *PITCH))
 
 
 def sphere_centres(aspect: float, pitch: float) -> NDArray[np.float32]:

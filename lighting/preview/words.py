@@ -5,14 +5,17 @@ from PIL import Image
 from lighting.preview.ink import Style, write
 from lighting.preview.layout import MARGIN, WIDTH
 from lighting.preview.palette import MUTED, SUN, TEXT
-from lighting.records import Lighting
+from lighting.records import SUITABLE, Lighting
 
 
 def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     visible = lighting.sun_shines
     where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     title = f"Sun {where}" if visible else "No direct sun"
-    write(canvas, (MARGIN, MARGIN - 6), title, Style(38, SUN if visible else TEXT))
+    doubtful = lighting.suitable is not None and lighting.suitable < SUITABLE
+    title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
+    style = Style(28 if doubtful else 38, TEXT if doubtful or not visible else SUN)
+    write(canvas, (MARGIN, MARGIN - 6), title, style)
     if visible:
         half, most = _short(lighting.radius_50), _short(lighting.radius_90)
         spread = f"half of the probability lies within {half}°, 90 % within {most}°"

@@ -103,7 +103,8 @@ def beside(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
-    """Slope of y over x and its standard error, by least squares re-weighted with Tukey's biweight.
+    """Slope of y over x and its standard error, by least squares re-weighted with Tukey's biweight; 0 where x is one
+    value alone.
 
     The error counts an eighth of the values as independent, for neighbours and channels share their errors.
     """
@@ -112,6 +113,8 @@ def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
         total = weight.sum()
         mean_x, mean_y = weight @ x / total, weight @ y / total
         spread = weight @ (x - mean_x) ** 2
+        if spread <= 0:  # all of one value, as a few steps of 8 bits are
+            return 0.0, 0.0
         slope = weight @ ((x - mean_x) * (y - mean_y)) / spread
         residual = y - mean_y - slope * (x - mean_x)
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)

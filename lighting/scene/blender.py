@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from lighting.errors import SceneError
+from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, Scene
 from lighting.scene.parts import (
     ENVIRONMENT,
     PLATE,
     Folder,
-    colour_and_strength,
     data_text,
-    to_z_up,
     write_shared_files,
 )
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
@@ -67,7 +66,7 @@ def _description(scene: Scene) -> dict[str, Any]:
         },
         "sun": {"direction": sun, "angle": SUN_ANGLE, "colour": colour.tolist(), "irradiance": strength},
         "sky": {"yaw": YAW, "native": _native_sky(scene)},
-        "ground": {"radius": GROUND_RADIUS, "albedo": scene.lighting.ground_albedo},
+        "ground": {"radius": GROUND_RADIUS, "albedo": scene.ground.tolist()},
         "placeholder": _placeholder(scene),
     }
 
@@ -90,5 +89,5 @@ def _placeholder(scene: Scene) -> dict[str, Any]:
         "stick_foot": to_z_up(placeholder.stick_foot).tolist(),
         "stick_radius": placeholder.stick_radius,
         "stick_height": placeholder.stick_height,
-        "albedo": PLACEHOLDER_ALBEDO,
+        "albedo": [PLACEHOLDER_ALBEDO] * 3,
     }

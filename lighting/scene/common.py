@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap import render, sky_irradiance, sun_irradiance
+from lighting.envmap import Place, ground_reflectance, render, sky_irradiance, sun_irradiance, surround
 from lighting.geometry import SUN_RADIUS, Floats, camera_axes, focal_length
 from lighting.photo import Photo
 from lighting.records import Lighting
@@ -108,6 +108,11 @@ class Scene:
         direct = self.sun_irradiance * max(float(self.sun_direction[1]), 0.0)
         return np.asarray(self.sky_irradiance / (self.sky_irradiance + direct))
 
+    @property
+    def ground(self) -> Floats:
+        """Reflectance (3,) of the ground."""
+        return ground_reflectance(self.lighting)
+
     # --- the user's object
 
     @cached_property
@@ -120,13 +125,23 @@ class Scene:
         return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * EYE_HEIGHT / slope)
 
 
-def make_scene(photo: Photo, lighting: Lighting, *, map_height: int = MAP_HEIGHT, sun: bool | None = None) -> Scene:
+def make_scene(
+    photo: Photo,
+    lighting: Lighting,
+    *,
+    map_height: int = MAP_HEIGHT,
+    sun: bool | None = None,
+    around: NDArray[np.float32] | None = None,
+) -> Scene:
     """The scene of a photo under its lighting.
 
-    `sun` says whether direct sunlight reaches it; None takes it when `sun_visibility` is at least 0.5. Raises
-    ParameterError for a `map_height` that `envmap.render` refuses.
+    `sun` says whether direct sunlight reaches it; None leaves that to `Lighting.sun_painted`. With `around`
+    (`Estimate.around`) the map shows the place. Raises ParameterError for a `map_height` that `envmap.render` refuses.
     """
-    shines = lighting.sun_shines if sun is None else sun
-    environment = render(lighting, map_height, sun=shines, disc=False)
+    shines = lighting.sun_painted if sun is None else sun
+    if around is None:
+        environment = render(lighting, map_height, sun=shines, disc=False)
+    else:
+        environment = surround(lighting, Place(photo.pixels, around), map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting))

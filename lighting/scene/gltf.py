@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from lighting.files import SOFTWARE, full_record
 from lighting.scene import meshes
+from lighting.scene.axes import colour_and_strength
 from lighting.scene.common import FAR, NEAR, Scene
-from lighting.scene.parts import Folder, colour_and_strength, plate_png
+from lighting.scene.parts import Folder, plate_png
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 FILE = "scene.glb"
@@ -97,8 +98,8 @@ def _camera(scene: Scene) -> dict[str, Any]:
 
 def _materials(scene: Scene) -> list[dict[str, Any]]:
     return [
-        _diffuse("Placeholder", PLACEHOLDER_ALBEDO),
-        _diffuse("Ground", scene.lighting.ground_albedo),
+        _diffuse("Placeholder", [PLACEHOLDER_ALBEDO] * 3),
+        _diffuse("Ground", scene.ground.tolist()),
         {
             "name": "Plate",
             "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
@@ -107,8 +108,8 @@ def _materials(scene: Scene) -> list[dict[str, Any]]:
     ]
 
 
-def _diffuse(name: str, albedo: float) -> dict[str, Any]:
-    surface = {"baseColorFactor": [albedo] * 3 + [1], "metallicFactor": 0, "roughnessFactor": 1}
+def _diffuse(name: str, albedo: list[float]) -> dict[str, Any]:
+    surface = {"baseColorFactor": [*albedo, 1], "metallicFactor": 0, "roughnessFactor": 1}
     return {"name": name, "pbrMetallicRoughness": surface}
 
 

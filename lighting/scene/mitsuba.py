@@ -54,7 +54,7 @@ def _light_values(scene: Scene) -> dict[str, object]:
         "spot": _numbers(scene.spot),
         "aside": _numbers(direction(scene.lighting.sun_azimuth + 90.0, 0.0)),  # never parallel to the sun's direction
         "ground_radius": f"{GROUND_RADIUS:.9g}",
-        "ground_albedo": scene.lighting.ground_albedo,
+        "ground_albedo": _numbers(scene.ground),
     }
 
 

@@ -5,10 +5,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any, Protocol
 
-import numpy as np
-
 from lighting.files import encode_envmap, encode_png, full_record
-from lighting.geometry import Floats
 from lighting.scene.common import Scene
 
 PLATE, ENVIRONMENT, RECORD = "plate.png", "environment.exr", "lighting.json"
@@ -48,15 +45,3 @@ def data_text(name: str) -> str:
 def filled(name: str, values: dict[str, Any]) -> str:
     """The same with its $placeholders replaced."""
     return Template(data_text(name)).substitute(values)
-
-
-def to_z_up(vector: Floats) -> Floats:
-    """Vectors (..., 3) of our frame where +Z is up and the camera looks along +Y."""
-    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
-    return np.stack([x, -z, y], axis=-1)
-
-
-def colour_and_strength(irradiance: Floats) -> tuple[Floats, float]:
-    """An irradiance (3,) as a colour (3,) whose largest channel is 1, and its strength; white and 0 for no light."""
-    strength = float(irradiance.max())
-    return (irradiance / strength if strength > 0 else np.ones(3)), strength

@@ -10,8 +10,9 @@ from typing import Any
 
 from lighting.envmap import rotate
 from lighting.files import encode_envmap, full_record
+from lighting.scene.axes import colour_and_strength
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, Scene
-from lighting.scene.parts import Folder, colour_and_strength, data_text, filled, plate_png
+from lighting.scene.parts import Folder, data_text, filled, plate_png
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 PAGE = "scene.html"

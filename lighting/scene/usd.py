@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import SceneError
+from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, Scene
 from lighting.scene.parts import (
     ENVIRONMENT,
     PLATE,
     Folder,
-    colour_and_strength,
     filled,
-    to_z_up,
     write_shared_files,
 )
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
@@ -96,7 +95,7 @@ def _ground_values(scene: Scene, placed: Placed) -> dict[str, str]:
         "ground_points": _vectors(corners),
         "ground_extent": _extent(corners),
         "ground_normal": _vector(placed(_UP)),
-        "ground_colour": _vector([scene.lighting.ground_albedo] * 3),
+        "ground_colour": _vector(scene.ground),
     }
 
 

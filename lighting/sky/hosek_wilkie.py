@@ -6,7 +6,7 @@ W m^-2 sr^-1 nm^-1 seen through RGB and divided by CIE_Y_INTEGRAL, which makes t
 """
 
 from functools import lru_cache
-from importlib import resources
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ CIE_Y_INTEGRAL = 106.75  # nm, the integral of the CIE 1931 luminosity curve
 SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to the sky's units before the division
 SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
+_DATA = Path(__file__).parent.parent / "data" / "hosek_wilkie.npz"
 _RANGES = {"sun elevation": (0.0, 90.0), "turbidity": (1.0, 10.0), "albedo": (0.0, 1.0)}
 _ROUNDING = 1e-3  # how far beyond the ends of its range a value may lie, for angles that went through float32
 _BINOMIAL = np.array([1.0, 5.0, 10.0, 10.0, 5.0, 1.0])
@@ -141,7 +142,7 @@ def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
 @lru_cache(maxsize=1)
 def _table() -> dict[str, Floats]:
     """The published coefficients; export/data/sky_table.py made the file and names its axes."""
-    with resources.files("lighting").joinpath("data", "hosek_wilkie.npz").open("rb") as file:
+    with _DATA.open("rb") as file:
         archive = np.load(file, allow_pickle=False)
         return {name: archive[name].astype(np.float64) for name in archive.files}
 

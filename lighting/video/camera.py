@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Floats, camera_axes
 from lighting.photo import Photo
+from lighting.scene.axes import to_z_up
 from lighting.scene.common import Scene, make_scene
 from lighting.scene.files import write_scene
-from lighting.scene.parts import to_z_up
 from lighting.video.records import light_of
 from lighting.video.shot import Shot
 

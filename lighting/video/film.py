@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.envmap import render
+from lighting.envmap import brighten, render
 from lighting.files import replacing
 from lighting.preview.ink import Style, rounded, write
 from lighting.preview.palette import SUN, WHITE, display
@@ -46,7 +46,7 @@ class _Balls:
             own = light.lighting
             off = step * STEP - (own.relative_heading or 0.0)
             azimuth = (own.sun_azimuth - off + 180.0) % 360.0 - 180.0
-            there = replace(own, sun_azimuth=azimuth, camera_elevation=-8.0, exposure=own.exposure / _gain(light))
+            there = replace(brighten(own, np.full(3, 1 / _gain(light))), sun_azimuth=azimuth, camera_elevation=-8.0)
             linear = render_spheres(render(there, _MAP_HEIGHT), there, *self.size, supersampling=2)
             small = linear.reshape(self.size[1], 2, self.size[0], 2, 3).mean(axis=(1, 3))
             self.pictures[light.shot, step] = small

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import srgb_decode
+from lighting.colour import SRGB_LINEAR
 from lighting.geometry import Floats
 from lighting.turns.match import Features, Matches, centred, features, opencv
 from lighting.video.clip import Frame
@@ -30,7 +30,6 @@ _CORRECTED = 3.0  # pixels by which the comparison with the keyframe may move a 
 _ALIKE = 12.0  # grey values by which a point's surroundings may differ from those in its keyframe
 _SPREAD = 50.0  # grey values, the standard deviation to which every frame is brought: gains do not disturb
 _CODED = (8, 247)  # coded values between which a gain is measured
-_LINEAR: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,5 +167,5 @@ class Follower:
         fit = np.all((both > _CODED[0]) & (both < _CODED[1]), axis=(0, 2))
         if np.count_nonzero(fit) < FEWEST // 2:
             return np.ones(3)
-        log = np.log(_LINEAR[both[0][fit]] / _LINEAR[both[1][fit]])
+        log = np.log(SRGB_LINEAR[both[0][fit]] / SRGB_LINEAR[both[1][fit]])
         return np.asarray(np.exp(np.median(log, axis=0)), dtype=np.float64)

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lighting.circular import HEADINGS
+from lighting.decoding import light_numbers, light_of_numbers
 from lighting.evidence import seen_from
 from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density
 from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, overlap
 from lighting.geometry import Floats, direction
-from lighting.records import Prediction
+from lighting.records import Light, Prediction
 from lighting.sun_grid import grid_solid_angle
 
 SECTOR = 15.0  # deg of heading
@@ -129,6 +130,7 @@ class ShotLight:
             exposure=float(exposure),
             vertical_fov=float(fov),
             sun_visibility=float(mean[3]),
+            light=light_of_numbers(mean[4:]) if last.light else None,
         )
 
 
@@ -153,4 +155,12 @@ def _on_rings(look: Look) -> Floats:
 def _numbers(look: Look) -> Floats:
     p = look.prediction
     exposure = math.log(max(p.exposure, _LOWEST) / max(look.gain, _LOWEST))
-    return np.array([math.log(max(p.turbidity, _LOWEST)), exposure, math.log(p.vertical_fov), p.sun_visibility])
+    numbers = [math.log(max(p.turbidity, _LOWEST)), exposure, math.log(p.vertical_fov), p.sun_visibility]
+    return np.concatenate([numbers, _strength(p.light, look.gain) if p.light else []])
+
+
+def _strength(light: Light, gain: float) -> Floats:
+    """The light's numbers as the shot's first frame would show them."""
+    numbers = light_numbers(light)
+    numbers[:6] -= math.log(max(gain, _LOWEST))
+    return numbers

@@ -4,14 +4,12 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from lighting.envmap import Image, view
+from lighting.envmap import Image, brighten, view
 from lighting.evidence import estimate_of
 from lighting.files import full_record
 from lighting.geometry import wrap_azimuth
-from lighting.records import RANGES, Lighting
-from lighting.video.shot import Shot, luminance_gain
+from lighting.records import Lighting
+from lighting.video.shot import Shot
 
 
 @dataclass(frozen=True)
@@ -54,11 +52,9 @@ def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
 
 def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
     heading = float(shot.path.heading[i])
-    exposure = float(np.clip(base.exposure * luminance_gain(shot.gains[i]), *RANGES["exposure"]))
     return replace(
-        base,
+        brighten(base, shot.gains[i]),
         sun_azimuth=round(float(wrap_azimuth(base.sun_azimuth - heading)), 4),
-        exposure=float(f"{exposure:.6g}"),
         camera_elevation=round(float(shot.path.elevation[i]), 4),
         camera_roll=round(float(wrap_azimuth(shot.path.roll[i])), 4),
         camera_heading=None if shot.north is None else round((shot.north + heading) % 360.0, 4) % 360.0,

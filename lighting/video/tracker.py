@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.envmap import brighten
 from lighting.evidence import Fused, Given, Known, estimate_of
 from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.model import Model
@@ -151,9 +152,8 @@ class Tracker:
         known = self._known_at(time)
         base, north = estimate_of(self._fused, known).lighting, north_of(self._fused, known)
         lighting = replace(
-            base,
+            brighten(base, self._gain),
             sun_azimuth=float(wrap_azimuth(base.sun_azimuth - heading)),
-            exposure=base.exposure * luminance_gain(self._gain),
             camera_elevation=elevation,
             camera_roll=roll,
             vertical_fov=self._lens.fov,

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.circular import HEADINGS, von_mises
-from lighting.decoding import best_guess, lighting_from, sun_on_rings
+from lighting.decoding import best_guess, colour, light_numbers, light_of_numbers, lighting_from, sun_on_rings
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
-from lighting.records import RANGES, Prediction
+from lighting.records import RANGES, Light, Prediction
 from lighting.sun_grid import grid_directions, soft_label
 from tests.conftest import TINY
 
@@ -83,7 +84,7 @@ def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
 
 def prediction(**values: float) -> Prediction:
     grid = "fibonacci:1024"
-    given = {
+    given: dict[str, Any] = {
         "sun_visibility": 0.8,
         "turbidity": 3.0,
         "exposure": 0.05,
@@ -132,3 +133,11 @@ def test_rings_far_apart_are_not_averaged() -> None:
     sun = sun_on_rings(suns, np.concatenate([0.4 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0)]))
     assert sun.elevation == pytest.approx(63.0, abs=0.1)
     assert sun.azimuth == pytest.approx(80.0, abs=0.1)
+
+
+def test_lights_are_averaged_by_their_numbers() -> None:
+    light = Light(np.array([1.0, 2.0, 0.0]), np.array([0.5, 0.5, 0.5]), 0.2, 0.9)
+    back = light_of_numbers(light_numbers(light))
+    assert back.sun_irradiance == pytest.approx([1.0, 2.0, 1e-6])
+    assert (back.cover, back.suitable) == pytest.approx((0.2, 0.9))
+    assert colour(np.array([-1.0, 0.5, 2.0]), "ground_color") == (0.0, 0.5, 1.0)

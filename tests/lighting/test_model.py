@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from lighting import model as model_module
 from lighting.errors import ModelError
 from lighting.model import PARAMETERS, Model, packaged_model
-from tests.conftest import TINY, write_network
+from tests.conftest import LIT, TINY, write_network
 
 
 @pytest.fixture(scope="module")
@@ -154,3 +155,34 @@ def test_the_network_is_the_one_that_was_published() -> None:
     assert sums == {
         p.name: sha256(p.read_bytes()).hexdigest() for p in folder.iterdir() if p.suffix in (".onnx", ".npz")
     }
+
+
+def test_a_network_may_say_how_strong_the_light_is(lit_network: Path) -> None:
+    first, second = Model.load(lit_network).predict(batch(2))
+    assert first.light is not None
+    assert second.light is not None
+    assert first.light.sun_irradiance == pytest.approx([1.9, 1.5, 0.9])
+    assert second.light.sky_irradiance == pytest.approx([0.4, 0.5, 0.8])
+    assert (first.light.cover, first.light.suitable) == pytest.approx((0.2, 0.97))
+    assert first.light.around == pytest.approx(LIT["around"])
+
+
+def test_the_strength_of_the_light_stays_in_range(tmp_path: Path) -> None:
+    wild = {"light": np.array([-1.0, 0.5, 2.0, 1.0, 1.0, 1.0, 1.5, -0.5])}
+    (prediction,) = Model.load(write_network(tmp_path / "n.onnx", more=wild)).predict(batch(1))
+    assert prediction.light is not None
+    assert prediction.light.sun_irradiance.tolist() == [0.0, 0.5, 2.0]
+    assert (prediction.light.cover, prediction.light.suitable, prediction.light.around) == (1.0, 0.0, None)
+
+
+def test_a_network_without_it_says_nothing_of_it(model: Model) -> None:
+    assert model.predict(batch(1))[0].light is None
+
+
+@pytest.mark.parametrize(
+    "more",
+    [{"light": np.ones(7)}, {"light": np.ones(8), "around": np.ones((6, 24, 3))}, {"around": LIT["around"]}],
+    ids=["light", "around", "around alone"],
+)
+def test_further_outputs_of_another_shape_are_refused(more: dict[str, NDArray[np.float64]], tmp_path: Path) -> None:
+    assert "another layout" in refusal(write_network(tmp_path / "n.onnx", more=more))

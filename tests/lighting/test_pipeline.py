@@ -12,12 +12,13 @@ from lighting import model as model_module
 from lighting import pipeline
 from lighting.decoding import lighting_from
 from lighting.errors import ModelError, PhotoError
+from lighting.evidence.answer import UNSUITABLE
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator, estimate
 from lighting.records import Lighting
-from tests.conftest import encode, scene
+from tests.conftest import AROUND, encode, scene, write_network
 
 
 @pytest.fixture
@@ -93,3 +94,29 @@ def test_photo_to_map_puts_the_sun_where_the_record_says(photo_path: Path) -> No
 def test_a_portrait_photo_is_letterboxed(network: Path) -> None:
     photo = read_photo(encode(scene(200, 600)))
     assert isinstance(Estimator(Model.load(network))(photo).lighting, Lighting)
+
+
+def test_a_network_that_says_so_gives_irradiances_ground_and_the_place(lit_network: Path, photo_path: Path) -> None:
+    estimate = Estimator(Model.load(lit_network))(read_photo(photo_path))
+    light = estimate.lighting
+    assert light.sun_irradiance == pytest.approx((1.9, 1.5, 0.9))
+    assert light.sky_irradiance == pytest.approx((0.4, 0.5, 0.8))
+    assert (light.sky_cover, light.suitable) == pytest.approx((0.2, 0.97))
+    assert light.ground_color is not None
+    assert light.ground_color[1] > light.ground_color[2]  # the picture's green grows downwards, its blue does not
+    assert estimate.around == pytest.approx(AROUND)
+    assert not estimate.warnings
+
+
+def test_what_is_no_such_photo_earns_a_warning(tmp_path: Path, photo_path: Path) -> None:
+    doubtful = {"light": np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.1])}
+    estimator = Estimator(Model.load(write_network(tmp_path / "n.onnx", more=doubtful)))
+    assert estimator(read_photo(photo_path)).warnings == (UNSUITABLE,)
+
+
+def test_photos_together_share_the_strength_of_the_light(lit_network: Path, photo_path: Path) -> None:
+    photos = [read_photo(photo_path), read_photo(photo_path)]
+    one, two = Estimator(Model.load(lit_network)).together(photos)
+    assert one.lighting.sky_irradiance == pytest.approx((0.4, 0.5, 0.8))
+    assert one.lighting.ground_color == two.lighting.ground_color is not None
+    assert two.around == pytest.approx(AROUND)

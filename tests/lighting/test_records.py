@@ -155,13 +155,13 @@ def test_a_section_that_is_no_object_is_refused(name: str, value: object) -> Non
         Lighting.from_dict({**LIGHTING.to_dict(), name: value})
 
 
-@pytest.mark.parametrize("model", ["preetham", None, ["hosek-wilkie"], "x" * 10_000], ids=lambda v: repr(v)[:12])
+@pytest.mark.parametrize("model", ["hosek", 5, ["hosek-wilkie"], "x" * 10_000], ids=lambda v: repr(v)[:12])
 def test_another_sky_model_is_refused(model: object) -> None:
     record = LIGHTING.to_dict()
     record["sky"]["model"] = model
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record)
-    assert sentence(caught.value).endswith("only 'hosek-wilkie' is known.")
+    assert "the known ones are hosek-wilkie, preetham" in sentence(caught.value)
 
 
 def test_a_model_name_must_be_text() -> None:
@@ -280,3 +280,46 @@ def test_headings_are_360_probabilities(value: object) -> None:
 def test_evidence_and_warnings_are_texts(name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=name):
         Lighting.from_dict({**LIGHTING.to_dict(), name: value})
+
+
+STRONG = replace(
+    LIGHTING,
+    sky_model="perez",
+    sun_irradiance=(1.9, 1.5, 0.9),
+    sky_irradiance=(0.4, 0.5, 0.8),
+    sky_cover=0.2,
+    ground_color=(0.12, 0.11, 0.1),
+    suitable=0.97,
+)
+
+
+def test_the_strength_of_the_light_survives_json() -> None:
+    record = STRONG.to_dict()
+    assert Lighting.from_dict(json.loads(json.dumps(record))) == STRONG
+    assert record["sun"]["irradiance"] == [1.9, 1.5, 0.9]
+    assert (record["sky"]["irradiance"], record["sky"]["cover"]) == ([0.4, 0.5, 0.8], 0.2)
+    assert (record["ground"], record["suitable"]) == ({"color": [0.12, 0.11, 0.1]}, 0.97)
+    assert not {"ground", "suitable"} & set(LIGHTING.to_dict())
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "value"),
+    [
+        ("sun", "irradiance", [1.0, 2.0]),
+        ("sky", "irradiance", [1.0, -2.0, 1.0]),
+        ("ground", "color", [0.1, 0.1, 1.1]),
+        ("ground", "color", "grey"),
+        ("sun", "irradiance", None),
+    ],
+)
+def test_a_colour_is_three_numbers_in_range_and_irradiances_go_together(section: str, name: str, value: object) -> None:
+    record = STRONG.to_dict()
+    record[section][name] = value
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict(record)
+    assert sentence(caught.value)
+
+
+def test_cover_needs_irradiances() -> None:
+    with pytest.raises(ParameterError, match=r"^sky\.cover needs"):
+        replace(LIGHTING, sky_cover=0.5)

@@ -1,4 +1,4 @@
-"""Build in Blender 4.5 or newer the scene that scene.json, beside this file, describes.
+"""Build in Blender 4.2 or newer the scene that scene.json, beside this file, describes.
 
     blender --python scene.py                                    opens it as a scene of its own
     blender --background --python scene.py -- --save --render    writes scene.blend and render.png
@@ -41,11 +41,12 @@ def own_folder() -> Path:
     return Path(bpy.path.abspath(text.filepath) if text and text.filepath else __file__).resolve().parent
 
 
-def build(numbers: dict[str, Any], folder: Path) -> Any:
-    """A new scene, made the current one."""
-    scene = bpy.data.scenes.new("Photo")
-    if bpy.context.window:
-        bpy.context.window.scene = scene
+def build(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any:
+    """The scene given, or a new one that is made the current one; a compositor that it has stays as it is."""
+    if scene is None:
+        scene = bpy.data.scenes.new("Photo")
+        if bpy.context.window:
+            bpy.context.window.scene = scene
     plate = load_image(folder / numbers["plate"], "sRGB")
     environment = load_image(folder / numbers["environment"], "Linear Rec.709")
     set_up_render(scene, numbers)
@@ -54,7 +55,8 @@ def build(numbers: dict[str, Any], folder: Path) -> Any:
     scene.world = make_world(numbers["sky"], environment)
     add_ground(scene, numbers["ground"])
     add_placeholder(scene, numbers["placeholder"])
-    composite_over(scene, plate)
+    if not has_compositor(scene):
+        composite_over(scene, plate)
     return scene
 
 
@@ -102,9 +104,13 @@ def add_camera(scene: Any, numbers: dict[str, Any], plate: Any) -> None:
 
 def add_sun(scene: Any, numbers: dict[str, Any]) -> None:
     data = bpy.data.lights.new("Sun", "SUN")
-    data.color, data.energy = numbers["colour"], numbers["irradiance"]
     data.angle = math.radians(numbers["angle"])
-    sun = add_object(scene, "Sun", data)
+    aim_sun(add_object(scene, "Sun", data), numbers)
+
+
+def aim_sun(sun: Any, numbers: dict[str, Any]) -> None:
+    """Turn the sun to its direction and give it its light."""
+    sun.data.color, sun.data.energy = numbers["colour"], numbers["irradiance"]
     sun.rotation_euler = Vector(numbers["direction"]).to_track_quat("Z", "Y").to_euler()
     sun.location = [10.0 * value for value in numbers["direction"]]  # where to find it; a sun shines from everywhere
 
@@ -160,11 +166,11 @@ def spread(nodes: Any) -> None:
         node.location = (220.0 * (index % 4), -320.0 * (index // 4))
 
 
-def diffuse(name: str, albedo: float) -> Any:
+def diffuse(name: str, albedo: list[float]) -> Any:
     material = bpy.data.materials.new(name)
     nodes, links = cleared_nodes(material)
     surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    surface.inputs["Color"].default_value = (albedo, albedo, albedo, 1.0)
+    surface.inputs["Color"].default_value = (*albedo, 1.0)
     links.new(surface.outputs[0], output.inputs["Surface"])
     spread(nodes)
     return material
@@ -250,6 +256,13 @@ def multiplied(tree: Any, a: Any, b: Any) -> Any:
     tree.links.new(a, pictures[0])
     tree.links.new(b, pictures[1])
     return next(socket for socket in mix.outputs if socket.type == "RGBA")
+
+
+def has_compositor(scene: Any) -> bool:
+    """Whether the scene's pictures go through nodes already."""
+    if hasattr(scene, "compositing_node_group"):
+        return scene.compositing_node_group is not None
+    return scene.use_nodes and scene.node_tree is not None and len(scene.node_tree.nodes) > 0
 
 
 def compositor(scene: Any) -> tuple[Any, Any]:

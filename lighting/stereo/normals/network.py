@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.cpus import available_cpus
 from lighting.errors import ModelError
-from lighting.model import available_cpus
 from lighting.stereo.normals.features import BY_IMAGE, SHARED, Features
 
 Image = NDArray[np.float32]

@@ -24,7 +24,8 @@ Image = NDArray[np.float32]
 CANDIDATES = 3000  # normals, 2.6 deg apart
 APART = 25.0  # deg, from the best normal to the nearest that counts as another answer
 
-_BLOCK = 1 << 22  # residuals held at once
+_BLOCK = 1 << 19  # residuals held at once: few enough to stay in a processor's cache
+_ALONE = 1 << 18  # multiplications of a matrix product up to which OpenBLAS, numpy's library, starts no threads
 _TINY = np.float32(1e-12)
 
 
@@ -96,11 +97,11 @@ def _search_block(images: Image, table: Candidates, noise: float, units: Image) 
     likelihood += table.prior
     best = likelihood.argmax(axis=1)
     likelihood -= likelihood[np.arange(len(best)), best][:, None]
-    chords = np.sqrt(np.maximum(2 - 2 * (table.normals[best] @ table.normals.T), 0))
+    chords = np.sqrt(np.maximum(2 - 2 * product(table.normals[best], table.normals.T), 0))
     other, odds = _other(likelihood, chords, table.normals)
     weight = np.exp(likelihood, out=likelihood)
     total = weight.sum(axis=1)
-    mean = (weight @ table.normals) / total[:, None]
+    mean = product(weight, table.normals) / total[:, None]
     error = _angle(np.einsum("pk,pk->p", weight, chords) / total)
     normal, albedo, difference = refine(images, table, best, noise)
     residual = np.sqrt(np.mean(difference**2, axis=(1, 2)))
@@ -118,9 +119,23 @@ def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
     scaled = (images / np.float32(noise * np.sqrt(2))).astype(np.float32)
     total = np.zeros((len(images), units.shape[-1]), dtype=np.float32)
     for channel, unit in enumerate(units):
-        match = scaled[:, :, channel] @ unit
+        match = product(scaled[:, :, channel], unit)
         total += np.square(np.maximum(match, 0, out=match), out=match)
     return total
+
+
+def product(left: Image, right: Image) -> Image:
+    """The matrix product of (P, N) and (N, M), a few rows at a time, so that each stays in the thread that asks for it.
+
+    The threads of a pool that all ask for large products wait for each other's helpers longer than they work.
+    """
+    rows = max(1, _ALONE // right.size)
+    whole = len(left) - len(left) % rows
+    result = np.empty((len(left), right.shape[1]), dtype=np.float32)
+    stack = left[:whole].reshape(-1, rows, left.shape[1])
+    np.matmul(stack, right, out=result[:whole].reshape(-1, rows, right.shape[1]))
+    np.matmul(left[whole:], right, out=result[whole:])
+    return result
 
 
 def _other(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:

@@ -10,7 +10,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.model import available_cpus
+from lighting.cpus import available_cpus
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals.frame import Pose
 from lighting.stereo.normals.search import Answer, Candidates, Progress, candidates, quiet, search

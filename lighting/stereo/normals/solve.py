@@ -22,6 +22,7 @@ _BRIGHTEST = 0.999  # quantile that counts as the brightest pixel
 _UNKNOWN = 2  # numbers that a normal takes from a pixel's brightnesses, besides an albedo for each channel
 _COARSE = 1000  # normals of the grid on which skies are compared
 _LEAST_NOISE = 2e-3  # taken for the noise where skies are compared
+_BETTER = 0.7  # times the search's expected error, below which the network's normal is taken
 _LEAST_SUN = np.radians(2.0)  # apart, for light to differ
 
 
@@ -120,9 +121,13 @@ def _filled(mask: NDArray[np.bool_], values: Image) -> Image:
 
 
 def improved(found: NormalMap, network: Network, planes: Features) -> NormalMap:
-    """The network's normals where it expects to err less than the search."""
+    """The network's normals where it expects to err clearly less than the search.
+
+    It is at times too sure of itself. _BETTER is the largest of 0.4, 0.5 ... 1 at which the median rose by more than
+    0.2 deg on fewer than 5 % of 159 scenes like those that it was trained on (on 10 % with 1, on 4 % with 0.7).
+    """
     normal, error = network.predict(planes)
-    better = found.mask & (error < found.error)
+    better = found.mask & (error < _BETTER * found.error)
     return replace(
         found,
         normal=np.where(better[..., None], normal, found.normal),

@@ -1,4 +1,4 @@
-"""Build in Blender 4.5 or newer the shot that shot.json and scene.json, beside this file, describe.
+"""Build in Blender 4.2 or newer the shot that shot.json and scene.json, beside this file, describe.
 
     blender --python shot.py                             opens it as a scene of its own
     blender --background --python shot.py -- --save      writes shot.blend
@@ -52,19 +52,31 @@ def move(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
             turn.make_compatible(before)
         camera.rotation_quaternion = before = turn
         camera.keyframe_insert("rotation_quaternion", frame=frame)
-    hang_clip(camera, numbers, folder)
+    hang_clip(scene, numbers, folder)
     scene.frame_set(1)
 
 
-def hang_clip(camera: Any, numbers: dict[str, Any], folder: Path) -> None:
+def hang_clip(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
     """The clip in place of the still plate, where it lies where it lay."""
     path = (folder / numbers["clip"]).resolve()
     if not path.is_file():
         return
     clip = bpy.data.movieclips.load(str(path))
     clip.frame_start = 1 - numbers["first_frame"]
-    for background in camera.data.background_images:
+    for background in scene.camera.data.background_images:
         background.source, background.clip = "MOVIE_CLIP", clip
+    composite_over(scene, clip)
+
+
+def composite_over(scene: Any, clip: Any) -> None:
+    """The clip in place of the still plate in what is rendered, too."""
+    tree = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.node_tree
+    plate = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeImage")
+    frames = tree.nodes.new("CompositorNodeMovieClip")
+    frames.clip, frames.location = clip, plate.location
+    for link in list(plate.outputs["Image"].links):
+        tree.links.new(frames.outputs["Image"], link.to_socket)
+    tree.nodes.remove(plate)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The light around the camera: it turns with the camera, mirrors with the crop, and is the same for both kinds."""
+"""The light around the camera: it turns with the camera, mirrors with the crop, and has the photo's exposure."""
 
 from pathlib import Path
 
@@ -7,10 +7,12 @@ import pytest
 
 from export.crops.cameras import Camera
 from export.crops.sources import Source
-from export.crops.surroundings import CELLS, COLUMNS, ROWS, light_around, seen_from
+from export.crops.surroundings import BRIGHTEST, CELLS, COLUMNS, DARKEST, ROWS, light_around, seen_from
 from export.data.panoramas import Panorama
 from lighting.colour import tone_map
 from tests.export.crops.examples import label
+
+ONE = np.ones(3)
 
 
 def lit_at(azimuth: float, kind: str = "hdr") -> Source:
@@ -25,20 +27,26 @@ def lit_at(azimuth: float, kind: str = "hdr") -> Source:
 @pytest.mark.parametrize(("looking", "mirrored", "column"), [(90, False, 12), (30, False, 16), (30, True, 8)])
 def test_the_map_is_seen_from_the_camera(looking: float, mirrored: bool, column: int) -> None:
     camera = Camera(looking, 10.0, 0.0, 50.0, 4 / 3, mirrored)
-    light, colour = seen_from(light_around(lit_at(90.0)), camera).reshape(ROWS, COLUMNS, 2).transpose(2, 0, 1)
-    for plane in (light, colour):
+    cells = seen_from(light_around(lit_at(90.0)), camera, ONE)
+    assert cells.size == 3 * CELLS
+    for plane in cells.reshape(ROWS, COLUMNS, 3).transpose(2, 0, 1):
         centre = np.average(np.arange(COLUMNS) + 0.5, weights=(plane[: ROWS // 2] - plane.min()).sum(axis=0))
         assert centre == pytest.approx(column, abs=0.3)
         assert np.ptp(plane[ROWS // 2 :]) < 1e-4
-    assert light.size == CELLS
 
 
-def test_brightness_and_tint_of_the_whole_do_not_count() -> None:
-    plain = lit_at(0.0)
-    tinted = Source(plain.panorama, (plain.levels[0] * np.array([30, 20, 10], np.float32),), plain.label)
-    one, other = light_around(plain), light_around(tinted)
-    np.testing.assert_allclose(one.mean(axis=(0, 1)), 0.0, atol=1e-5)
-    assert np.abs(one - other).mean() < 0.3 * np.abs(one).mean()
+def test_the_photo_s_exposure_and_white_balance_count() -> None:
+    around, gains = light_around(lit_at(0.0)), np.array([3.0, 2.0, 1.0])
+    camera = Camera(0.0, 0.0, 0.0, 50.0, 1.0)
+    one, other = (np.exp(seen_from(around, camera, g)).reshape(-1, 3) - DARKEST for g in (ONE, gains))
+    np.testing.assert_allclose(other, one * gains, rtol=1e-3)
+
+
+def test_a_sun_counts_as_a_few_whites_at_most() -> None:
+    source = lit_at(0.0)
+    source.levels[0][40:44, 180:184] = 1e4
+    cells = seen_from(light_around(source), Camera(0.0, 0.0, 0.0, 50.0, 1.0), ONE)
+    assert np.exp(cells.max()) <= BRIGHTEST + DARKEST + 1e-4
 
 
 def test_ldr_and_hdr_panoramas_show_the_same_light() -> None:

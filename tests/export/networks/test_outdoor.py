@@ -4,6 +4,7 @@ import torch
 
 from export.crops import CELL, CELLS
 from export.networks.outdoor import Outdoor
+from export.networks.parameters import BINS, LIGHT
 from export.networks.specs import specs
 
 SPEC = specs("0")["outdoor"]
@@ -14,7 +15,9 @@ def test_every_head_has_its_size() -> None:
     with torch.inference_mode():
         said = network(torch.zeros(2, 3, SPEC.height, SPEC.width))
     cells = (SPEC.height // CELL) * (SPEC.width // CELL)
-    assert [tuple(part.shape) for part in said] == [(2, 1024), (2, 6), (2, 1 + cells), (2, 2 * CELLS)]
+    sizes: dict[str, tuple[int, ...]] = {"sun": (1024,), "raw": (6,), "seen": (1 + cells,), "around": (3 * CELLS,)}
+    sizes |= {"camera": (3, BINS), "light": (LIGHT,), "suitable": (1,)}
+    assert {name: tuple(part.shape[1:]) for name, part in said._asdict().items()} == sizes
 
 
 def test_a_new_network_sees_no_sun() -> None:
@@ -26,5 +29,5 @@ def test_a_new_network_sees_no_sun() -> None:
 
 
 def test_heads_that_are_not_asked_for_are_not_there() -> None:
-    names = Outdoor(SPEC, 1024, sees=False).state_dict()
-    assert not any(name.startswith(("seen.", "around.")) for name in names)
+    names = Outdoor(SPEC, 1024, sees=False, bins=False).state_dict()
+    assert not any(name.startswith(("seen.", "around.", "camera.", "light.", "suitable.")) for name in names)

@@ -2,7 +2,7 @@
 
 import torch
 
-from export.networks.parameters import decode, encode
+from export.networks.parameters import BINS, binned, decode, encode, expected
 
 
 def test_encode_and_decode_are_inverse() -> None:
@@ -10,3 +10,10 @@ def test_encode_and_decode_are_inverse() -> None:
     raw = torch.cat([encode(parameters), torch.zeros(2, 1)], dim=1)
     torch.testing.assert_close(decode(raw)[:, :5], parameters)
     assert (decode(raw)[:, 5] == 0.5).all()
+
+
+def test_the_mean_of_a_target_s_bins_is_the_target() -> None:
+    camera = encode(torch.tensor([[1.0, 1.0, 12.3, -38.0, 91.0], [1.0, 1.0, -31.0, 0.4, 27.0]]))[:, 2:5]
+    target = binned(camera)
+    assert target.shape == (2, 3, BINS)
+    torch.testing.assert_close(expected(target.clamp_min(1e-12).log()), camera, rtol=1e-3, atol=1e-3)

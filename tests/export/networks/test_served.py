@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from export.crops.surroundings import COLUMNS, ROWS
 from export.networks.network import build
 from export.networks.served import Served
 from export.networks.specs import specs
@@ -25,6 +26,19 @@ def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
     np.testing.assert_allclose(probability.sum(dim=1), 1.0, rtol=1e-5)
     assert parameters.shape == (2, 6)
     assert torch.isfinite(parameters).all()
+
+
+def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
+    network = build(SPECS["outdoor"], around=True).eval()
+    served = Served([network, build(SPECS["outdoor"]).eval()], GRID)
+    with torch.inference_mode():
+        _, _, light, around = served(torch.randn(2, 3, 224, 224))
+    assert served.outputs == ["sun_probability", "parameters", "light", "around"]
+    assert light.shape == (2, 8)
+    assert around.shape == (2, ROWS, COLUMNS, 3)
+    assert (light > 0).all()
+    assert (light[:, 6:] < 1).all()
+    assert (around >= 0).all()
 
 
 def test_temperature_widens_the_distribution() -> None:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from export.networks.layers import Said
-from export.networks.parameters import encode
+from export.networks.parameters import binned, decode, encode
 from export.training.batches import Batch
 from export.training.losses import losses
 
@@ -19,13 +19,45 @@ def test_unknown_targets_cost_nothing() -> None:
     raw.requires_grad_()
     logits = torch.tensor([[50.0, -50.0], [1.0, 1.0]])
     nothing = logits[:, :0]
-    batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, seen=sun, around=nothing)
-    parts = losses(Said(logits, raw, seen=logits, around=nothing), batch)
+    batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, sun, nothing, nothing, torch.tensor([False, False]))
+    said = Said(logits, raw, logits, nothing, nothing, nothing, nothing)
+    parts = losses(said, batch)
     found = {name: part.item() for name, part in parts.items()}
     expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
     assert found == pytest.approx(expected, abs=1e-6)
-    assert "seen" not in losses(Said(logits, raw, seen=nothing, around=nothing), batch)
+    assert "seen" not in losses(said._replace(seen=nothing), batch)
     torch.autograd.backward(sum(parts.values(), torch.zeros(())))
     assert raw.grad is not None
     assert torch.isfinite(raw.grad).all()
     assert (raw.grad[0, [0, 1, 5]] == 0).all()
+
+
+def test_a_likelihood_is_met_by_any_sharp_answer_inside_it() -> None:
+    """Two of four cells agree with what is known: a sure answer of one of them costs as little as an even one."""
+    known = torch.tensor([[0.5, 0.5, 0.0, 0.0]])
+    costs = {}
+    for name, logits in {"sure": [30.0, 0, 0, 0], "even": [30.0, 30.0, 0, 0], "wrong": [0, 0, 30.0, 0]}.items():
+        said = Said(torch.tensor([logits]), torch.zeros(1, 6), *[torch.zeros(1, 0)] * 5)
+        nan = torch.full((1, 6), float("nan"))
+        batch = Batch(
+            torch.zeros(1, 3, 1, 1), known, nan, known[:, :0], known[:, :0], known[:, :0], torch.tensor([True])
+        )
+        costs[name] = losses(said, batch)["sun"].item()
+    assert costs["sure"] == pytest.approx(costs["even"], abs=1e-4)
+    assert costs["wrong"] > costs["sure"] + 10
+
+
+def test_light_and_camera_cost_nothing_where_they_are_right_or_unknown() -> None:
+    raw = torch.zeros(1, 6)
+    parameters = decode(raw)
+    empty = torch.zeros(1, 0)
+    light = torch.tensor([[0.1, 0.2, 0.3, -1.0, -1.1, -1.2, float("nan")]])
+    around = torch.zeros(1, 6)
+    bins = binned(raw[:, 2:5]).clamp_min(1e-9).log()
+    said = Said(empty, raw, empty, around, bins, light.nan_to_num(), empty)
+    batch = Batch(torch.zeros(1, 3, 1, 1), empty, parameters, empty, around, light, torch.tensor([False]))
+    parts = losses(said, batch)
+    assert parts["light"].item() == pytest.approx(0.0, abs=1e-6)
+    assert parts["around"].item() == pytest.approx(0.0, abs=1e-6)
+    off = losses(said._replace(camera=bins.flip(2).roll(9, 2)), batch)
+    assert off["camera"].item() > parts["camera"].item() + 0.5

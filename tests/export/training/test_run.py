@@ -18,7 +18,7 @@ def test_a_batch_can_be_learnt_by_heart(config: TrainConfig) -> None:
     sources = load_sources(read_index(config.data, "train"), config.labels)
     batch = next(run.batches(TrainingCrops(sources, run.spec, run.config)))
     run.network.train()
-    history = [run.update(batch) for _ in range(12)]
+    history = [run.update(batch) for _ in range(18)]
     for name in ("sun", "parameters"):
         assert float(history[-1][name]) < 0.8 * float(history[0][name])
 

@@ -14,7 +14,7 @@ from tests.conftest import encode, scene
 def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_path: Path) -> None:
     job = Job(str(tmp_path), "out", str(network), Maps(64), given={"vertical_fov": 40.0})
     found = settings(job)
-    assert found["maps"] == {"height": 64, "sun": None, "yaw": 0.0}
+    assert found["maps"] == {"height": 64, "sun": None, "yaw": 0.0, "sky": None, "compression": "zip"}
     assert found["metadata"] == {"vertical_fov": 40.0}
     assert found["network"] == network.name
     assert len(str(found["sha256"])) == 64

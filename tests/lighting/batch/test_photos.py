@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lighting.batch import find_photos
+from lighting.batch import find_photos, other_pictures
 from lighting.errors import BatchError
 
 
@@ -32,6 +32,20 @@ def test_a_glob_may_be_relative(photos: Path, monkeypatch: pytest.MonkeyPatch) -
     assert find_photos("photos/below/*") == (str(Path("photos/below")), ["a.jpg"])
     monkeypatch.chdir(photos)
     assert find_photos("a.*") == (".", ["a.jpg"])
+
+
+def test_pictures_that_are_not_read_are_counted_by_kind(photos: Path) -> None:
+    for name in ("a.gif", "below/b.GIF", "c.jxl", ".d.gif", "e.dng", "f.tif", "g.avif"):
+        (photos / name).touch()
+    assert other_pictures(str(photos)) == {".gif": 2, ".jxl": 1}
+    assert other_pictures(f"{photos}/*") == {}
+    assert {"e.dng", "f.tif", "g.avif"} < set(find_photos(str(photos))[1])
+
+
+def test_a_folder_of_nothing_else_names_them(tmp_path: Path) -> None:
+    (tmp_path / "a.gif").touch()
+    with pytest.raises(BatchError, match=r"of kinds that are not read \(1 \.gif\)\.$"):
+        find_photos(str(tmp_path))
 
 
 @pytest.mark.parametrize("pattern", ["nothing", "photos/*.tif", "photos/.trash/none"])

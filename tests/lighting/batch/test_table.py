@@ -59,3 +59,12 @@ def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(BatchError, match=r"^Parquet needs pyarrow: pip install"):
         require_parquet()
+
+
+def test_the_strength_of_the_light_has_columns_of_its_own() -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    light = Lighting(0.0, 30.0, 3.0, 1.0, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), suitable=0.9)
+    table = pyarrow.Table.from_pylist([row("a.jpg", light), row("b.jpg", "It is damaged.")], schema())
+    assert table["sun_irradiance"].to_pylist() == [[3.0, 2.0, 1.0], None]
+    assert table["sky_model"].to_pylist() == ["hosek-wilkie", None]
+    assert (table["suitable"].to_pylist(), table["sky_cover"].to_pylist()) == ([0.9, None], [None, None])

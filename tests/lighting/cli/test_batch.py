@@ -5,7 +5,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from lighting.cli import cli
 from tests.lighting.batch.runners import run
 
 
@@ -22,6 +24,14 @@ def test_ray_and_pyarrow_are_not_imported_unless_asked() -> None:
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert "lighting.batch.ray" in modules
     assert not {"ray", "pyarrow"} & set(modules)
+
+
+def test_ray_without_pyarrow_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.jpg").touch()
+    monkeypatch.setitem(sys.modules, "pyarrow.fs", None)
+    result = CliRunner().invoke(cli, ["batch", "--engine", "ray", str(tmp_path), str(tmp_path / "out")])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == "Error: The engine ray needs Ray and pyarrow: pip install 'outdoor-lighting[ray]'.\n"
 
 
 def test_help_says_what_is_written() -> None:

@@ -1,6 +1,7 @@
 """The command line: words, JSON, files, pipes, exit statuses, and one sentence for whatever goes wrong."""
 
 import json
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -52,7 +53,7 @@ def test_envmap_is_the_render_of_the_estimate(
     run("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--model", network)
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting == expected
-    assert image == pytest.approx(render(expected, 32))
+    assert image == pytest.approx(render(expected, 32), rel=1e-4)
 
 
 def test_quiet_envmap_prints_nothing(network: Path, photo_path: Path, tmp_path: Path) -> None:
@@ -63,13 +64,13 @@ def test_quiet_envmap_prints_nothing(network: Path, photo_path: Path, tmp_path: 
 @pytest.mark.parametrize("flag", ["--sun", "--no-sun"])
 def test_the_sun_is_a_choice(record_path: Path, tmp_path: Path, flag: str) -> None:
     run("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", flag)
-    assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(render(LIGHTING, 64, sun=flag == "--sun"))
+    assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(render(LIGHTING, 64, sun=flag == "--sun"), rel=1e-4)
 
 
 def test_yaw_turns_the_map_and_the_record_in_it(record_path: Path, tmp_path: Path) -> None:
     run("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", "--yaw", "-180")
     image, lighting = read_exr(tmp_path / "a.exr")
-    assert image == pytest.approx(np.roll(render(LIGHTING, 64), 64, axis=1))
+    assert image == pytest.approx(np.roll(render(LIGHTING, 64), 64, axis=1), rel=1e-4)
     assert lighting is not None
     assert lighting.sun_azimuth == pytest.approx(138.8)
 
@@ -103,3 +104,34 @@ def test_a_chain_of_pipes(network: Path, photo_path: Path) -> None:
     assert direct.stdout == envmap.stdout
     assert [p.returncode for p in (record, envmap, direct)] == [0, 0, 0]
     assert [p.stderr for p in (record, envmap, direct)] == [b"", b"", b""]
+
+
+@pytest.mark.parametrize("flag", [None, "--surroundings", "--no-surroundings"])
+def test_the_place_is_in_the_map_where_the_network_predicts_it(
+    lit_network: Path, photo_path: Path, tmp_path: Path, flag: str | None
+) -> None:
+    run(
+        *("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32"),
+        *filter(None, [flag]),
+        "--model",
+        lit_network,
+    )
+    image, lighting = read_exr(tmp_path / "a.exr")
+    assert lighting is not None
+    bare = bool(np.allclose(image, render(lighting, 32), rtol=1e-3))
+    assert bare == (flag == "--no-surroundings")
+
+
+def test_the_place_can_be_asked_of_any_network(network: Path, photo_path: Path, tmp_path: Path) -> None:
+    run("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--surroundings", "--model", network)
+    image, lighting = read_exr(tmp_path / "a.exr")
+    assert lighting is not None
+    assert not np.allclose(image, render(lighting, 32), rtol=1e-3)
+
+
+def test_the_sky_is_a_choice(record_path: Path, tmp_path: Path) -> None:
+    run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--sky", "cie-12")
+    image, lighting = read_exr(tmp_path / "a.exr")
+    assert lighting == replace(LIGHTING, sky_model="cie-12")
+    np.testing.assert_allclose(image, render(lighting, 32), rtol=1e-4)
+    assert "is not one of hosek-wilkie" in error_of(run("render", record_path, "-o", "a.exr", "--sky", "blue"), 2)

@@ -72,7 +72,7 @@ def test_inputs_are_never_overwritten(network: Path, tmp_path: Path) -> None:
 def test_a_bad_photo_leaves_an_older_output_alone(network: Path, tmp_path: Path) -> None:
     (tmp_path / "a.exr").write_bytes(b"older")
     text = error_of(run("envmap", "-", "-o", tmp_path / "a.exr", "--model", network, stdin=b"bad"))
-    assert text == "stdin: The file is not a JPEG, PNG, WebP or HEIC photo that can be read."
+    assert text == "stdin: The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.exr": b"older"}
 
 

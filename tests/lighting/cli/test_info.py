@@ -30,6 +30,13 @@ def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, t
     assert envmap == {"file": str(tmp_path / "a.exr"), "kind": "environment map", "width": 32, "height": 16}
 
 
+def test_info_of_a_record(record_path: Path, tmp_path: Path) -> None:
+    described = json.loads(run("info", record_path).stdout)
+    assert described == {"file": str(record_path), "kind": "lighting record", "lighting": full_record(LIGHTING)}
+    (tmp_path / "bad.json").write_text("[1")
+    error_of(run("info", tmp_path / "bad.json"))
+
+
 def test_info_reads_stdin(photo_path: Path) -> None:
     assert json.loads(run("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
 

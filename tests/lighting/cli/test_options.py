@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from lighting.files import COMPRESSIONS
 from tests.lighting.cli.runners import error_of, run, terminal
 
 
@@ -35,3 +36,15 @@ def test_a_terminal_is_spared_binary_data(network: Path, photo_path: Path) -> No
     status, shown = terminal("envmap", photo_path, "-o", "-", "--model", network, stdout_too=True)
     assert status == 2
     assert b"Binary data needs a file or a pipe, not a terminal." in shown
+
+
+def test_help_names_every_compression() -> None:
+    shown = run("render", "--help").stdout
+    assert all(name in shown for name in COMPRESSIONS)
+
+
+def test_a_bad_or_idle_compression_is_wrong_usage(tmp_path: Path) -> None:
+    bad = run("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "dwaa")
+    assert "'dwaa' is not one of zip, zip-exact, " in error_of(bad, 2)
+    idle = run("render", "absent.json", "-o", tmp_path / "a.hdr", "--compression", "pxr24")
+    assert "--compression goes with .exr alone." in error_of(idle, 2)

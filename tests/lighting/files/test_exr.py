@@ -41,7 +41,7 @@ def image() -> NDArray[np.float32]:
 @pytest.fixture(scope="module")
 def data(image: NDArray[np.float32]) -> bytes:
     stream = io.BytesIO()
-    write_exr(stream, image, LIGHT)
+    write_exr(stream, image, LIGHT, compression="zip-exact")
     return stream.getvalue()
 
 
@@ -70,7 +70,7 @@ def file_size_limit(size: int) -> Iterator[None]:
 
 
 def test_round_trip_is_exact(tmp_path: Path, image: NDArray[np.float32]) -> None:
-    write_exr(tmp_path / "map.exr", image, LIGHT)
+    write_exr(tmp_path / "map.exr", image, LIGHT, compression="zip-exact")
     read, lighting = read_exr(tmp_path / "map.exr")
     assert read.dtype == np.float32
     np.testing.assert_array_equal(read, image)
@@ -87,7 +87,7 @@ def test_a_stream_that_cannot_seek_will_do(image: NDArray[np.float32]) -> None:
     reader, writer = os.pipe()
     with os.fdopen(reader, "rb") as source, os.fdopen(writer, "wb") as target:
         small = image[:, ::8][::8]
-        write_exr(target, small)
+        write_exr(target, small, compression="zip-exact")
         target.close()
         np.testing.assert_array_equal(read_exr(source)[0], small)
 
@@ -100,7 +100,7 @@ def test_without_lighting_there_is_none(image: NDArray[np.float32]) -> None:
 
 def test_any_float_layout_is_accepted(image: NDArray[np.float32]) -> None:
     stream = io.BytesIO()
-    write_exr(stream, image.astype(np.float64)[:, ::-1])
+    write_exr(stream, image.astype(np.float64)[:, ::-1], compression="zip-exact")
     np.testing.assert_array_equal(read_exr(io.BytesIO(stream.getvalue()))[0], image[:, ::-1])
 
 
@@ -137,7 +137,7 @@ def test_channels_are_32_bit_r_g_b(data: bytes) -> None:
 def test_mitsuba_reads_it(tmp_path: Path, image: NDArray[np.float32]) -> None:
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant("scalar_rgb")
-    write_exr(tmp_path / "map.exr", image, LIGHT)
+    write_exr(tmp_path / "map.exr", image, LIGHT, compression="zip-exact")
     np.testing.assert_array_equal(np.array(mitsuba.Bitmap(str(tmp_path / "map.exr"))), image)
 
 
@@ -254,3 +254,15 @@ def test_other_shapes_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> Non
     with pytest.raises(EnvironmentMapError, match=r"^An environment map has the shape \(H, 2H, 3\), not "):
         write_exr(tmp_path / "map.exr", np.zeros(shape, dtype=np.float32))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_header_of_the_strength_of_the_light(image: NDArray[np.float32]) -> None:
+    known = replace(LIGHT, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), sky_cover=0.2, suitable=0.9)
+    stream = io.BytesIO()
+    write_exr(stream, image, known)
+    header = OpenEXR.File(io.BytesIO(stream.getvalue())).header()
+    assert header["lighting.sun_irradiance"] == pytest.approx((3.0, 2.0, 1.0))
+    assert header["lighting.sky_cover"] == pytest.approx(0.2)
+    assert header["lighting.sky_model"] == "hosek-wilkie"
+    assert "lighting.ground_color" not in header
+    assert read_exr(io.BytesIO(stream.getvalue()))[1] == known

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from benchmarks.decoding import KINDS, peak
+from benchmarks.decoding import KINDS, cost
 from lighting.errors import PhotoTooLargeError
 from lighting.photo import MAX_PIXELS, read_photo
-from lighting.photo.memory import BYTES, COEFFICIENT, FIXED, PER_PIXEL, admitted
+from lighting.photo.memory import BYTES, COEFFICIENT, FIXED, NAMES, PER_PIXEL, admitted, allowance
+from lighting.photo.pixels import MOST_KEPT
 from lighting.photo.read import _heif_format
 from tests.conftest import encode, scene
 
@@ -22,6 +23,8 @@ MEASURED = {  # kind: bytes per pixel in the table
     "PNG, RGB": PER_PIXEL["PNG"],
     "WebP, lossless": PER_PIXEL["WEBP"],
     "HEIC": PER_PIXEL["HEIF"],
+    "TIFF, one strip, RGBA": PER_PIXEL["TIFF"],
+    "AVIF, 4:4:4 with alpha": PER_PIXEL["AVIF"],
 }
 CONVERSION = 10  # bytes per pixel; pictures of fewer pixels than a strip are converted at once
 
@@ -36,7 +39,7 @@ def test_a_decoder_needs_no_more_than_the_table_says(kind: str, tmp_path: Path) 
     small.write_bytes(KINDS[kind](96, 64))
     pixels = SIZE[0] * SIZE[1]
     conversion = CONVERSION * pixels if kind.startswith("PNG") else 4_000_000
-    assert peak(large, small) <= MEASURED[kind] * pixels + min(conversion, FIXED)
+    assert cost(large, small)[0] <= MEASURED[kind] * pixels + min(conversion, FIXED)
 
 
 def limit(data: bytes) -> tuple[int, str]:
@@ -51,9 +54,21 @@ def test_each_kind_stays_within_the_memory_that_is_stated() -> None:
     assert limit(encode(picture, progressive=True)) == (MAX_PIXELS, "progressive JPEG")
     most, name = limit(encode(picture, progressive=True, subsampling="4:4:4"))
     assert (most, name) == (int(MAX_PIXELS * BYTES / (3 * COEFFICIENT)), "progressive JPEG")
-    for file_format in ("WEBP", "HEIF"):
+    for file_format in ("WEBP", "HEIF", "TIFF", "AVIF"):
         most, _ = limit(encode(picture, file_format))
         assert most * PER_PIXEL[file_format] == pytest.approx(BYTES * MAX_PIXELS, rel=1e-6)
+
+
+def test_every_kind_that_the_benchmark_prints_is_in_the_table() -> None:
+    kinds = {kind.partition(",")[0].upper() for kind in KINDS}
+    assert kinds - {"MPO"} == {name.upper() for name in NAMES.values()}
+    assert set(NAMES) == set(PER_PIXEL)
+
+
+def test_reading_apart_may_take_what_is_stated() -> None:
+    stated = BYTES * MAX_PIXELS + FIXED
+    assert allowance(0, MAX_PIXELS, 448) - stated < 5_000_000
+    assert allowance(1000, MAX_PIXELS, None) == allowance(1000, MAX_PIXELS, 3840) == stated + 2000 + 6 * MOST_KEPT
 
 
 def test_a_phone_s_108_megapixels_are_admitted() -> None:

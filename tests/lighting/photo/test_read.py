@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms
 
 from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.photo import pixels as pixels_module
 from lighting.photo import read as photo_module
 from lighting.photo.memory import BYTES, PER_PIXEL
 from lighting.photo.read import Photo, Source, read_photo
@@ -43,6 +44,8 @@ LOSSLESS: dict[str, dict[str, object]] = {
     "PNG": {},
     "WEBP": {"lossless": True},
     "HEIF": {"quality": -1},
+    "TIFF": {},
+    "AVIF": {"quality": 100, "subsampling": "4:4:4", "speed": 10, "max_threads": 1},
 }
 
 
@@ -92,7 +95,7 @@ def test_strips_make_the_same_picture(mode: str, monkeypatch: pytest.MonkeyPatch
     stream = BytesIO()
     whole.save(stream, "PNG", **({"transparency": 0} if mode == "P" else {}))
     at_once = read_photo(stream.getvalue(), target=40)
-    monkeypatch.setattr(photo_module, "_STRIP", 1000)
+    monkeypatch.setattr(pixels_module, "_STRIP", 1000)
     in_strips = read_photo(stream.getvalue(), target=40)
     assert at_once.pixels.shape == (31, 41, 3)
     assert np.array_equal(at_once.pixels, in_strips.pixels)
@@ -143,7 +146,7 @@ def test_an_impossible_orientation_counts_as_none(orientation: int) -> None:
 
 
 @pytest.mark.parametrize("orientation", [1, 6])
-@pytest.mark.parametrize("file_format", ["JPEG", "PNG"])
+@pytest.mark.parametrize("file_format", ["JPEG", "PNG", "TIFF"])
 def test_a_large_photo_is_decoded_at_reduced_scale(file_format: str, orientation: int) -> None:
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = orientation
@@ -167,6 +170,13 @@ def test_the_default_target_leaves_a_small_photo_whole() -> None:
 
 def test_no_target_keeps_every_pixel() -> None:
     assert read_photo(encode(scene(2600, 1400)), target=None).pixels.shape == (1400, 2600, 3)
+
+
+@pytest.mark.parametrize("target", [None, 300])
+def test_what_is_kept_is_bounded(target: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pixels_module, "MOST_KEPT", 20_000)
+    photo = read_photo(encode(scene(400, 300), "PNG"), target=target)
+    assert (photo.width, photo.height, photo.pixels.shape) == (400, 300, (100, 134, 3))
 
 
 def test_path_stream_and_bytes_are_the_same(photo_path: Path) -> None:
@@ -319,10 +329,21 @@ def test_what_is_no_photo_is_refused(data: bytes) -> None:
     refusal(data)
 
 
-@pytest.mark.parametrize("file_format", ["GIF", "BMP", "TIFF", "PPM", "TGA", "AVIF"])
+@pytest.mark.parametrize("file_format", ["GIF", "BMP", "PPM", "TGA", "JPEG2000"])
 def test_other_formats_are_refused_by_name(file_format: str) -> None:
     text = refusal(encode(SCENE, file_format))
-    assert text == "The file is not a JPEG, PNG, WebP or HEIC photo that can be read."
+    assert text == "The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
+
+
+@pytest.mark.parametrize("mode", ["F", "I"])
+def test_a_tiff_of_32_bits_is_refused_since_its_white_is_unknown(mode: str) -> None:
+    assert "32 bits per colour" in refusal(encode(Image.fromarray(SCENE).convert("L").convert(mode), "TIFF"))
+
+
+@pytest.mark.parametrize("compression", ["tiff_lzw", "tiff_adobe_deflate", "packbits", "jpeg"])
+def test_tiffs_are_read_however_they_are_packed(compression: str) -> None:
+    options = {"quality": 98} if compression == "jpeg" else {}
+    assert_close(read_photo(encode(SCENE, "TIFF", compression=compression, **options)), SCENE, 8)
 
 
 def test_heic_without_its_reader_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -395,7 +416,7 @@ def test_random_bytes_are_refused(data: bytes) -> None:
     refusal(data)
 
 
-HEADS = {"JPEG": 20, "PNG": 8, "WEBP": 16, "HEIF": 12}
+HEADS = {"JPEG": 20, "PNG": 8, "WEBP": 16, "HEIF": 12, "TIFF": 8, "AVIF": 12}
 
 
 SMALL = {name: encode(scene(48, 40), name, **LOSSLESS[name]) for name in LOSSLESS}

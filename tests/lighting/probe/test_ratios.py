@@ -85,3 +85,10 @@ def test_a_mask_grows_by_one_pixel_each_way() -> None:
     mask[:] = False
     mask[0, 0] = True
     assert beside(mask).sum() == 4
+
+
+def test_values_that_are_all_the_same_tell_no_ratio() -> None:
+    long = np.full((40, 40, 3), 0.3, dtype=np.float32)
+    long[0, 0] = 0.9
+    short = np.asarray(long / 2, dtype=np.float32)
+    assert measured_ratio(LinearPhoto(short, 0.98, 1 / 255), LinearPhoto(long, 0.98, 1 / 255)) is None

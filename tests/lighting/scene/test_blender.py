@@ -15,7 +15,7 @@ import pytest
 from lighting.errors import SceneError
 from lighting.geometry import direction
 from lighting.scene import blender, write_scene
-from lighting.scene.parts import to_z_up
+from lighting.scene.axes import to_z_up
 from tests.scenes import known_scene
 
 

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from lighting.envmap import render
-from lighting.geometry import Pinhole, angle_between, camera_directions, camera_pixel, direction, latlong_solid_angle
+from lighting.geometry import (
+    Pinhole,
+    angle_between,
+    camera_directions,
+    camera_pixel,
+    direction,
+    latlong_angles,
+    latlong_solid_angle,
+)
 from lighting.photo.read import Photo
 from lighting.scene import make_scene
 from lighting.scene.common import EYE_HEIGHT
@@ -65,3 +73,14 @@ def test_without_direct_sun_there_is_no_sun_light() -> None:
 
 def test_the_sun_lies_where_the_record_says() -> None:
     assert angle_between(known_scene().sun_direction, direction(-40.0, 35.0)) < 1e-6
+
+
+def test_the_place_is_in_the_map_with_the_same_light() -> None:
+    cells = np.random.default_rng(2).uniform(0.1, 1.0, (12, 24, 3)).astype(np.float32)
+    plain = plain_scene()
+    placed = make_scene(Photo(PLAIN, 40, 30, "PNG"), plain.lighting, map_height=32, around=cells)
+    assert not np.allclose(placed.environment, plain.environment)
+    weight = (latlong_solid_angle(32) * np.sin(np.radians(latlong_angles(32)[1])))[:16, None, None]
+    level = [(scene.environment[:16] * weight).sum(axis=(0, 1)) for scene in (placed, plain)]
+    assert level[0] == pytest.approx(level[1], rel=1e-2)
+    assert placed.sun_irradiance == pytest.approx(plain.sun_irradiance)

@@ -10,9 +10,8 @@ import pytest
 from export.stereo.gain import CASES, CLOUDY, choice, spread_of_noise, study
 from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
 from lighting.files.exr import write_exr
-from lighting.geometry import direction, latlong_pixel, latlong_solid_angle
+from lighting.geometry import latlong_pixel, latlong_solid_angle
 from lighting.stereo.days import modelled_day
-from lighting.stereo.orientations import half_sphere, named_normals, normals_of_interest
 from lighting.stereo.picture import draw_plan
 from lighting.stereo.plan import Plan, Question
 from lighting.stereo.planning import days_between
@@ -108,24 +107,6 @@ def test_an_overcast_day_resolves_nothing() -> None:
 def test_days_are_checked(first: date, last: date, said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         days_between(first, last)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"shots": 2}, {"noise": 0.0}, {"noise": 101.0}, {"facing": 361.0}, {"facing": float("nan")}]
-)
-def test_questions_are_checked(wrong: dict[str, float]) -> None:
-    with pytest.raises(ParameterError, match=next(iter(wrong))):
-        Question(**wrong)  # type: ignore[arg-type]
-
-
-def test_orientations_face_where_they_say() -> None:
-    names, normals = named_normals(90.0)
-    np.testing.assert_allclose(normals[[name for name, *_ in names].index("towards 45°")], direction(45.0, 0.0))
-    assert (normals_of_interest(90.0) @ direction(90.0, 0.0) > 0).all()
-    seen = half_sphere(180.0, 21)
-    np.testing.assert_allclose(seen[10, 10], direction(180.0, 0.0), atol=1e-9)
-    assert seen[10, 20] @ direction(90.0, 0.0) > 0.9  # a camera that looks north has east at its right
-    assert half_sphere(None, 21)[0, 10] @ direction(0.0, 0.0) > 0.9  # north is up in the view from above
 
 
 def test_the_picture_shows_the_gain_where_the_table_has_it() -> None:

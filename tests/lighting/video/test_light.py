@@ -1,13 +1,14 @@
 """One sun of many looks."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lighting.evidence import Evidence
 from lighting.geometry import direction
-from lighting.records import Prediction
+from lighting.records import Light, Prediction
 from lighting.sun_grid import soft_label
 from lighting.video.light import Look, ShotLight
 from tests.conftest import TINY
@@ -19,7 +20,7 @@ NOTHING = Evidence()
 def look(azimuth: float, heading: float, evidence: Evidence = NOTHING, **other: float) -> Look:
     """A camera at `heading` that believes in a sun at `azimuth` of the shot, 40 deg high."""
     p = soft_label(direction(azimuth - heading, 40.0), 12.0, SPEC.sun_grid).astype(np.float32)
-    values = {"sun_visibility": 0.9, "turbidity": 3.0, "exposure": 0.1, **other}
+    values: dict[str, Any] = {"sun_visibility": 0.9, "turbidity": 3.0, "exposure": 0.1, **other}
     prediction = Prediction(SPEC, p, camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0, **values)
     return Look(prediction, heading, 45.0, evidence=evidence)
 
@@ -75,3 +76,17 @@ def test_no_look_no_answer() -> None:
     assert not light
     with pytest.raises(ValueError, match="no look"):
         light.answer(NOTHING)
+
+
+def test_the_strength_of_the_light_is_averaged_in_the_first_frames_exposure() -> None:
+    light = ShotLight()
+    for gain in (1.0, 2.0):
+        seen = look(50.0, 0.0)
+        strength = Light(np.full(3, 1.0 * gain), np.full(3, 0.5 * gain), 0.2 * gain, 0.9)
+        light.add(replace(seen, prediction=replace(seen.prediction, light=strength), gain=gain))
+    said = light.answer(NOTHING).prediction.light
+    assert said is not None
+    assert said.sun_irradiance == pytest.approx([1.0] * 3)
+    assert said.sky_irradiance == pytest.approx([0.5] * 3)
+    assert (said.cover, said.suitable) == pytest.approx((0.3, 0.9))
+    assert look(0.0, 0.0).prediction.light is None

@@ -1,4 +1,4 @@
-"""The search against normals known beforehand: under single lights, clear days and cast shadows."""
+"""The search against normals known beforehand: under single lights and clear days."""
 
 from typing import Any
 
@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals.frame import Pose, axes, to_camera, to_world, visible_normals
-from lighting.stereo.normals.search import candidates, search
-from lighting.stereo.normals.shadows import patterns, search_shadowed, shadowed
+from lighting.stereo.normals.frame import Pose, visible_normals
+from lighting.stereo.normals.search import candidates, product, search
 from lighting.stereo.skies import clear_skies
 from tests.lighting.stereo.sphere import angles, june_suns
 
@@ -24,19 +23,6 @@ def lights(directions: NDArray[Any]) -> Skies:
 def facing(count: int, least: float = 0.5) -> NDArray[np.float32]:
     normals = visible_normals(2 * count)
     return normals[normals[:, 2] > least][:count]
-
-
-def test_a_camera_that_looks_north_has_south_towards_it() -> None:
-    np.testing.assert_allclose(axes(Pose()), np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(to_world([0, 0, 1], Pose(heading=90)), [-1, 0, 0], atol=1e-12)
-    vectors = visible_normals(50)
-    np.testing.assert_allclose(to_camera(to_world(vectors, Pose(30, 20, 10)), Pose(30, 20, 10)), vectors, atol=1e-6)
-
-
-def test_visible_normals_are_unit_vectors_spread_evenly() -> None:
-    normals = visible_normals(3000)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, rtol=1e-6)
-    np.testing.assert_allclose(normals.mean(axis=0), [0, 0, 0.5], atol=2e-3)  # the centroid of half a sphere
 
 
 def test_three_lights_at_right_angles_give_exact_normals_and_albedo() -> None:
@@ -74,27 +60,8 @@ def test_a_clear_day_in_june_and_what_it_expects_to_err() -> None:
     assert 0.5 < answer.error.mean() / error.mean() < 2  # calibrated on average
 
 
-def test_a_shadow_in_the_morning_is_found() -> None:
-    skies = in_grey(clear_skies(june_suns()))
-    truth = np.array([[0.0, 0.5, 0.866], [0.3, 0.3, 0.9]], dtype=np.float32)
-    truth /= np.linalg.norm(truth, axis=1, keepdims=True)
-    sunny, shade = candidates(skies, Pose(), 3000), shadowed(skies, Pose())
-    assert shade is not None
-    nearest = (truth @ shade.normals[:700].T).argmax(axis=1)
-    hidden = next(row for row, lit in enumerate(patterns(8)) if (~lit).sum() == 3 and not lit[0])
-    rows = hidden * 700 + nearest
-    images = 0.5 * np.swapaxes(shade.brightness[:, rows], 0, 1).swapaxes(1, 2)
-    noise = 0.01 * float(images.max())
-    plain = search(images, sunny, noise)
-    found = search_shadowed(images, sunny, shade, noise)
-    assert angles(plain.normal, shade.normals[rows]).min() > 8
-    assert angles(found.normal, shade.normals[rows]).max() < 3
-    assert (found.residual < plain.residual).all()
-
-
-def test_patterns_leave_three_photos_in_the_sun() -> None:
-    lit = patterns(8)
-    assert lit[0].all()
-    assert len(lit) == 11
-    assert lit.sum(axis=1).min() == 3
-    assert shadowed(in_grey(clear_skies(june_suns()[:3])), Pose()) is None
+def test_products_a_few_rows_at_a_time_are_the_whole_product() -> None:
+    rng = np.random.default_rng(0)
+    for rows in (0, 1, 9, 40):
+        left, right = (rng.normal(size=size).astype(np.float32) for size in ((rows, 8), (8, 3000)))
+        np.testing.assert_allclose(product(left, right), left @ right, atol=1e-4)

@@ -1,15 +1,12 @@
 """The rendered map: sky, power of the sun, ground, turning."""
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from lighting.envmap import render, rotate, turn
+from lighting.envmap import render, sky_irradiance, sun_irradiance, with_irradiance
 from lighting.errors import ParameterError
 from lighting.geometry import (
     SUN_RADIUS,
@@ -19,7 +16,6 @@ from lighting.geometry import (
     latlong_angles,
     latlong_directions,
     latlong_solid_angle,
-    wrap_azimuth,
 )
 from lighting.records import Lighting
 from lighting.sky import (
@@ -195,49 +191,53 @@ def test_black_ground_is_black() -> None:
     assert not render(lighting(ground_albedo=0.0), 32)[16:].any()
 
 
-# Turning
+# Given irradiances
 
-SMALL = render(lighting(), 16)
-
-
-@given(st.integers(-100, 100))
-def test_whole_pixels_turn_exactly(columns: int) -> None:
-    np.testing.assert_array_equal(rotate(SMALL, columns * 360 / 32), np.roll(SMALL, columns, axis=1))
+SUN, SKY, GROUND = (1.9, 1.5, 0.9), (0.4, 0.5, 0.8), (0.12, 0.11, 0.1)
 
 
-@pytest.mark.parametrize("yaw", [46.0, -100.0, 170.0, 522.0])
-def test_turning_the_map_turns_the_sun(yaw: float) -> None:
-    turned = rotate(render(lighting(0.0), 90), yaw)
-    azimuth = (yaw + 180) % 360 - 180
-    np.testing.assert_allclose(turned, render(lighting(azimuth), 90), rtol=2e-3)
+def given_light(elevation: float = 33.0, **fields: Any) -> Lighting:
+    return Lighting(-41.2, elevation, 2.6, 5.0, sun_irradiance=SUN, sky_irradiance=SKY, ground_color=GROUND, **fields)
 
 
-@given(st.floats(-1000, 1000))
-def test_turning_keeps_the_energy_and_interpolates(yaw: float) -> None:
-    turned = rotate(SMALL, yaw)
-    assert turned.dtype == np.float32
-    np.testing.assert_allclose(turned.sum(axis=1), SMALL.sum(axis=1), rtol=1e-4)
-    assert turned.max() <= SMALL.max() * (1 + 1e-6)
+@pytest.mark.parametrize("cover", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("elevation", [0.3, 33.0, 89.0])
+@pytest.mark.parametrize("height", [16, 128])
+def test_the_integrals_are_those_given(cover: float, elevation: float, height: int) -> None:
+    light = given_light(elevation, sky_cover=cover)
+    assert power(light, height) == pytest.approx(SUN, rel=1e-4)
+    image = render(light, height)
+    up = np.sin(np.radians(elevation))
+    assert image[-1, 0] == pytest.approx(np.array(GROUND) / np.pi * (np.array(SKY) + up * np.array(SUN)), rel=1e-5)
+    fine = render(light, 512, sun=False)
+    assert horizontal_irradiance(fine) == pytest.approx(SKY, rel=2e-4)
+    assert fine[-1, 0] == pytest.approx(np.array(GROUND) / np.pi * np.array(SKY), rel=1e-5)
 
 
-def test_half_a_pixel_is_the_mean_of_neighbours() -> None:
-    image = np.zeros((8, 16, 3), dtype=np.float32)
-    image[:, 15] = 2.0
-    turned = rotate(image, 360 / 16 / 2)
-    assert turned[0, :, 0].tolist() == [1.0, *[0.0] * 14, 1.0]
+def test_a_covered_sun_fades_by_its_irradiance_whatever_its_visibility() -> None:
+    faint = Lighting(0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, sun_irradiance=(0.1, 0.1, 0.1), sky_irradiance=SKY)
+    assert power(faint, 64) == pytest.approx([0.1] * 3, rel=1e-4)
+    assert faint.sun_painted
+    assert not faint.sun_shines
 
 
-@pytest.mark.parametrize("yaw", [float("nan"), float("inf")])
-def test_a_yaw_is_finite(yaw: float) -> None:
-    with pytest.raises(ParameterError, match=r"^yaw must be a finite number"):
-        rotate(SMALL, yaw)
+def test_without_a_colour_the_given_ground_is_dark_grey_and_the_old_one_its_albedo() -> None:
+    plain = Lighting(0.0, 40.0, 3.0, 1.0, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=SKY)
+    assert render(plain, 32)[-1, 0] == pytest.approx(0.12 / np.pi * np.array(SKY), rel=1e-5)
+    red = Lighting(0.0, 40.0, 3.0, 1.0, ground_color=(0.6, 0.3, 0.3))
+    assert render(red, 32)[-1, 0] == pytest.approx(render(lighting(0.0, 40.0, turbidity=3.0), 32)[-1, 0] * [2, 1, 1])
 
 
-def test_a_turned_record_keeps_the_suns_compass_azimuth() -> None:
-    known = replace(lighting(0.0), camera_heading=350.0, camera_heading_probability=(0.0,) * 350 + (1.0,) + (0.0,) * 9)
-    turned = turn(known, -30.0)
-    assert turned.sun_azimuth == pytest.approx(wrap_azimuth(known.sun_azimuth - 30.0))
-    assert turned.camera_heading == pytest.approx(20.0)
-    assert np.argmax(turned.camera_heading_probability) == 20
-    assert turn(turned, 30.0) == known
-    assert turn(lighting(0.0), 30.0).camera_heading is None
+def test_stated_irradiances_are_those_of_the_model() -> None:
+    old = lighting()
+    stated = with_irradiance(old)
+    assert sun_irradiance(stated) == pytest.approx(sun_irradiance(old))
+    assert sky_irradiance(stated) == pytest.approx(sky_irradiance(old))
+    np.testing.assert_allclose(render(stated, 128, sun=False), render(old, 128, sun=False), rtol=2e-3)
+    assert with_irradiance(stated) is stated
+    assert with_irradiance(lighting(sun_visibility=0.2)).sun_irradiance == (0.0, 0.0, 0.0)
+
+
+def test_a_sun_that_haze_has_put_out_is_painted_in_its_given_colour() -> None:
+    light = Lighting(10.0, 0.0, 10.0, 1.0, sun_irradiance=SUN, sky_irradiance=SKY)
+    assert power(light, 64) == pytest.approx(SUN, rel=1e-4)

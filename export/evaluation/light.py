@@ -1,0 +1,231 @@
+"""How near the estimated light comes to that of HDR panoramas, as numbers and on objects, by weather.
+
+Beside each network stand answers without one: the mean map of the training panoramas, the photo mirrored around, and
+oracles, which are our own answer with parts of the truth put in.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from export.crops import Crop, Source, load_sources, take
+from export.data import read_index
+from export.evaluation.models import load_models
+from export.evaluation.objects import OBJECTS, differences, pictures
+from export.evaluation.records import Names
+from export.evaluation.sphere import HEIGHT
+from export.evaluation.tables import table
+from export.evaluation.true_light import TrueLight, levels, mean_map, mirrored_photo, split, true_light
+from export.evaluation.views import CROPS_EACH, View, cameras
+from lighting.colour import luminance, tone_map
+from lighting.decoding import colour
+from lighting.envmap import Place, render, sky_irradiance, sun_irradiance, surround, with_irradiance
+from lighting.evidence import Given, estimate_of, fuse, known
+from lighting.geometry import Floats, angles, direction
+from lighting.model import Model
+from lighting.photo import Photo, PhotoFacts, place
+from lighting.pipeline import with_ground
+from lighting.records import Estimate, Lighting, ModelSpec
+
+WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
+PAINTED = 0.1  # of the sky's level irradiance, from which a sun counts as painted
+NOTE = (
+    "Medians over crops, true light of the panorama in the crop's exposure. Bias and size of errors in stops, colours "
+    "as angles between RGB vectors in degrees. Balls and plane: RMSE and RMSE after the best scale by the truth's "
+    "root mean square, and RGB angle. A sun counts as painted where it gives level ground over a tenth of what the sky "
+    "gives."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """What one method says of the light of all crops."""
+
+    maps: Floats  # (N, HEIGHT, 2 HEIGHT, 3)
+    lights: tuple[Lighting, ...] = ()  # with irradiances; none of methods that only make a map
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The crops that are judged and the light of each."""
+
+    views: tuple[View, ...]
+    crops: tuple[Crop, ...]
+    truth: tuple[TrueLight, ...]
+    sunny: Names  # (N,) "sunny" or "overcast"
+
+    @property
+    def panoramas(self) -> Names:
+        """(N,) of each crop."""
+        return np.array([source.panorama.name for source, _ in self.views])
+
+
+def judged(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH) -> Judged:
+    """Paper-protocol crops of the HDR panoramas whose weather is clear: an unclipped sun, or no direct light."""
+    found = [p for p in read_index(data, part) if p.kind == "hdr" and (p.sun, p.direct) in WEATHER]
+    sources = load_sources(found, labels)
+    apart = {s.panorama.name: split(s.levels[0], _sun_of(s)) for s in sources}
+    views = [view for i, view in enumerate(cameras(sources, "paper")) if i % CROPS_EACH < each]
+    crops = [take(source, camera, spec) for source, camera in views]
+    truth = [
+        true_light(apart[source.panorama.name], camera.azimuth, crop.gain)
+        for (source, camera), crop in zip(views, crops, strict=True)
+    ]
+    kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
+    return Judged(tuple(views), tuple(crops), tuple(truth), kind)
+
+
+def _sun_of(source: Source) -> Floats | None:
+    """Where the label has the sun of a sunny panorama."""
+    if WEATHER[source.panorama.sun, source.panorama.direct] != "sunny":
+        return None
+    return direction(source.label.sun_azimuth, source.label.sun_elevation)
+
+
+def estimates(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, Place]]:
+    """What a network says of each crop by its pixels alone, by the path that users take."""
+    found = []
+    for crop in crops:
+        pixels = tone_map(crop.linear)
+        prediction = model.predict(place(pixels, model.spec)[None])[0]
+        facts = known(PhotoFacts(), Given())
+        photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "PNG")
+        estimate = with_ground(photo, estimate_of(fuse(prediction, facts.evidence), facts))
+        found.append((estimate, Place(pixels, estimate.around)))
+    return found
+
+
+def guesses(name: str, model: Model, shown: Judged) -> dict[str, Guess]:
+    """A network's bare sky, the same with the place, and the oracles."""
+    answers = estimates(model, shown.crops)
+    lights = [with_irradiance(estimate.lighting) for estimate, _ in answers]
+    bare = np.stack([render(estimate.lighting, HEIGHT) for estimate, _ in answers])
+    placed = np.stack([surround(estimate.lighting, there, HEIGHT) for estimate, there in answers])
+    found = {name: Guess(bare, tuple(lights)), f"{name}, surroundings": Guess(placed, tuple(lights))}
+    for what, change in ORACLES.items():
+        told = tuple(change(light, truth) for light, truth in zip(lights, shown.truth, strict=True))
+        found[f"{name}, {what}"] = Guess(np.stack([render(light, HEIGHT) for light in told]), told)
+    return found
+
+
+def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
+    if truth.sun_direction is None:
+        return light
+    azimuth, elevation = (float(angle) for angle in angles(truth.sun_direction))
+    return replace(light, sun_azimuth=azimuth, sun_elevation=max(elevation, 0.0))
+
+
+def _true_power(light: Lighting, truth: TrueLight) -> Lighting:
+    return replace(
+        light,
+        sun_irradiance=colour(truth.sun_irradiance, "sun_irradiance"),
+        sky_irradiance=colour(truth.sky_irradiance, "sky_irradiance"),
+    )
+
+
+def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
+    return _true_power(_true_direction(light, truth), truth)
+
+
+def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
+    told = _true_both(light, truth)
+    level = sky_irradiance(told) + sun_irradiance(told) * max(float(told.sun_direction[1]), 0.0)
+    return replace(told, ground_color=colour(np.pi * truth.ground / np.maximum(level, 1e-9), "ground_color"))
+
+
+ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {
+    "true direction": _true_direction,
+    "true power and colour": _true_power,
+    "both": _true_both,
+    "and true ground": _true_ground,
+}
+
+
+def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
+    """Tables in Markdown of networks, ours first, and baselines, for sunny and overcast panoramas."""
+    models = load_models(paths)
+    spec = next(iter(models.values())).spec
+    shown = judged(data, labels, spec)
+    methods: dict[str, Guess] = {}
+    for name, model in models.items():
+        methods |= guesses(name, model, shown)
+    training = judged(data, labels, spec, "train", each=1).truth
+    methods["mean map"] = Guess(np.stack([mean_map(training)] * len(shown.crops)))
+    methods["photo mirrored around"] = Guess(np.stack([mirrored_photo(crop) for crop in shown.crops]))
+    return "\n\n".join(_section(shown, methods, str(kind)) for kind in ("sunny", "overcast") if kind in shown.sunny)
+
+
+def _section(shown: Judged, methods: dict[str, Guess], kind: str) -> str:
+    chosen = np.flatnonzero(shown.sunny == kind)
+    truth = [shown.truth[i] for i in chosen]
+    part = {
+        name: Guess(guess.maps[chosen], tuple(guess.lights[i] for i in chosen) if guess.lights else ())
+        for name, guess in methods.items()
+    }
+    title = f"## Light: {len(chosen)} crops of {len(np.unique(shown.panoramas[chosen]))} {kind} HDR panoramas"
+    return "\n\n".join([title, NOTE, strengths_table(truth, part), objects_table(truth, part)])
+
+
+def strengths_table(truth: Sequence[TrueLight], methods: dict[str, Guess]) -> str:
+    """Irradiance, ratio of sun to sky, and ground of each method."""
+    header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
+    rows = []
+    for name, guess in methods.items():
+        said, there = [levels(m) for m in guess.maps], [levels(t.image) for t in truth]
+        level = _stops([s[0] for s in said], [t[0] for t in there])
+        down = _stops([s[1] for s in said], [np.pi * t.ground for t in truth])
+        tint = _colour_angle(np.array([s[1] for s in said]), np.array([t.ground for t in truth]))
+        rows.append(
+            [
+                name, f"{np.median(level):+.2f}", f"{np.median(np.abs(level)):.2f}", *_parts(truth, guess),
+                f"{np.median(down):+.2f}", f"{np.median(np.abs(down)):.2f}", f"{np.median(tint):.1f}",
+            ]
+        )  # fmt: skip
+    return table(header, rows)
+
+
+def _parts(truth: Sequence[TrueLight], guess: Guess) -> list[str]:
+    """Bias of sky, sun and their ratio, and the share of painted suns; "-" where a method or the truth has none."""
+    if not guess.lights:
+        return ["-"] * 4
+    sky, sun = [sky_irradiance(li) for li in guess.lights], [sun_irradiance(li) for li in guess.lights]
+    height = np.array([max(float(li.sun_direction[1]), 0.0) for li in guess.lights])
+    painted = luminance(np.array(sun)) * height > PAINTED * luminance(np.array(sky))
+    above = _stops(sky, [t.sky_irradiance for t in truth])
+    words = [f"{np.median(above):+.2f}"]
+    if all(t.sun_direction is not None for t in truth):
+        power = _stops(sun, [t.sun_irradiance for t in truth])
+        words += [f"{np.median(power):+.2f}", f"{np.median(power - above):+.2f}"]
+    else:
+        words += ["-", "-"]
+    return [*words, f"{100 * painted.mean():.0f} %"]
+
+
+def _stops(said: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
+    """Errors of luminance (N,) in stops."""
+    ratio = np.maximum(luminance(np.array(said)), 1e-6) / np.maximum(luminance(np.array(truth)), 1e-6)
+    return np.asarray(np.log2(ratio))
+
+
+def _colour_angle(a: Floats, b: Floats) -> Floats:
+    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    return np.asarray(np.degrees(np.arccos(np.clip(np.sum(a * b, axis=-1) / np.maximum(lengths, 1e-12), -1, 1))))
+
+
+def objects_table(truth: Sequence[TrueLight], methods: dict[str, Guess]) -> str:
+    """Errors of each method on each object."""
+    header = [""]
+    for kind in OBJECTS:
+        header += [f"{kind}: RMSE", "scaled", "angle"]
+    lit = np.stack([t.image for t in truth])
+    seen = {kind: pictures(kind, lit) for kind in OBJECTS}
+    rows = []
+    for name, guess in methods.items():
+        row = [name]
+        for kind in OBJECTS:
+            rmse, scaled, angle = np.median(differences(seen[kind], pictures(kind, guess.maps)), axis=0)
+            row += [f"{rmse:.2f}", f"{scaled:.2f}", f"{angle:.1f}"]
+        rows.append(row)
+    return table(header, rows)

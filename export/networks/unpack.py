@@ -1,0 +1,149 @@
+"""Read a network's weights back from an ONNX file, to train it further.
+
+The file has batch normalisation folded into the convolutions. The networks read back compute the same; `recalibrate`
+gives them statistics again, so that they can train on.
+"""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from export.data import DataError
+from export.networks.checkpoints import CHECKPOINT
+from export.networks.network import HEADS, build
+from export.networks.outdoor import Outdoor
+from export.networks.runs import RECORD
+from lighting.files import replacing
+from lighting.records import ModelSpec
+
+
+def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
+    """Network `number` (from 0) of a file, and the file's metadata; heads that the file lacks have random weights.
+
+    DataError if the file holds no such network.
+    """
+    import onnx
+
+    model = onnx.load(str(file))
+    metadata = {entry.key: entry.value for entry in model.metadata_props}
+    spec = ModelSpec.from_json(metadata["spec"])
+    network = build(spec)
+    assert isinstance(network, Outdoor)
+    tensors = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
+    weights = _weights(network, tensors, f"networks.{number}.")
+    if not any(name.startswith("sun.") for name in weights):
+        raise DataError(f"{file} holds no network number {number}.")
+    missing, _ = network.load_state_dict(weights, strict=False)
+    assert all(name.startswith(HEADS) for name in missing), missing
+    return network, metadata
+
+
+def _weights(network: nn.Module, tensors: dict[str, Any], prefix: str) -> dict[str, Tensor]:
+    """State of a network from a file's tensors; batch normalisation is left to change nothing but to add the bias."""
+    found: dict[str, Tensor] = {}
+    folded: dict[str, Tensor] = {}
+    for name, module in network.named_modules():
+        if isinstance(module, (nn.Conv2d, nn.Linear)):
+            for key in ("weight", "bias"):
+                value = _tensor(tensors, f"{prefix}{name}.{key}")
+                if value is not None and getattr(module, key) is not None:
+                    found[f"{name}.{key}"] = value
+            bias = _tensor(tensors, f"{prefix}{name}.weight_bias")
+            if bias is not None:
+                folded[name] = bias
+        elif isinstance(module, nn.BatchNorm2d) and (bias := folded.get(_before(name))) is not None:
+            found |= {
+                f"{name}.weight": torch.full_like(bias, (1 + module.eps) ** 0.5),
+                f"{name}.bias": bias,
+                f"{name}.running_mean": torch.zeros_like(bias),
+                f"{name}.running_var": torch.ones_like(bias),
+                f"{name}.num_batches_tracked": torch.tensor(0),
+            }
+    return found
+
+
+def _before(name: str) -> str:
+    """The name of the layer before one in a sequence."""
+    parent, _, place = name.rpartition(".")
+    return f"{parent}.{int(place) - 1}"
+
+
+def _tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
+    """A tensor of the file in single precision, stored as it is, in half precision, or as bytes with a scale.
+
+    Networks that share their first layers have them under the first one's name.
+    """
+    for known in (name, "networks.0." + name.split(".", 2)[2] if ".stem." in name or _shared(name) else name):
+        if known in tensors:
+            return torch.from_numpy(np.array(tensors[known], dtype=np.float32))
+        if f"{known}.half" in tensors:
+            return torch.from_numpy(tensors[f"{known}.half"].astype(np.float32))
+        if f"{known}.bytes" in tensors:
+            return torch.from_numpy(tensors[f"{known}.bytes"].astype(np.float32) * tensors[f"{known}.scale"])
+    return None
+
+
+def _shared(name: str) -> bool:
+    return any(f".backbone.blocks.{block}." in name for block in range(3))
+
+
+def recalibrate(network: nn.Module, photos: Iterable[Tensor]) -> None:
+    """Give batch normalisations that change nothing the statistics of photos (B, 3, H, W), at the same answers."""
+    sums: dict[nn.BatchNorm2d, list[Tensor]] = {}
+
+    def look(module: nn.Module, inputs: tuple[Tensor, ...]) -> None:
+        assert isinstance(module, nn.BatchNorm2d)
+        x = inputs[0]
+        new = torch.stack([x.mean(dim=(0, 2, 3)), (x * x).mean(dim=(0, 2, 3))])
+        sums.setdefault(module, []).append(new)
+
+    trained = [m for m in network.modules() if isinstance(m, nn.BatchNorm2d) and m.weight.requires_grad]
+    hooks = [module.register_forward_pre_hook(look) for module in trained]
+    network.eval()
+    with torch.inference_mode():
+        for batch in photos:
+            network(batch)
+    for hook in hooks:
+        hook.remove()
+    for module, seen in sums.items():
+        mean, square = torch.stack(seen).mean(dim=0).clone()
+        _restate(module, mean, (square - mean**2).clamp_min(1e-6))
+
+
+def _restate(module: nn.BatchNorm2d, mean: Tensor, variance: Tensor) -> None:
+    """Give a batch normalisation these statistics at the same answers."""
+    before, spread = module.running_mean, module.running_var
+    assert before is not None
+    assert spread is not None
+    with torch.no_grad():
+        slope = module.weight / (spread + module.eps).sqrt()
+        shift = module.bias - before * slope
+        module.weight.copy_(slope * (variance + module.eps).sqrt())
+        module.bias.copy_(shift + slope * mean)
+        before.copy_(mean)
+        spread.copy_(variance)
+
+
+def write_run(network: Outdoor, metadata: dict[str, str], file: Path, number: int, out: Path) -> None:
+    """Write a network that was read back as the folder of a run, to start from; DataError if `out` holds a run."""
+    if (out / CHECKPOINT).exists():
+        raise DataError(f"{out} already holds a run.")
+    before = json.loads(metadata["training"])
+    spec = ModelSpec.from_json(metadata["spec"])
+    record = {
+        "spec": asdict(replace(spec, training_data="")),
+        "merged": before[number],
+        "panoramas": {"train": [], "tune": []},
+        "file": file.name,
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    with replacing(out / RECORD) as path:
+        path.write_text(json.dumps(record, indent=1))
+    with replacing(out / CHECKPOINT) as path:
+        torch.save({"average": {f"module.{name}": value for name, value in network.state_dict().items()}}, path)

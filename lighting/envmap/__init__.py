@@ -1,0 +1,35 @@
+"""Environment maps of a light: rendered, turned, and with the place around."""
+
+from lighting.envmap.clear import Image, row_levels
+from lighting.envmap.ground import photo_ground
+from lighting.envmap.render import (
+    MAX_HEIGHT,
+    MIN_HEIGHT,
+    ground_reflectance,
+    render,
+    sky_irradiance,
+    sun_irradiance,
+    with_irradiance,
+)
+from lighting.envmap.surroundings import Place, surround
+from lighting.envmap.turning import brighten, rotate, turn
+from lighting.envmap.views import view
+
+__all__ = [
+    "MAX_HEIGHT",
+    "MIN_HEIGHT",
+    "Image",
+    "Place",
+    "brighten",
+    "ground_reflectance",
+    "photo_ground",
+    "render",
+    "rotate",
+    "row_levels",
+    "sky_irradiance",
+    "sun_irradiance",
+    "surround",
+    "turn",
+    "view",
+    "with_irradiance",
+]

@@ -1,0 +1,83 @@
+"""Clear skies by the model of Hosek and Wilkie, painted with tables along two axes."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.geometry import Floats, latlong_angles
+from lighting.records import Lighting
+from lighting.sky import sky_gradation, sky_lobe, sky_parameters
+
+Image = NDArray[np.float32]
+
+_LOBE_STEPS = 1 << 16  # of the table over the angle to the sun; taking the nearest entry errs by less than 3e-4
+_CHUNK = 1 << 17  # pixels painted at once, few enough for the processor's cache
+_IRRADIANCE_HEIGHT = 128  # rows of the sky that is integrated to light the ground; accurate to 2e-4
+
+
+def lobe_table(lighting: Lighting) -> Image:
+    """`sky_lobe` of each channel (3, steps + 1) at equal steps of the angle to the sun, 0 to 180 deg."""
+    chord = 2 * np.sin(np.linspace(0.0, math.pi / 2, _LOBE_STEPS + 1, dtype=np.float32))
+    coefficients, _ = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    return np.stack([sky_lobe(row, chord * chord) for row in coefficients])
+
+
+def paint_clear(image: Image, lighting: Lighting, lobe: Image) -> None:
+    """Fill the upper half (H / 2, 2H, 3) of a map: per row a factor and an offset, per pixel one look-up of the lobe.
+
+    The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
+    the row gives all but the last factor and the column that one; this keeps its precision next to the sun.
+    """
+    factor, offset = _row_terms(lighting, 2 * len(image))
+    azimuth, elevation = latlong_angles(2 * len(image))
+    sun = math.radians(lighting.sun_elevation)
+    vertical = f32(np.sin((np.radians(elevation) - sun) / 2) ** 2)
+    horizontal = f32(np.cos(np.radians(elevation)) * math.cos(sun))
+    column = f32(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2)
+    rows = max(1, _CHUNK // image.shape[1])
+    for start in range(0, len(image), rows):
+        part = slice(start, min(start + rows, len(image)))
+        half_sine = np.sqrt(vertical[part, None] + horizontal[part, None] * column)
+        step = np.arcsin(np.minimum(half_sine, 1)) * np.float32(_LOBE_STEPS / (math.pi / 2))
+        index = (step + np.float32(0.5)).astype(np.intp)
+        for channel in range(3):
+            value = lobe[channel].take(index)
+            value += offset[channel, part, None]
+            value *= factor[channel, part, None]
+            np.maximum(value, 0, out=image[part, :, channel])
+
+
+def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
+    """Factor and offset (3, H / 2) of the rows above the horizon, exposure and mean radiance in the factor."""
+    up = np.sin(np.radians(latlong_angles(height)[1][: height // 2]))
+    coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    terms = [sky_gradation(row, up) for row in coefficients]
+    factor = np.stack([factor for factor, _ in terms]) * radiance[:, None] * lighting.exposure
+    return f32(factor), f32(np.stack([offset for _, offset in terms]))
+
+
+def clear_irradiance(lighting: Lighting, lobe: Image) -> Floats:
+    """Irradiance (3,) of a horizontal surface by the sky without the disc."""
+    half = _IRRADIANCE_HEIGHT // 2
+    sky = np.empty((half, 2 * _IRRADIANCE_HEIGHT, 3), dtype=np.float32)
+    paint_clear(sky, lighting, lobe)
+    return np.asarray(row_levels(_IRRADIANCE_HEIGHT)[:half] @ sky.mean(axis=1, dtype=np.float64))
+
+
+def row_levels(height: int) -> Floats:
+    """Irradiance (H,) of level ground, facing up or down, by radiance 1 in each row of a map of that many rows."""
+    edges = np.sin(np.linspace(-math.pi / 2, math.pi / 2, height + 1)) ** 2
+    return np.abs(np.diff(edges)) * math.pi
+
+
+def irradiance_of(levels: Floats, rows: Image) -> Floats:
+    """Irradiance (3,) by rows (R, W, 3) of a map with these `row_levels` (R,)."""
+    count, width = rows.shape[:2]
+    columns = np.einsum("r,rx->x", f32(levels), rows.reshape(count, 3 * width))
+    return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
+
+
+def f32(values: Floats) -> Image:
+    """The values as float32."""
+    return np.asarray(values, dtype=np.float32)

@@ -1,0 +1,40 @@
+"""The colour of the ground, from the pixels of a photo below its horizon."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.colour import SRGB_LINEAR
+from lighting.geometry import Floats, Pinhole, camera_directions
+from lighting.records import Lighting
+
+_SIDE = 96  # pixels of the longer side that are looked at
+_BELOW = (0.2, 0.05)  # sines of the angle below the horizon; the first one counts below which enough ground is seen
+_LEAST = 0.02  # share of the picture that must show ground
+_KEPT = (0.25, 0.75)  # quantiles of brightness between which pixels count
+_RANGE = (0.02, 0.9)  # of the reflectance
+
+
+def photo_ground(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
+    """Reflectance (3,) of the ground that a photo (h, w, 3, sRGB) shows under the lighting's irradiances.
+
+    It is the mean of the linear values well below the estimated horizon (near it things stand upright), without the
+    darkest and the brightest quarter, over (sky + sin(elevation) x sun) / pi. None where the photo shows too little
+    ground or the irradiances are not known.
+    """
+    if lighting.sky_irradiance is None or lighting.sun_irradiance is None:
+        return None
+    step = max(1, -(-max(pixels.shape[:2]) // _SIDE))
+    small = pixels[step // 2 :: step, step // 2 :: step]
+    height, width = small.shape[:2]
+    tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
+    down = -camera_directions(Pinhole(width, height, lighting.vertical_fov, **tilt))[..., 1]
+    seen = next((down > below for below in _BELOW if np.mean(down > below) >= _LEAST), None)
+    if seen is None:
+        return None
+    ground = SRGB_LINEAR[small[seen]]
+    grey = ground.mean(axis=1)
+    low, high = np.quantile(grey, _KEPT)
+    inside = (grey >= low) & (grey <= high)
+    sun = np.array(lighting.sun_irradiance) * max(float(lighting.sun_direction[1]), 0.0)
+    level = np.maximum(np.array(lighting.sky_irradiance) + sun, 1e-6)
+    return np.asarray(np.clip(np.pi * ground[inside].mean(axis=0) / level, *_RANGE))

@@ -1,0 +1,69 @@
+"""Skies between clear and overcast, scaled to a given irradiance: any model shapes the clear part."""
+
+import numpy as np
+
+from lighting.colour import luminance
+from lighting.envmap.clear import Image, clear_irradiance, f32, irradiance_of, lobe_table, paint_clear, row_levels
+from lighting.envmap.disc import disc_power
+from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
+from lighting.records import SKY_MODEL, Lighting
+from lighting.sky import CIE_Y_INTEGRAL, Weather, lalonde_matthews_sun, sky_shape
+
+_DARK = 0.02  # of the brightest channel's irradiance, below which a channel of the model has no shape of its own
+_LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
+_EFFICACY = 120.0  # lm / W of skylight
+_LEAST = 1e-12  # irradiance that stands for none
+
+
+def paint_mixture(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
+    """Fill the upper half (H / 2, 2H, 3) of a map whose horizontal irradiance is then (3,), the sun's disc apart.
+
+    The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
+    """
+    cover = lighting.sky_cover or 0.0
+    overcast = _overcast_rows(len(upper)) * f32(cover * irradiance)
+    if cover >= 1:
+        upper[:] = overcast
+        return
+    _paint_shape(upper, lighting)
+    level = irradiance_of(row_levels(2 * len(upper))[: len(upper)], upper)
+    brightest = int(np.argmax(level))
+    for channel in np.flatnonzero(level < _DARK * level[brightest]):  # the blue of a setting sun, say
+        upper[..., channel], level[channel] = upper[..., brightest], level[brightest]
+    upper *= f32((1 - cover) * irradiance / np.maximum(level, _LEAST))
+    upper += overcast
+
+
+def paint_sun_lobe(upper: Image, lighting: Lighting, power: Floats) -> None:
+    """Add the sun of Lalonde and Matthews to the upper half of a map: a lobe whose radiance x solid angle is (3,)."""
+    height = 2 * len(upper)
+    lobe = lalonde_matthews_sun(latlong_directions(height)[: len(upper)], lighting.sun_direction)
+    weight = latlong_solid_angle(height)[: len(upper)]
+    total = max(float(weight @ lobe.sum(axis=1)), _LEAST)
+    upper += f32(lobe[..., None] * (power / total))
+
+
+def _overcast_rows(rows: int) -> Image:
+    """Radiance (rows, 1, 1) of the overcast sky of irradiance 1, row by row from the zenith."""
+    up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
+    radiance = (1 + 2 * up) / 3
+    return f32(radiance / (row_levels(2 * rows)[:rows] @ radiance))[:, None, None]
+
+
+def _paint_shape(upper: Image, lighting: Lighting) -> None:
+    """Fill the upper half with the model's radiance at any scale."""
+    if lighting.sky_model == SKY_MODEL:
+        paint_clear(upper, lighting, lobe_table(lighting))
+        return
+    directions = latlong_directions(2 * len(upper))[: len(upper)]
+    upper[:] = sky_shape(lighting.sky_model, directions, lighting.sun_direction, _weather(lighting))
+
+
+def _weather(lighting: Lighting) -> Weather:
+    """What shapes the sky. The strength of sun and sky is as given, else as Hosek and Wilkie's models have it."""
+    clear = clear_irradiance(lighting, lobe_table(lighting)) / lighting.exposure
+    sun = disc_power(lighting)[0] if lighting.sun_irradiance is None else np.array(lighting.sun_irradiance)
+    sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
+    beam = float(luminance(sun)) / max(float(luminance(sky)), _LEAST)
+    diffuse = float(luminance(clear)) * _LUX / _EFFICACY
+    return Weather(lighting.turbidity, lighting.ground_albedo, beam, diffuse)

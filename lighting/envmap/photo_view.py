@@ -1,0 +1,108 @@
+"""Where a photo lies in a map, and its pixels there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Picture
+
+from lighting.colour import SRGB_LINEAR
+from lighting.envmap.clear import Image
+from lighting.geometry import Pinhole, camera_pixel, latlong_angles, latlong_directions
+from lighting.records import Lighting
+
+FEATHER = 0.15  # share of the picture's half width and half height over which it fades into what lies around
+
+_COARSE = 48  # rows of a map in which the photo's window is sought
+_CLIPPED = 0.95  # linear value from which a pixel may have been brighter
+_LARGEST = 2048  # pixels of the photo's longer side
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A photo in a window of a map."""
+
+    rows: slice
+    columns: slice
+    linear: Image  # (R, C, 3)
+    weight: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 outside it
+
+    def within(self, rows: slice) -> "Shown | None":
+        """The part of it in those rows of the map; None where there is none."""
+        top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
+        if top >= bottom:
+            return None
+        own = slice(top - self.rows.start, bottom - self.rows.start)
+        return Shown(slice(top, bottom), self.columns, self.linear[own], self.weight[own])
+
+
+def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown | None:
+    """A photo (h, w, 3, sRGB) as the map (H, 2H, 3) sees it; None where it is smaller than a few degrees.
+
+    Where the photo is clipped and the map is brighter, the map's own value stands.
+    """
+    height = len(image)
+    picture = _fitted(photo, lighting.vertical_fov, height)
+    tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
+    camera = Pinhole(picture.shape[1], picture.shape[0], lighting.vertical_fov, **tilt)
+    window = _window(camera, height)
+    if window is None:
+        return None
+    rows, columns = window
+    x, y = _pixels(camera, height, rows, columns)
+    edge = np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER)
+    ramp = np.clip(edge, 0, 1)
+    weight = ramp * ramp * (3 - 2 * ramp)
+    index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
+    linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index.ravel(), axis=0)).reshape(*index.shape, 3)
+    clipped = linear.max(axis=-1) > _CLIPPED
+    linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
+    return Shown(rows, columns, linear, weight)
+
+
+def _fitted(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
+    """The photo at about the map's resolution, so that single pixels may be taken from it."""
+    camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
+    scale = min(height / np.pi / camera.focal_length * 1.2, _LARGEST / max(photo.shape[:2]))
+    size = (max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
+    return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
+
+
+def _window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
+    """Rows and columns of a map (H, 2H) that hold the picture."""
+    x, y = np.moveaxis(camera_pixel(latlong_directions(_COARSE), camera), -1, 0)
+    inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false where NaN
+    if not inside.any():
+        return None
+    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    step = height / _COARSE
+    return _span(rows, step, height), _span(columns, step, 2 * height)
+
+
+def _span(cells: NDArray[np.intp], step: float, count: int) -> slice:
+    """The pixels, of `count` in all, that rows or columns `step` pixels wide cover, and one of them on either side."""
+    return slice(max(0, int((cells[0] - 1) * step)), min(count, int(np.ceil((cells[-1] + 2) * step))))
+
+
+def _pixels(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:
+    """Where the map's pixels lie in the picture, each way -1 to 1 inside it; 2 behind the camera.
+
+    A direction's part along a camera axis is the product of a term of its row and one of its column, plus one of the
+    row, so that no pixel needs an angle.
+    """
+    azimuth, elevation = (np.radians(angle) for angle in latlong_angles(height))
+    azimuth, elevation = azimuth[columns], elevation[rows]
+    level, up = np.cos(elevation).astype(np.float32), np.sin(elevation).astype(np.float32)
+    side, ahead = np.sin(azimuth).astype(np.float32), -np.cos(azimuth).astype(np.float32)
+    parts = []
+    for axis in camera.axes.astype(np.float32):
+        parts.append(np.multiply.outer(level, axis[0] * side + axis[2] * ahead) + (axis[1] * up)[:, None])
+    depth = np.where(parts[2] > 1e-6, parts[2], np.float32(np.nan))
+    focal = np.float32(2 * camera.focal_length)
+    x, y = parts[0] / depth * (focal / camera.width), parts[1] / depth * (focal / camera.height)
+    return np.nan_to_num(x, nan=2.0), np.nan_to_num(y, nan=2.0)
+
+
+def _index(place: Image, count: int, sign: int) -> NDArray[np.intp]:
+    """Index of the pixel at a place of -1 to 1; `sign` -1 counts from the other end."""
+    return np.asarray(np.clip((sign * place + 1) * np.float32(count / 2), 0, count - 1), dtype=np.intp)

@@ -1,0 +1,103 @@
+"""A map that shows the place: the photo's own pixels in its view, and around it what is known or likely.
+
+Above the horizon the sky model fills what the photo does not show, dimmed and tinted as the network's coarse panorama
+has it: trees, walls and hills. Below it lies the ground's colour, varied in the same way. Nothing of this changes how
+much light there is: each half of the map is scaled until its irradiance is that of the bare map, and the sun's disc is
+painted last, so there is one sun.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.envmap.clear import Image, f32, irradiance_of, row_levels
+from lighting.envmap.photo_view import Shown, shown
+from lighting.envmap.render import add_sun, render
+from lighting.geometry import Floats
+from lighting.records import Lighting
+
+_RATIO = (0.05, 4.0)  # how far the coarse panorama may change the bare map
+_REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
+_SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell of the coarse panorama
+_EXACT = 1e-5  # share by which an irradiance may differ from the one aimed at
+_LEAST = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What is known of the place where a photo was taken."""
+
+    photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
+    around: NDArray[np.float32] | None = None  # `Estimate.around`; without it bare sky and ground lie beside the photo
+
+
+def surround(
+    lighting: Lighting, place: Place, height: int = 512, *, sun: bool | None = None, disc: bool = True
+) -> Image:
+    """Environment map (H, 2H, 3) of the lighting of a photo, with the place.
+
+    The parameters, the irradiances of level ground from above and from below, and the errors are those of `render`.
+    """
+    image = render(lighting, height, sun=sun, disc=False)
+    halves = slice(0, height // 2), slice(height // 2, height)
+    targets = [irradiance_of(row_levels(height)[half], image[half]) for half in halves]
+    if place.around is not None:
+        _vary(image, place.around)
+    seen = shown(lighting, place.photo, image)
+    for half, target in zip(halves, targets, strict=True):
+        _compose(image, seen.within(half) if seen else None, half, target)
+    if disc and (lighting.sun_painted if sun is None else sun):
+        add_sun(image, lighting)
+    return image
+
+
+def _vary(image: Image, around: NDArray[np.float32]) -> None:
+    """Give each half of the map the coarse panorama's own light, cell by cell; what is finer stays."""
+    height, width = image.shape[:2]
+    rows, columns = around.shape[:2]
+    y = ((np.arange(rows * _SAMPLES) + 0.5) * height / (rows * _SAMPLES)).astype(np.intp)
+    x = ((np.arange(columns * _SAMPLES) + 0.5) * width / (columns * _SAMPLES)).astype(np.intp)
+    pooled = image[np.ix_(y, x)].reshape(rows, _SAMPLES, columns, _SAMPLES, 3).mean(axis=(1, 3))
+    ratio = np.clip(around / np.maximum(pooled, np.float32(_LEAST)), *_RATIO)
+    for half in (0, 1):
+        cells = ratio[half * rows // 2 : (half + 1) * rows // 2]
+        image[half * height // 2 : (half + 1) * height // 2] *= _smooth(cells, height // 2, width)
+
+
+def _smooth(cells: Image, height: int, width: int) -> Image:
+    """Cells (R, C, 3) as (height, width, 3), linear between their centres; columns wrap and rows end."""
+    (top, down), (left, across) = _places(height, len(cells)), _places(width, cells.shape[1])
+    upper, lower = cells[np.clip(top, 0, len(cells) - 1)], cells[np.clip(top + 1, 0, len(cells) - 1)]
+    tall = upper + down[:, None, None] * (lower - upper)
+    result = tall.take(left % cells.shape[1], axis=1)
+    step = (np.roll(tall, -1, axis=1) - tall).take(left % cells.shape[1], axis=1)
+    step *= across[:, None]
+    result += step
+    return np.asarray(result)
+
+
+def _places(pixels: int, cells: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """For each pixel the cell (pixels,) whose centre lies before it, and how far it is on its way to the next one."""
+    at = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
+    low = np.floor(at)
+    return low.astype(np.intp), f32(at - low)
+
+
+def _compose(image: Image, seen: Shown | None, part: slice, target: Floats) -> None:
+    """Lay the photo over one half of the map, whose irradiance is then the target (3,), and scale the rest to fit."""
+    levels = row_levels(len(image))
+    total = irradiance_of(levels[part], image[part])
+    if seen is None:
+        image[part] *= f32(target / np.maximum(total, _LEAST))
+        return
+    there, weight = image[seen.rows, seen.columns], seen.weight[..., None]
+    share = there.shape[1] / image.shape[1]  # of the columns
+    photo = irradiance_of(levels[seen.rows], weight * seen.linear) * share
+    hidden = irradiance_of(levels[seen.rows], weight * there) * share
+    scale = np.clip((target - photo) / np.maximum(total - hidden, _LEAST), *_REST)
+    image[part] *= f32(scale)
+    there += weight * (seen.linear - there)
+    reached = scale * (total - hidden) + photo
+    if np.any(np.abs(reached - target) > _EXACT * target):
+        image[part] *= f32(target / np.maximum(reached, _LEAST))

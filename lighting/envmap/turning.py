@@ -1,0 +1,64 @@
+"""Turned and brightened maps, and the records that describe them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from lighting.colour import luminance
+from lighting.envmap.clear import Image
+from lighting.errors import ParameterError
+from lighting.geometry import Floats, wrap_azimuth
+from lighting.records import COLOUR_RANGES, RANGES, Colour, Lighting
+
+_WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
+
+
+def rotate(image: Image, yaw: float) -> Image:
+    """The map turned by `yaw` [deg]: what was at azimuth a is at a + yaw. Exact for a whole number of pixels.
+
+    Otherwise neighbouring pixels are interpolated linearly, also across the seam. Raises ParameterError unless finite.
+    """
+    if not math.isfinite(yaw):
+        raise ParameterError(f"yaw must be a finite number, not {yaw!r}.")
+    shift = yaw % 360.0 / 360.0 * image.shape[1]
+    whole = math.floor(shift + _WHOLE_PIXEL)
+    share = np.float32(shift - whole)
+    turned = np.roll(image, whole, axis=1)
+    if share <= _WHOLE_PIXEL:
+        return turned
+    return np.asarray(turned * (1 - share) + np.roll(turned, 1, axis=1) * share)
+
+
+def turn(lighting: Lighting, yaw: float) -> Lighting:
+    """The record of a map turned by `yaw` [deg]; its azimuth 0 lies `yaw` to the left of where the camera points."""
+    azimuth = float(wrap_azimuth(lighting.sun_azimuth + yaw))
+    if lighting.camera_heading is None:
+        return replace(lighting, sun_azimuth=azimuth)
+    degrees, probability = np.arange(360.0), lighting.camera_heading_probability
+    shifted = np.interp(degrees + yaw, degrees, probability, period=360.0) if probability else np.array([])
+    return replace(
+        lighting,
+        sun_azimuth=azimuth,
+        camera_heading=(lighting.camera_heading - yaw) % 360.0,
+        camera_heading_probability=tuple(shifted.tolist()),
+    )
+
+
+def brighten(lighting: Lighting, gain: Floats) -> Lighting:
+    """The light of a picture whose linear red, green and blue are `gain` (3,) times those of the record's."""
+    exposure = float(np.clip(lighting.exposure * float(luminance(gain)), *RANGES["exposure"]))
+    return replace(
+        lighting,
+        exposure=float(f"{exposure:.6g}"),
+        sun_irradiance=_times(lighting.sun_irradiance, gain),
+        sky_irradiance=_times(lighting.sky_irradiance, gain),
+    )
+
+
+def _times(colour: Colour | None, gain: Floats) -> Colour | None:
+    if colour is None:
+        return None
+    values = np.clip(np.array(colour) * gain, *COLOUR_RANGES["sky_irradiance"])
+    red, green, blue = (float(f"{value:.6g}") for value in values)
+    return red, green, blue

@@ -1,0 +1,75 @@
+"""How the pixels of an EXR are packed: which ways there are, and what each costs.
+
+docs/performance.md says which programs opened which of them, how long they take and how large the files are.
+"""
+
+import os
+from functools import cache
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.cpus import available_cpus
+from lighting.errors import EnvironmentMapError
+
+Compression = Literal["zip", "zip-exact", "pxr24", "piz", "htj2k", "none"]
+COMPRESSIONS: tuple[Compression, ...] = get_args(Compression)
+
+MANTISSA = 13  # bits that `zip` keeps, so that a value changes by no more than 1 part in 2^14
+_DROPPED = 23 - MANTISSA
+_HALF, _MASK = np.uint32(1 << (_DROPPED - 1)), np.uint32(0xFFFFFFFF << _DROPPED & 0xFFFFFFFF)
+_THREADS = 4  # beyond which packing gets no faster
+
+_LIBRARY_NAMES = {
+    "zip": "ZIP_COMPRESSION",
+    "zip-exact": "ZIP_COMPRESSION",
+    "pxr24": "PXR24_COMPRESSION",
+    "piz": "PIZ_COMPRESSION",
+    "htj2k": "HTJ2K256_COMPRESSION",
+    "none": "NO_COMPRESSION",
+}
+
+
+def packed_with(image: NDArray[np.float32], compression: Compression) -> tuple[Any, NDArray[np.float32]]:
+    """OpenEXR's name of the compression, and the pixels as it is to pack them.
+
+    Raises EnvironmentMapError for one that is not among COMPRESSIONS.
+    """
+    if compression not in COMPRESSIONS:
+        raise EnvironmentMapError(
+            f"The compression {compression!r} is not known; it must be one of {', '.join(COMPRESSIONS)}."
+        )
+    library = _threaded_library()
+    return getattr(library, _LIBRARY_NAMES[compression]), rounded(image) if compression == "zip" else image
+
+
+def rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The values rounded to MANTISSA bits, half away from zero; what would become infinite stays as it is.
+
+    The zeros that this leaves at the end of every number are what ZIP packs fast and small.
+    """
+    bits = (image.view(np.uint32) + _HALF) & _MASK
+    values = bits.view(np.float32)
+    kept = np.isfinite(values)
+    return values if kept.all() else np.where(kept, values, image)
+
+
+@cache
+def _threaded_library() -> Any:
+    """OpenEXR with a thread for each CPU, unless the program has set their number itself.
+
+    A forked process has none of them, and would wait for them for ever. So they end before a fork and start again in
+    the parent; the child packs in its own thread.
+    """
+    import OpenEXR
+
+    if OpenEXR.global_thread_count() == 0:
+        count = min(_THREADS, available_cpus())
+        OpenEXR.set_global_thread_count(count)
+        if hasattr(os, "register_at_fork"):
+            os.register_at_fork(
+                before=lambda: OpenEXR.set_global_thread_count(0),
+                after_in_parent=lambda: OpenEXR.set_global_thread_count(count),
+            )
+    return OpenEXR

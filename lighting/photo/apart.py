@@ -1,0 +1,215 @@
+"""Photos read in a process of their own, which is killed and replaced when one takes too long or too much memory.
+
+Nothing in Python interrupts a decoder that runs, so only another process can be stopped. The processes are this one's,
+whoever asks: each reads one photo at a time, and there are as many as photos were ever read at once.
+"""
+
+import atexit
+import os
+import pickle
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Event, Timer
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.photo.decoder import READY, Answer, Request
+from lighting.photo.read import MAX_BYTES, MAX_PIXELS, TARGET, Photo, photo_data
+
+if TYPE_CHECKING:
+    from subprocess import Popen
+
+SECONDS = 10.0  # for one photo: twice what the slowest that is admitted takes on one core
+
+CODE = "from lighting.photo.decoder import main; main()"
+
+_START_SECONDS = 300.0  # on a machine that is busy with other work
+_PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
+_ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more than decoding into it
+    "MALLOC_ARENA_MAX": "1",
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+
+
+def read_apart(
+    source: str | os.PathLike[str] | bytes,
+    *,
+    max_bytes: int = MAX_BYTES,
+    max_pixels: int = MAX_PIXELS,
+    target: int | None = TARGET,
+    seconds: float = SECONDS,
+) -> Photo:
+    """What `read_photo` returns or raises, from another process.
+
+    Raises PhotoTooLargeError also where reading takes longer than `seconds`, or, on Linux, more memory than
+    `memory.allowance`; and PhotoError where a decoder crashes.
+    """
+    data = photo_data(source, max_bytes) if isinstance(source, bytes) else b""
+    place = len(source) if isinstance(source, bytes) else str(Path(source).absolute())
+    with _borrowed() as decoder:
+        return decoder.read(Request(place, max_bytes, max_pixels, target), data, seconds)
+
+
+def start_decoders(count: int) -> None:
+    """Have this many processes ready, so that no photo waits for one to start; raises PhotoError where they do not."""
+    started = [Decoder() for _ in range(count - len(_idle))]
+    for decoder in started:
+        decoder.start()
+    for decoder in started:
+        decoder.wait()
+        _idle.append(decoder)
+
+
+class Decoder:
+    """One process for one photo at a time."""
+
+    def __init__(self) -> None:
+        self._process: Popen[bytes] | None = None
+        self._ready = False
+        atexit.register(self.end)
+
+    def read(self, request: Request, data: bytes, seconds: float) -> Photo:
+        """The photo that is asked for; `data` is empty where the request names a path."""
+        try:
+            self.prepare()
+            answer = self._within(seconds, request, data)
+        except BaseException:  # whatever it is, the process may be in the middle of an answer
+            self.end()
+            raise
+        if isinstance(answer, Photo):
+            return answer
+        raise answer
+
+    @property
+    def pid(self) -> int:
+        """The number of the process that runs."""
+        return self._running.pid
+
+    def prepare(self) -> None:
+        """Have a process that takes requests; raises PhotoError where it does not start."""
+        if self._process is None or self._process.poll() is not None:
+            self.start()
+        self.wait()
+
+    def start(self) -> None:
+        """Start the process, in place of one that ended, without waiting for it."""
+        self.end()
+        self._process = _started()
+
+    def wait(self) -> None:
+        """Wait until the process takes requests; raises PhotoError where it never does."""
+        if self._ready:
+            return
+        with _alarm(_START_SECONDS, self._running):
+            try:
+                self._ready = pickle.load(_stream(self._running.stdout)) == READY
+            except (EOFError, pickle.UnpicklingError) as error:
+                raise PhotoError("The process that decodes photos does not start.") from error
+
+    def end(self) -> None:
+        """Kill the process if there is one."""
+        process, self._process, self._ready = self._process, None, False
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout):
+            with suppress(OSError):  # what was written and never read
+                _stream(stream).close()
+
+    @property
+    def _running(self) -> "Popen[bytes]":
+        assert self._process
+        return self._process
+
+    def _within(self, seconds: float, request: Request, data: bytes) -> Photo | Exception:
+        """The photo or why there is none; a process that was killed or died is replaced."""
+        answer: Photo | Exception | None = None
+        with _alarm(seconds, self._running) as rung, suppress(EOFError, BrokenPipeError, pickle.UnpicklingError):
+            answer = _asked(self._running, request, data)
+        if rung.is_set() or answer is None:
+            self.start()
+        if answer is not None:
+            return answer
+        if rung.is_set():
+            return PhotoTooLargeError(f"The photo takes longer than {seconds:g} seconds to decode.")
+        return PhotoError("The photo ended the process that decoded it.")
+
+
+_idle: list[Decoder] = []  # taken and given back by threads; both are single steps
+
+
+@contextmanager
+def _borrowed() -> Iterator[Decoder]:
+    """A decoder that nobody else uses; a new one where all are in use."""
+    try:
+        decoder = _idle.pop()
+    except IndexError:
+        decoder = Decoder()
+    try:
+        yield decoder
+    finally:
+        _idle.append(decoder)
+
+
+def _asked(process: "Popen[bytes]", request: Request, data: bytes) -> Photo | Exception:
+    requests, answers = _stream(process.stdin), _stream(process.stdout)
+    pickle.dump(request, requests)
+    requests.write(data)
+    requests.flush()
+    answer: Answer = pickle.load(answers)
+    if answer.photo is None:
+        return answer.error or EOFError()
+    pixels = np.empty(answer.shape, dtype=np.uint8)
+    if answers.readinto(pixels.data.cast("B")) < pixels.nbytes:
+        raise EOFError
+    photo = answer.photo
+    return Photo(pixels, photo.width, photo.height, photo.format, photo.facts)
+
+
+@contextmanager
+def _alarm(seconds: float, process: "Popen[bytes]") -> Iterator[Event]:
+    """Kill the process unless the block ends in time; the event says whether that happened."""
+    rung = Event()
+
+    def ring() -> None:
+        rung.set()
+        process.kill()
+
+    timer = Timer(seconds, ring)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield rung
+    finally:
+        timer.cancel()
+        timer.join()
+
+
+def _started() -> "Popen[bytes]":
+    from subprocess import PIPE, Popen
+
+    root = str(Path(__file__).parents[2])
+    path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, **_ENVIRONMENT, "PYTHONPATH": path}
+    process = Popen([sys.executable, "-P", "-c", CODE], stdin=PIPE, stdout=PIPE, env=environment)
+    if sys.platform == "linux":
+        import fcntl
+
+        for stream in (process.stdin, process.stdout):
+            with suppress(OSError):  # where a user's pipes may hold less
+                fcntl.fcntl(_stream(stream), fcntl.F_SETPIPE_SZ, _PIPE)
+    return process
+
+
+def _stream(stream: Any) -> Any:
+    """A pipe of a process, which Popen may leave out."""
+    assert stream is not None
+    return stream

@@ -1,0 +1,112 @@
+"""A process that decodes photos for another one: apart.py starts and stops it.
+
+Requests and answers are pickles on stdin and stdout, each followed by the bytes of a photo or of its pixels. The
+process ends with its stdin. It logs nothing: what decoders print about a photo is nobody's business.
+"""
+
+import os
+import pickle
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from lighting.photo.memory import allowance
+from lighting.photo.read import Photo, Source, read_photo
+
+READY = "ready"
+
+
+@dataclass(frozen=True)
+class Request:
+    """A photo to read: a path, or the number of bytes that follow; and the limits of `read_photo`."""
+
+    source: str | int
+    max_bytes: int
+    max_pixels: int
+    target: int | None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A photo without its pixels, which follow, and their shape; or the error that reading it raised."""
+
+    photo: Photo | None = None
+    shape: tuple[int, ...] = ()
+    error: Exception | None = None
+
+
+def main() -> None:
+    """Answer requests until stdin ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asks
+    requests, answers = sys.stdin.buffer, _own_stdout()
+    _one_thread()
+    held = _held()
+    pickle.dump(READY, answers)
+    answers.flush()
+    while request := _next(requests):
+        _answer(request, requests, answers, held)
+        answers.flush()
+
+
+def _next(requests: BinaryIO) -> Request | None:
+    try:
+        request: Request = pickle.load(requests)
+    except EOFError:
+        return None
+    return request
+
+
+def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, held: int) -> None:
+    source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
+    try:
+        size = len(source) if isinstance(source, bytes) else request.max_bytes
+        _bound(held + allowance(size, request.max_pixels, request.target))
+        photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
+    except Exception as error:
+        pickle.dump(Answer(error=error), answers)
+        return
+    said = Photo(photo.pixels[:0], photo.width, photo.height, photo.format, photo.facts)
+    pickle.dump(Answer(said, photo.pixels.shape), answers)
+    answers.write(photo.pixels.data)
+
+
+def _own_stdout() -> BinaryIO:
+    """The stream of answers; what libraries print on the usual one goes nowhere."""
+    answers = os.fdopen(os.dup(1), "wb")
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
+    return answers
+
+
+def _one_thread() -> None:
+    """One thread per photo, since there is a decoder for each photo that is processed at a time."""
+    from PIL import AvifImagePlugin
+
+    AvifImagePlugin.DEFAULT_MAX_THREADS = 1
+    try:
+        from pillow_heif import options
+    except ImportError:
+        return
+    options.DECODE_THREADS = 1
+
+
+def _held() -> int:
+    """Bytes of address space that the process has taken; 0 where that cannot be told."""
+    if sys.platform != "linux":
+        return 0
+    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _bound(size: int) -> None:
+    """Let the process take no more address space; the bound is Linux's."""
+    if sys.platform == "linux":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (size, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+if __name__ == "__main__":
+    main()

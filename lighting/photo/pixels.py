@@ -1,0 +1,95 @@
+"""An opened picture to upright 8-bit sRGB pixels, strip by strip, so that large pictures take little memory beside."""
+
+from io import BytesIO
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageCms
+
+from lighting.errors import PhotoError
+
+Pixels = NDArray[np.uint8]
+
+MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large, as a scene's plate, are bounded too
+
+_STRIP = 1 << 22  # pixels converted at once
+_MID_GREY = (128, 128, 128, 255)
+_TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
+    2: lambda pixels: pixels[:, ::-1],
+    3: lambda pixels: pixels[::-1, ::-1],
+    4: lambda pixels: pixels[::-1],
+    5: lambda pixels: pixels.transpose(1, 0, 2),
+    6: lambda pixels: pixels[::-1].transpose(1, 0, 2),
+    7: lambda pixels: pixels[::-1, ::-1].transpose(1, 0, 2),
+    8: lambda pixels: pixels[:, ::-1].transpose(1, 0, 2),
+}
+
+
+def decode(image: Image.Image, target: int) -> None:
+    """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than `target`."""
+    scale = min(1.0, target / max(image.size))
+    image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
+    image.load()
+
+
+def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> Pixels:
+    """Pixels (h, w, 3) of the upright picture; the decoded one is given up, for both would take more memory.
+
+    The longer side keeps at least `target` pixels if it has them, unless those would be more than MOST_KEPT in all.
+    """
+    pixels = _converted(image, _factor(*image.size, target))
+    image.im = None  # type: ignore[assignment]
+    turn = _TURNED.get(orientation or 1)
+    return pixels if turn is None else np.ascontiguousarray(turn(pixels))
+
+
+def _factor(width: int, height: int, target: int) -> int:
+    """By how much each side is divided."""
+    factor = max(1, max(width, height) // target)
+    while ceil(width / factor) * ceil(height / factor) > MOST_KEPT:
+        factor += 1
+    return factor
+
+
+def _converted(image: Image.Image, factor: int) -> Pixels:
+    """The picture as sRGB (h, w, 3), each side divided by the factor and rounded up."""
+    rows = factor * max(1, _STRIP // (factor * image.width))
+    edges = range(0, image.height, rows)
+    seen = False  # whether a pixel is not fully transparent
+    out = np.empty((ceil(image.height / factor), ceil(image.width / factor), 3), dtype=np.uint8)
+    profile = image.info.get("icc_profile")
+    for top in edges:
+        whole = len(edges) == 1
+        part = image if whole else image.crop((0, top, image.width, min(top + rows, image.height)))
+        small = _eight_bits(part)
+        small = small.reduce(factor) if factor > 1 else small
+        if small.mode == "RGBA":
+            seen = seen or small.getchannel("A").getextrema() != (0, 0)
+            small = Image.alpha_composite(Image.new("RGBA", small.size, _MID_GREY), small).convert("RGB")
+        else:
+            seen = True
+        out[top // factor : top // factor + small.height] = np.asarray(_srgb(small, profile))
+    if not seen:
+        raise PhotoError("The photo is fully transparent.")
+    return out
+
+
+def _eight_bits(image: Image.Image) -> Image.Image:
+    """The same picture in mode L, RGB, CMYK or RGBA."""
+    if image.mode.startswith("I"):  # 16-bit grey, which Pillow would clip
+        return Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
+    if image.has_transparency_data:
+        return image if image.mode == "RGBA" else image.convert("RGBA")
+    return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
+
+
+def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
+    """The picture as sRGB by its ICC profile, or as it stands where that is absent, unfit or damaged."""
+    try:
+        if profile and "sRGB" not in ImageCms.getProfileDescription(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):
+            converted = ImageCms.profileToProfile(image, icc, ImageCms.createProfile("sRGB"), outputMode="RGB")
+            return converted or image.convert("RGB")
+    except Exception:  # a bad profile must not reject a photo either
+        pass
+    return image if image.mode == "RGB" else image.convert("RGB")

@@ -1,0 +1,146 @@
+"""The three balls on the photo's own ground, in its light, with their shadows and bounced light.
+
+A ball replaces the photo's pixels. The ground keeps them, times the share of its light that the balls leave: where the
+picture's ground already lies in shade, only the sky's light is left to take, so no shadow darkens it twice.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.colour import luminance, srgb_decode, tone_map
+from lighting.envmap import ground_reflectance, sky_irradiance, sun_irradiance
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
+from lighting.preview.shading import Stage, ground, shade
+from lighting.preview.spheres import SPACING
+from lighting.records import Lighting
+
+BALL = 0.055  # radius of a ball in the picture, in picture heights
+
+_EYE = 1.6  # m, the camera's height over the ground
+_SPOT = 0.6  # how far below the picture's middle the balls stand, 0 = middle, 1 = lower edge
+_LEAST_DESCENT = 0.04  # slope of the line of sight to the spot below which the ground counts as out of the picture
+_FINE = 2  # rays per pixel and side on the balls
+_COARSE = 2  # pixels per ray and side on the ground, whose shadows are soft
+_FAR = 40.0  # radii from the balls to which they change the ground
+_TEXTURE = 4  # coarse pixels over which the ground's brightness is averaged before it counts as lit or in shade
+
+
+def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.Image:
+    """The picture with the balls of a stage on its ground; as it is where it shows too little ground.
+
+    `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
+    """
+    camera = Pinhole(
+        picture.width,
+        picture.height,
+        lighting.vertical_fov,
+        elevation=lighting.camera_elevation,
+        roll=lighting.camera_roll,
+    )
+    centres = ball_centres(camera)
+    if centres is None:
+        return picture
+    there = replace(stage, centres=centres)
+    linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
+    shaded = linear * _left_light(linear, _levels(lighting), camera, there)
+    return Image.fromarray(tone_map(_over(shaded, camera, there)))
+
+
+def ball_centres(camera: Pinhole) -> Floats | None:
+    """The balls' centres (3, 3) as the camera at the origin has them, in radii; None without ground to stand on."""
+    _, up, forward = camera.axes
+    half = np.tan(np.radians(camera.vertical_fov) / 2)
+    sight = forward - _SPOT * half * up
+    if sight[1] > -_LEAST_DESCENT:
+        return None
+    depth = _EYE / -sight[1]
+    radius = BALL * 2 * half * depth
+    middle = sight * depth / radius + [0.0, 1.0, 0.0]
+    return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
+
+
+def _levels(lighting: Lighting) -> tuple[float, float]:
+    """Luminance of the photo's ground in sunlight and in shade, as the light predicts it."""
+    colour, sky = ground_reflectance(lighting) / np.pi, sky_irradiance(lighting)
+    sun = sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
+    return float(luminance(colour * (sky + sun))), float(luminance(colour * sky))
+
+
+def _left_light(
+    linear: NDArray[np.float32], levels: tuple[float, float], camera: Pinhole, stage: Stage
+) -> NDArray[np.float32]:
+    """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground."""
+    size = (max(1, camera.width // _COARSE), max(1, camera.height // _COARSE))
+    small = replace(camera, width=size[0], height=size[1])
+    rays = camera_directions(small).astype(np.float32)
+    reach = (stage.centres[0, 1] - 1) / np.minimum(rays[..., 1], -1e-6)
+    points = rays * reach[..., None]
+    near = (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centres[1], axis=-1) < _FAR)
+    share = np.ones((*near.shape, 3), dtype=np.float32)
+    share[near] = _ground_share(points[near].astype(np.float64), _lit(linear, levels, size)[near], stage)
+    planes = [
+        Image.fromarray(share[..., c]).resize((camera.width, camera.height), Image.Resampling.BILINEAR)
+        for c in range(3)
+    ]
+    return np.stack([np.asarray(plane) for plane in planes], axis=-1)
+
+
+def _lit(linear: NDArray[np.float32], levels: tuple[float, float], size: tuple[int, int]) -> NDArray[np.float32]:
+    """How far (h, w) the picture's ground lies in sunlight, by its brightness between the two levels."""
+    grey = Image.fromarray(luminance(linear).astype(np.float32))
+    few = grey.resize((max(1, size[0] // _TEXTURE), max(1, size[1] // _TEXTURE)), Image.Resampling.BOX)
+    mean = np.asarray(few.resize(size, Image.Resampling.BILINEAR))
+    sunlit, shaded = levels
+    return np.clip((mean - shaded) / max(sunlit - shaded, 1e-6), 0, 1).astype(np.float32)
+
+
+def _ground_share(points: Floats, lit: NDArray[np.float32], stage: Stage) -> Floats:
+    """The light (N, 3) at points (N, 3) of the ground with the balls over that without, lit (N,) as the photo is."""
+    sky_alone = ground(points, replace(stage, ground=stage.ground_sky))
+    sun = ground(points, stage) - sky_alone
+    open_sun = stage.ground - stage.ground_sky
+    left = sky_alone + lit[:, None] * sun
+    return np.asarray(left / np.maximum(stage.ground_sky + lit[:, None] * open_sun, 1e-6))
+
+
+def _over(linear: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
+    """The picture (h, w, 3) with each ball drawn into its own window."""
+    result = linear.copy()
+    for kind, centre in enumerate(stage.centres):
+        x, y = camera_pixel(centre, camera)
+        reach = 1.2 * camera.focal_length / float(centre @ camera.axes[2])
+        rows, columns = (
+            slice(max(0, int(at - reach)), min(count, int(at + reach) + 1))
+            for at, count in ((y, camera.height), (x, camera.width))
+        )
+        window = result[rows, columns]
+        if window.size:
+            _draw_ball(window, kind, _rays(camera, rows, columns), stage)
+    return result
+
+
+def _rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
+    """Unit vectors (_FINE h, _FINE w, 3) through a window of the picture."""
+    step = (np.arange(_FINE) + 0.5) / _FINE
+    x = (np.arange(columns.start, columns.stop)[:, None] + step).ravel() - camera.width / 2
+    y = camera.height / 2 - (np.arange(rows.start, rows.stop)[:, None] + step).ravel()
+    right, up, forward = camera.axes
+    rays = x[None, :, None] * right + y[:, None, None] * up + camera.focal_length * forward
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+
+
+def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, stage: Stage) -> None:
+    """Lay a ball over a window (h, w, 3), mixed with it where it covers a pixel in part."""
+    flat = rays.reshape(-1, 3)
+    distance = ray_sphere(np.zeros(3), flat, stage.centres[kind])
+    hit = np.isfinite(distance)
+    colour = np.zeros_like(flat)
+    colour[hit] = shade(kind, flat[hit] * distance[hit, None], flat[hit], stage, mirrored=False)
+    height, width = window.shape[:2]
+    blocks = (height, _FINE, width, _FINE)
+    cover = hit.reshape(blocks).mean(axis=(1, 3))[..., None]
+    window *= 1 - cover
+    window += np.minimum(colour, 1.0).reshape(*blocks, 3).mean(axis=(1, 3))

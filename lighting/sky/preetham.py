@@ -1,0 +1,90 @@
+"""The clear sky of Preetham, Shirley and Smits: luminance and chromaticity by turbidity.
+
+Source: A. J. Preetham, P. Shirley, B. Smits, A Practical Analytic Model for Daylight, SIGGRAPH 1999, appendix A.2.
+Luminance is absolute, in kcd m^-2. Directions are unit vectors in the frame of geometry.py (+Y up), colours are linear
+Rec.709 whose luminance is that of the model.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lighting.errors import ParameterError
+from lighting.geometry import Floats, angle_between
+
+TURBIDITY = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
+
+_LOWEST = 0.01  # cosine of the zenith angle that stands for the horizon, where some exponents end at infinity
+_DISTRIBUTION = np.array(  # for luminance, x and y: slope and offset in turbidity of each of A to E
+    [
+        [[0.1787, -1.4630], [-0.3554, 0.4275], [-0.0227, 5.3251], [0.1206, -2.5771], [-0.0670, 0.3703]],
+        [[-0.0193, -0.2592], [-0.0665, 0.0008], [-0.0004, 0.2125], [-0.0641, -0.8989], [-0.0033, 0.0452]],
+        [[-0.0167, -0.2608], [-0.0950, 0.0092], [-0.0079, 0.2102], [-0.0441, -1.6537], [-0.0109, 0.0529]],
+    ]
+)
+_ZENITH = np.array(  # for x and y: rows by falling power of turbidity, columns by falling power of the sun's angle
+    [
+        [
+            [0.00166, -0.00375, 0.00209, 0.0],
+            [-0.02903, 0.06377, -0.03202, 0.00394],
+            [0.11693, -0.21196, 0.06052, 0.25886],
+        ],
+        [
+            [0.00275, -0.00610, 0.00317, 0.0],
+            [-0.04214, 0.08970, -0.04153, 0.00516],
+            [0.15346, -0.26756, 0.06670, 0.26688],
+        ],
+    ]
+)
+_TO_REC709 = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+
+
+def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
+    """Linear Rec.709 (..., 3) in kcd m^-2 along unit vectors (..., 3), without the sun's disc; 0 below the horizon.
+
+    Raises ParameterError for a turbidity outside 1.7 to 10 and for a sun below the horizon.
+    """
+    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
+    away, from_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
+    parts = preetham_distribution(d[..., 1], away, from_zenith, turbidity)
+    zenith = preetham_zenith(from_zenith, turbidity)
+    luminance, x, y = (parts[i] * zenith[i] for i in range(3))
+    xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
+    return np.asarray(np.where(d[..., 1:2] >= 0, np.maximum(xyz @ _TO_REC709.T, 0.0), 0.0))
+
+
+def preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
+    """Luminance / zenith's (...) along unit vectors (..., 3); 0 below the horizon. Raises as `preetham_radiance`."""
+    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
+    away, from_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
+    parts = preetham_distribution(d[..., 1], away, from_zenith, turbidity)
+    return np.where(d[..., 1] >= 0, np.maximum(parts[0], 0.0), 0.0)
+
+
+def preetham_distribution(up: Floats, away: Floats, sun_zenith: float, turbidity: float) -> Floats:
+    """Luminance, x and y (3, ...) by the zenith's, of the cosine from the zenith and the angle from the sun [rad]."""
+    _check(turbidity, sun_zenith)
+    table = _DISTRIBUTION @ [turbidity, 1.0]
+
+    def part(row: Floats, cosine: Floats, angle: Floats) -> Floats:
+        a, b, c, d, e = row
+        return np.asarray((1 + a * np.exp(b / cosine)) * (1 + c * np.exp(d * angle) + e * np.cos(angle) ** 2))
+
+    there, one, from_sun = np.maximum(up, _LOWEST), np.asarray(1.0), np.asarray(sun_zenith)
+    return np.stack([part(row, there, away) / part(row, one, from_sun) for row in table])
+
+
+def preetham_zenith(sun_zenith: float, turbidity: float) -> Floats:
+    """The zenith's luminance [kcd m^-2], x and y (3,) by the sun's angle from it [rad]."""
+    _check(turbidity, sun_zenith)
+    chi = (4 / 9 - turbidity / 120) * (np.pi - 2 * sun_zenith)
+    luminance = (4.0453 * turbidity - 4.9710) * np.tan(chi) - 0.2155 * turbidity + 2.4192
+    powers = np.array([turbidity**2, turbidity, 1.0]), np.array([sun_zenith**3, sun_zenith**2, sun_zenith, 1.0])
+    return np.array([max(luminance, 0.0), *(powers[0] @ table @ powers[1] for table in _ZENITH)])
+
+
+def _check(turbidity: float, sun_zenith: float) -> None:
+    low, high = TURBIDITY
+    if not low <= turbidity <= high:
+        raise ParameterError(f"The turbidity is {turbidity:g}; the sky of Preetham covers {low:g} to {high:g}.")
+    if not 0 <= sun_zenith <= np.pi / 2 + 1e-6:
+        raise ParameterError("The sun is below the horizon; the sky of Preetham needs it above.")

@@ -1,0 +1,66 @@
+"""Crops of ordinary photos: the sun stays where it is in the world, and the likelihood says what is known."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
+from export.data import PhotoRow
+from lighting.geometry import angles
+from lighting.sun_grid import grid_directions
+from tests.export.crops.examples import SPEC
+
+ROW = PhotoRow(Path("a.jpg"), "a_1", 30.0, 20.0, 10.0, "yes", 60.0)
+
+
+def photo(row: PhotoRow = ROW) -> PhotoSource:
+    """A picture whose red tells the column and whose green tells the row."""
+    y, x = np.mgrid[0:300, 0:400]
+    return PhotoSource(row, np.stack([x * 0.6, y * 0.8, np.full_like(x, 90)], axis=-1).astype(np.uint8))
+
+
+def test_an_off_centre_crop_sees_the_sun_at_another_azimuth() -> None:
+    """The middle column of a crop tells which azimuth it looks at; with the sun's, it gives the sun of the row."""
+    focal = 200 / math.tan(math.radians(30))
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        crop = take_photo(photo(), rng, SPEC)
+        height, width = crop.linear.shape[:2]
+        red = crop.linear[height // 2, width // 2 - 1 : width // 2 + 1, 0].mean()
+        column = 255 * float(np.where(red <= 0.0031308, 12.92 * red, 1.055 * red ** (1 / 2.4) - 0.055)) / 0.6
+        looking = math.degrees(math.atan2(column - 200, focal))
+        azimuth = -crop.sun_azimuth if crop.camera.mirrored else crop.sun_azimuth
+        assert azimuth + looking == pytest.approx(30.0, abs=1.0)
+        assert max(height, width) == SPEC.width
+        assert 0 < crop.camera.vertical_fov < 60
+        assert math.isnan(crop.camera.elevation)
+
+
+def test_the_likelihood_is_widest_where_least_is_known() -> None:
+    crop = take_photo(photo(), np.random.default_rng(0), SPEC)
+    azimuth, elevation = angles(grid_directions(SPEC.sun_grid))
+    weight = likelihood(crop, SPEC.sun_grid)
+    assert weight.sum() == pytest.approx(1.0)
+    best = int(np.argmax(weight))
+    assert azimuth[best] == pytest.approx(crop.sun_azimuth, abs=5.0)
+    assert elevation[best] == pytest.approx(20.0, abs=3.0)
+    behind = np.abs(np.abs(azimuth - crop.sun_azimuth) - 180) < 30
+    assert 0 < weight[behind].sum() < 0.05
+    unknown = take_photo(
+        photo(PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)), np.random.default_rng(0), SPEC
+    )
+    ring = likelihood(unknown, SPEC.sun_grid)
+    near = np.abs(elevation - 20.0) < 3.0
+    assert np.ptp(ring[near]) < ring[near].max()
+    assert ring[near].sum() > 0.5
+
+
+def test_photos_are_read_and_low_suns_and_small_groups_count_more(data: Path) -> None:
+    path = next((data / "panoramas").iterdir()) if (data / "panoramas").exists() else next(data.glob("*.png"))
+    rows = [PhotoRow(path, g, 0.0, e, 10.0, "yes", 60.0) for g, e in (("a", 50), ("a", 50), ("b", 50), ("c", 5))]
+    weights = photo_weights([PhotoSource(row, np.zeros((8, 8, 3), np.uint8)) for row in rows])
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[0] == weights[1] < weights[2] < weights[3]
+    assert load_photos([]) == []

@@ -1,0 +1,47 @@
+"""Pictures that the estimate is not for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from export.crops.unsuitable import MADE, TABLE, made, pictures, read_unsuitable, varied
+from tests.export.crops.examples import SPEC, source
+
+CROP = np.tile(np.linspace(20, 220, 224).astype(np.uint8)[None, :, None], (168, 1, 3))
+
+
+def test_listed_pictures_are_read_and_varied(tmp_path: Path) -> None:
+    Image.new("RGB", (80, 60), (10, 90, 200)).save(tmp_path / "a.png")
+    (tmp_path / TABLE).write_text("file,kind\na.png,indoor\n", encoding="utf-8")
+    ((kind, pixels),) = read_unsuitable(tmp_path)
+    assert kind == "indoor"
+    shown = varied(pixels, np.random.default_rng(0), SPEC)
+    assert shown.shape == (168, 224, 3)
+    assert shown[..., 2].mean() > shown[..., 0].mean()
+    assert read_unsuitable(tmp_path / "elsewhere") == []
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_made_pictures_fit_the_canvas(kind: str) -> None:
+    picture = made(kind, CROP, source(), np.random.default_rng(1), SPEC)
+    assert picture.dtype == np.uint8
+    assert max(picture.shape[:2]) <= SPEC.width
+
+
+def test_what_is_made_is_what_it_is_called() -> None:
+    rng = np.random.default_rng(2)
+    side = made("on its side", CROP, source(), rng, SPEC)
+    assert side.shape == (224, 168, 3)
+    assert np.ptp(side[:, 0, 0].astype(int)) > 150
+    assert made("night", CROP, source(), rng, SPEC).mean() < 0.5 * CROP.mean()
+    assert made("black", CROP, source(), rng, SPEC).mean() < 12
+    assert made("blown out", CROP, source(), rng, SPEC).mean() > 230
+    assert made("whole panorama", CROP, source(), rng, SPEC).shape == (112, 224, 3)
+
+
+def test_every_kind_gets_its_turn() -> None:
+    crops = iter([(CROP, source())] * 2 * len(MADE))
+    kinds = [kind for kind, _ in pictures([("indoor", CROP)], crops, 3, SPEC)]
+    assert kinds == ["indoor"] * 3 + [*MADE] * 2

@@ -1,0 +1,41 @@
+"""The table of photos to learn from."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from export.data.photos import COLUMNS, PHOTOS, read_photo_rows
+from export.data.tables import DataError
+
+
+def table(folder: Path, *rows: str) -> None:
+    (folder / PHOTOS).write_text("\n".join([",".join(COLUMNS), *rows]) + "\n", encoding="utf-8")
+    (folder / "a.jpg").write_bytes(b"")
+
+
+def test_rows_keep_what_they_know(tmp_path: Path) -> None:
+    table(tmp_path, "a.jpg,x_1,-35.9,51.2,yes,53.1,15", "a.jpg,x_2,,4.0,unclear,,")
+    one, other = read_photo_rows(tmp_path)
+    assert (one.sun_azimuth, one.sun_elevation, one.direct, one.azimuth_error) == (-35.9, 51.2, "yes", 15.0)
+    assert math.isnan(other.sun_azimuth)
+    assert math.isnan(other.horizontal_fov)
+    assert other.direct == ""
+
+
+def test_a_folder_without_the_table_has_no_photos(tmp_path: Path) -> None:
+    assert read_photo_rows(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("a.jpg,x,1,,yes,50,15", "sun_elevation is empty"),
+        ("b.jpg,x,1,2,yes,50,15", "no photo"),
+        ("a.jpg,x,w,2,,,", "'w'"),
+    ],
+)
+def test_a_row_that_cannot_be_used_is_named(tmp_path: Path, row: str, words: str) -> None:
+    table(tmp_path, row)
+    with pytest.raises(DataError, match=f"line 2: .*{words}"):
+        read_photo_rows(tmp_path)

@@ -1,0 +1,49 @@
+"""What a camera sees of a mesh and of a height field."""
+
+from pathlib import Path
+
+import numpy as np
+
+from export.stereo.surfaces import of_height, random_turn, read_mesh, turned, view
+
+OCTAHEDRON = """v 1 0 0
+v -1 0 0
+v 0 1 0
+v 0 -1 0
+v 0 0 1
+v 0 0 -1
+f 1 3 5
+f 3 2 5
+f 2 4 5
+f 4 1 5
+f 3/1 1/1 6/1
+f 2 3 6
+f 4 2 6
+f 1 4 6
+"""
+
+
+def test_a_mesh_is_seen_from_in_front(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(OCTAHEDRON)
+    mesh = read_mesh(tmp_path / "a.obj")
+    assert mesh[0].shape == (6, 3)
+    assert mesh[1].shape == (8, 3)
+    seen = view(mesh, np.eye(3), 64, np.random.default_rng(0))
+    assert abs(seen.mask.mean() - 0.94**2 / 2) < 0.03  # a square on its corner
+    assert (seen.normals[seen.mask][:, 2] > 0).all()
+    row, column = np.unravel_index(int(np.nanargmax(seen.height)), seen.height.shape)
+    assert abs(row - 32) <= 2
+    assert abs(column - 32) <= 2
+
+
+def test_turns_are_rotations_and_turned_surfaces_keep_normals_and_slopes_together() -> None:
+    turn = random_turn(np.random.default_rng(0))
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) > 0
+    y, x = np.mgrid[:24, :24].astype(np.float32)
+    surface = of_height(0.3 * x + 0.02 * y * y, np.ones((24, 24), bool))
+    for quarters in range(4):
+        for mirrored in (False, True):
+            found = turned(surface, quarters, mirrored=mirrored)
+            again = of_height(found.height, found.mask)
+            np.testing.assert_allclose(found.normals[2:-2, 2:-2], again.normals[2:-2, 2:-2], atol=1e-5)

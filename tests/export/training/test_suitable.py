@@ -1,0 +1,42 @@
+"""The head that says whether a photo suits."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from export.networks import CHECKPOINT, read_network, specs
+from export.networks.outdoor import Outdoor
+from export.training.suitable import FALSE_ALARMS, fit, write
+
+
+def network_with_light() -> Outdoor:
+    return Outdoor(specs("0")["outdoor"], 1024, around=True)
+
+
+def test_good_and_bad_features_are_told_apart_at_the_stated_rate() -> None:
+    rng = torch.Generator().manual_seed(0)
+    good, other = (torch.randn(n, 20, generator=rng) for n in (400, 2000))
+    bad = torch.randn(300, 20, generator=rng) - 1.5
+    head = fit(good, bad, other)
+    assert (head.suits(bad) < 0).float().mean() > 0.9
+    assert (head.suits(other) < 0).float().mean() == pytest.approx(FALSE_ALARMS, abs=0.002)
+
+
+def test_the_head_is_written_where_networks_are_read(trained: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(trained, run)
+    state = torch.load(run / CHECKPOINT, weights_only=True)
+    around = {n: v for n, v in network_with_light().state_dict().items() if n.startswith(("around.", "light."))}
+    state["average"] |= {f"module.{name}": value for name, value in around.items()}
+    torch.save(state, run / CHECKPOINT)
+    head = fit(torch.randn(50, 1280) + 1, torch.randn(50, 1280), torch.randn(50, 1280) + 1)
+    write(run, head)
+    network = read_network(run)
+    assert isinstance(network, Outdoor)
+    assert network.suitable is not None
+    pooled = torch.rand(3, 1280)
+    with torch.inference_mode():
+        np.testing.assert_allclose(network.suitable(pooled)[:, 0], head.suits(pooled), rtol=1e-4, atol=1e-4)

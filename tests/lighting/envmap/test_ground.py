@@ -1,0 +1,40 @@
+"""The ground's colour from a photo's lower part."""
+
+import numpy as np
+import pytest
+
+from lighting.colour import tone_map
+from lighting.envmap.ground import photo_ground
+from lighting.records import Lighting
+from tests.lighting.envmap.test_render import given_light
+
+LEVEL = np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(33.0)) * np.array([1.9, 1.5, 0.9])
+
+
+def photo(reflectance: list[float], sky: float = 0.8) -> np.ndarray:
+    linear = np.full((60, 80, 3), sky, np.float32)
+    linear[30:] = np.array(reflectance) * LEVEL / np.pi
+    return tone_map(linear)
+
+
+def test_the_ground_is_what_lies_below_the_horizon_over_its_light() -> None:
+    assert photo_ground(photo([0.2, 0.15, 0.1]), given_light()) == pytest.approx([0.2, 0.15, 0.1], rel=0.05)
+
+
+def test_few_glints_do_not_count() -> None:
+    spotted = photo([0.2, 0.2, 0.2])
+    spotted[40:43] = 255
+    assert photo_ground(spotted, given_light()) == pytest.approx([0.2] * 3, rel=0.1)
+
+
+def test_a_camera_that_looks_up_sees_no_ground() -> None:
+    assert photo_ground(photo([0.2] * 3), given_light(camera_elevation=50.0)) is None
+
+
+def test_without_irradiances_nothing_is_known() -> None:
+    assert photo_ground(photo([0.2] * 3), Lighting(0.0, 30.0, 3.0, 1.0)) is None
+
+
+def test_a_black_or_white_picture_stays_in_range() -> None:
+    assert photo_ground(np.zeros((40, 60, 3), np.uint8), given_light()) == pytest.approx([0.02] * 3)
+    assert photo_ground(np.full((40, 60, 3), 255, np.uint8), given_light(1.0)) is not None

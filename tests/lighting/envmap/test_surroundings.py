@@ -1,0 +1,78 @@
+"""Maps that show the place: what they show, and that they hold no other light."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.envmap import Place, render, surround
+from lighting.envmap.clear import irradiance_of, row_levels
+from lighting.records import Lighting
+from tests.lighting.envmap.test_render import SKY, given_light, lighting
+
+HEIGHT = 96
+PHOTO = np.random.default_rng(3).integers(0, 256, (60, 80, 3)).astype(np.uint8)
+
+
+def around(light: Lighting) -> np.ndarray:
+    """The bare map at 12 x 24 cells."""
+    return np.asarray(render(light, 48, sun=False).reshape(12, 4, 24, 4, 3).mean(axis=(1, 3)), dtype=np.float32)
+
+
+def level(image: np.ndarray, below: bool = False) -> np.ndarray:
+    half = slice(HEIGHT // 2, None) if below else slice(0, HEIGHT // 2)
+    return irradiance_of(row_levels(HEIGHT)[half], image[half])
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("pitch", [0.0, 40.0, -60.0])
+def test_the_irradiances_stay(known: bool, pitch: float) -> None:
+    light = replace(given_light(sky_cover=0.2), camera_elevation=pitch)
+    wild = np.random.default_rng(1).uniform(0.01, 3, (12, 24, 3)).astype(np.float32)
+    image = surround(light, Place(PHOTO, wild if known else None), HEIGHT, disc=False)
+    assert level(image) == pytest.approx(SKY, rel=1e-4)
+    assert level(image, below=True) == pytest.approx(level(render(light, HEIGHT), below=True), rel=1e-4)
+
+
+def test_the_sun_is_painted_once_and_last() -> None:
+    light = given_light()
+    place = Place(PHOTO, around(light))
+    with_disc, without = surround(light, place, HEIGHT), surround(light, place, HEIGHT, disc=False)
+    disc = with_disc - without
+    np.testing.assert_allclose(disc.max(), (render(light, HEIGHT) - render(light, HEIGHT, disc=False)).max(), rtol=1e-3)
+    assert without.max() < 0.05 * with_disc.max()
+    assert (surround(light, place, HEIGHT, sun=False) <= without + 1).all()
+
+
+def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
+    light = given_light()
+    cells = around(light)
+    cells[4:6, :6] *= 0.2  # trees to the left
+    image = surround(light, Place(np.zeros((32, 32, 3), np.uint8), cells), HEIGHT, disc=False)
+    bare = render(light, HEIGHT, disc=False)
+    row = HEIGHT // 2 - HEIGHT // 12
+    assert image[row, 20, 1] < 0.4 * bare[row, 20, 1]
+    assert image[row, 150, 1] > bare[row, 150, 1]
+
+
+def test_the_photo_lies_ahead_in_its_own_values() -> None:
+    light = given_light()
+    grey = np.full((60, 80, 3), 100, np.uint8)
+    image = surround(light, Place(grey, around(light)), HEIGHT)
+    assert image[HEIGHT // 2 - 3, HEIGHT] == pytest.approx([0.127] * 3, rel=0.02)
+    assert image[HEIGHT // 2 + 3, HEIGHT] == pytest.approx([0.127] * 3, rel=0.02)
+
+
+def test_a_light_without_irradiances_keeps_those_of_its_map() -> None:
+    light = lighting()
+    image = surround(light, Place(PHOTO), HEIGHT, disc=False)
+    assert level(image) == pytest.approx(level(render(light, HEIGHT, disc=False)), rel=1e-4)
+    assert image[:, HEIGHT // 8] == pytest.approx(image[:, HEIGHT // 8])
+
+
+def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None:
+    light = replace(given_light(), camera_elevation=-80.0, vertical_fov=10.0)
+    bare = render(light, HEIGHT, disc=False)
+    image = surround(light, Place(PHOTO, around(light)), HEIGHT, disc=False)
+    upper = slice(0, HEIGHT // 2)
+    assert np.median(np.abs(image[upper] / bare[upper] - 1)) < 0.05

@@ -1,0 +1,95 @@
+"""What packing does to the values, above all to the sun's."""
+
+import io
+import os
+import signal
+
+import numpy as np
+import OpenEXR
+import pytest
+from numpy.typing import NDArray
+
+from lighting.envmap import render
+from lighting.errors import EnvironmentMapError
+from lighting.files import Compression, read_exr, write_exr
+from lighting.files.compression import COMPRESSIONS, MANTISSA, rounded
+from lighting.geometry import latlong_solid_angle
+from lighting.records import Lighting
+
+LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=50.0)
+EXACT = ("zip-exact", "piz", "htj2k", "none")
+
+
+@pytest.fixture(scope="module")
+def image() -> NDArray[np.float32]:
+    return render(LIGHT, 128)
+
+
+def packed(image: NDArray[np.float32], compression: Compression) -> bytes:
+    stream = io.BytesIO()
+    write_exr(stream, image, compression=compression)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_the_sun_keeps_its_energy(image: NDArray[np.float32], compression: Compression) -> None:
+    back = read_exr(io.BytesIO(packed(image, compression)))[0]
+    disc = image.max(axis=-1) > 0.01 * image.max()
+    rows = np.broadcast_to(latlong_solid_angle(len(image))[:, None], disc.shape)[disc]
+    before, after = ((rows[:, None] * values[disc]).sum(axis=0, dtype=np.float64) for values in (image, back))
+    assert image.max() > 65504  # more than half floats hold
+    np.testing.assert_allclose(after, before, rtol=1e-3 if compression not in EXACT else 0)
+
+
+@pytest.mark.parametrize("compression", EXACT)
+def test_exact_means_exact(image: NDArray[np.float32], compression: Compression) -> None:
+    np.testing.assert_array_equal(read_exr(io.BytesIO(packed(image, compression)))[0], image)
+
+
+@pytest.mark.parametrize(("compression", "most"), [("zip", 2.0 ** -(MANTISSA + 1)), ("pxr24", 2.0**-16)])
+def test_no_value_changes_by_more_than_is_said(
+    image: NDArray[np.float32], compression: Compression, most: float
+) -> None:
+    back = read_exr(io.BytesIO(packed(image, compression)))[0]
+    assert np.abs(back - image).max() > 0
+    np.testing.assert_allclose(back, image, rtol=most)
+
+
+def test_rounding_shrinks_the_file(image: NDArray[np.float32]) -> None:
+    assert len(packed(image, "zip")) < 0.6 * len(packed(image, "zip-exact"))
+
+
+def test_rounding_leaves_what_has_no_neighbour() -> None:
+    largest = np.finfo(np.float32).max
+    values = np.array([0.0, -0.0, 1.0, -1.5, np.inf, -np.inf, np.nan, largest, -largest, 1e-42], dtype=np.float32)
+    out = rounded(values)
+    np.testing.assert_array_equal(out[:9], values[:9])
+    assert np.signbit(out[1])
+    assert abs(out[9] - values[9]) < 1e-42
+
+
+def test_another_name_is_refused_in_a_sentence(image: NDArray[np.float32]) -> None:
+    with pytest.raises(EnvironmentMapError, match=r"^The compression 'dwaa' is not known; it must be one of zip, "):
+        packed(image, "dwaa")  # type: ignore[arg-type]
+
+
+def test_the_same_bytes_whatever_the_threads(image: NDArray[np.float32]) -> None:
+    first = packed(image, "zip")
+    threads = OpenEXR.global_thread_count()
+    assert threads > 0
+    OpenEXR.set_global_thread_count(1)
+    try:
+        assert packed(image, "zip") == first
+    finally:
+        OpenEXR.set_global_thread_count(threads)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+@pytest.mark.filterwarnings("ignore:This process.*fork:DeprecationWarning")
+def test_a_forked_process_writes_too(image: NDArray[np.float32]) -> None:
+    first = packed(image, "zip")
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)
+        os._exit(0 if packed(image, "zip") == first else 1)
+    assert os.waitpid(child, 0)[1] == 0

@@ -1,0 +1,95 @@
+"""The balls in the photo: where they stand, what they hide, and that no shadow falls twice."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lighting.colour import srgb_decode, tone_map
+from lighting.envmap import render
+from lighting.geometry import Pinhole, camera_pixel
+from lighting.preview.bounces import lit_stage
+from lighting.preview.in_photo import BALL, ball_centres, with_balls
+from lighting.preview.shading import Stage
+from lighting.preview.spheres import sphere_centres
+from lighting.records import Lighting
+from tests.lighting.envmap.test_render import given_light
+
+LIGHT = replace(given_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
+WIDTH, HEIGHT = 160, 120
+CAMERA = Pinhole(WIDTH, HEIGHT, LIGHT.vertical_fov, elevation=-10.0)
+SUNLIT = (
+    np.array(given_light(40.0).ground_color)
+    / np.pi
+    * (np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(40.0)) * np.array([1.9, 1.5, 0.9]))
+)
+SHADED = np.array([0.12, 0.11, 0.1]) / np.pi * np.array([0.4, 0.5, 0.8])
+
+
+@lru_cache(maxsize=1)
+def stage() -> Stage:
+    centres = sphere_centres(4 / 3, -10.0).astype(np.float64)
+    return lit_stage(render(LIGHT, 64), LIGHT.sun_direction, centres)
+
+
+def drawn(ground: np.ndarray) -> np.ndarray:
+    """Linear values of a picture of one colour with the balls in it."""
+    picture = Image.fromarray(tone_map(np.broadcast_to(ground, (HEIGHT, WIDTH, 3))))
+    return srgb_decode(np.asarray(with_balls(picture, LIGHT, stage())) / 255.0)
+
+
+def test_the_balls_stand_side_by_side_on_the_ground_below_the_middle() -> None:
+    centres = ball_centres(CAMERA)
+    assert centres is not None
+    assert np.ptp(centres[:, 1]) == pytest.approx(0.0, abs=1e-9)
+    assert centres[0, 0] < centres[1, 0] < centres[2, 0]
+    x, y = camera_pixel(centres[1], CAMERA)
+    assert x == pytest.approx(WIDTH / 2, abs=1)
+    foot = camera_pixel(centres[1] - [0.0, 1.0, 0.0], CAMERA)[1]
+    assert foot == pytest.approx(HEIGHT / 2 * 1.6, abs=1)
+    assert foot - y == pytest.approx(BALL * HEIGHT, rel=0.15)
+
+
+def test_a_picture_without_ground_stays_as_it_is() -> None:
+    up = replace(LIGHT, camera_elevation=40.0)
+    picture = Image.new("RGB", (80, 60), (90, 120, 160))
+    assert with_balls(picture, up, stage()) is picture
+
+
+def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
+    share = drawn(SUNLIT) / SUNLIT
+    right = share[70:110, 100:150, 1]  # the sun stands at the left
+    assert right.min() < 1.4 * SHADED[1] / SUNLIT[1]
+    assert share[:30] == pytest.approx(1.0, abs=0.1)
+    left = share[88:104, 5:40, 1]
+    assert left.min() > 0.8
+
+
+def test_ground_in_shade_is_not_darkened_by_the_sun_again() -> None:
+    share = (drawn(SHADED) / SHADED)[..., 1]
+    beside = share[70:110, 115:150]
+    assert beside.min() > 0.6
+    assert (drawn(SUNLIT) / SUNLIT)[70:110, 115:150, 1].min() < beside.min() - 0.2
+
+
+def test_the_balls_are_seen() -> None:
+    centres = ball_centres(CAMERA)
+    assert centres is not None
+    linear = drawn(SHADED)
+    x, y = (round(float(v)) for v in camera_pixel(centres[2], CAMERA))
+    assert linear[y - 2, x].mean() > 2 * SHADED.mean()
+
+
+def test_a_light_of_overcast_skies_throws_no_hard_shadow() -> None:
+    dull = Lighting(
+        0.0, 40.0, 3.0, 1.0, camera_elevation=-10.0, sky_cover=1.0, ground_color=(0.12, 0.12, 0.12),
+        sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=(0.8, 0.8, 0.8),
+    )  # fmt: skip
+    centres = sphere_centres(4 / 3, -10.0).astype(np.float64)
+    lit = lit_stage(render(dull, 64), dull.sun_direction, centres)
+    level = np.full(3, 0.12 / np.pi * 0.8)
+    picture = Image.fromarray(tone_map(np.broadcast_to(level, (HEIGHT, WIDTH, 3))))
+    share = srgb_decode(np.asarray(with_balls(picture, dull, lit)) / 255.0) / level
+    assert share[70:110, 125:].min() > 0.75

@@ -1,0 +1,52 @@
+"""Measured skies as days to plan."""
+
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lighting.errors import EnvironmentMapError, ParameterError
+from lighting.files.exr import write_exr
+from lighting.geometry import angle_between, latlong_directions
+from lighting.stereo.probes import LONGEST_GAP, brightest, files_of, read_day, read_skies
+
+JUNE = date(2026, 6, 21)
+
+
+def sky(height: int = 16) -> NDArray[np.float32]:
+    """Even but for one bright pixel."""
+    image = np.ones((height, 2 * height, 3), dtype=np.float32)
+    image[height // 4, height] = 1000
+    return image
+
+
+def fill(folder: Path, *names: str, height: int = 16) -> None:
+    for name in names:
+        (folder / "20260621" / name).mkdir(parents=True)
+        write_exr(folder / "20260621" / name / "envmap.exr", sky(height))
+
+
+def test_the_brightest_spot_is_the_sun() -> None:
+    assert angle_between(brightest(sky()), latlong_directions(16)[4, 16]) < 0.1
+
+
+def test_folders_are_days_by_a_clock(tmp_path: Path) -> None:
+    fill(tmp_path, "100000", "103000")
+    assert sorted(files_of(tmp_path, JUNE)) == [600, 630]
+    assert files_of(tmp_path, date(2026, 6, 22)) == {}
+    day = read_day(JUNE, files_of(tmp_path, JUNE))
+    assert day.minutes.tolist() == [600, 630]
+    assert day.tolerance == LONGEST_GAP / 2
+    assert day.skies.radiance.max() < 1000  # the sun is out of the map
+    assert day.skies.sun_irradiance.min() > 0
+
+
+def test_one_probe_is_no_day_and_sizes_do_not_mix(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="two or more"):
+        read_day(JUNE, {600.0: tmp_path})
+    fill(tmp_path, "100000")
+    fill(tmp_path, "110000", height=32)
+    with pytest.raises(EnvironmentMapError, match="differ in size"):
+        read_skies(list(files_of(tmp_path, JUNE).values()))
