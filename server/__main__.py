@@ -3,13 +3,12 @@
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NoReturn
 
 from lighting import __version__
 from lighting.errors import LightingError
 from server.process import prepare, share_compression
-
-HEADER_BYTES = 16384  # of a request; httptools, which uvicorn prefers, knows no limit
 
 
 def main() -> None:
@@ -28,7 +27,7 @@ def refuse(arguments: Sequence[str]) -> NoReturn:
     from server.settings import PREFIX, Settings
 
     fields = Settings.model_fields.items()
-    listed = "\n".join(f"  {PREFIX + name.upper():26}{field.description}" for name, field in fields)
+    listed = "\n".join(f"  {PREFIX + name.upper():29}{field.description}" for name, field in fields)
     parser = ArgumentParser(
         prog="lighting-server",
         description="Estimate the light of outdoor photos over HTTP. Settings are read from environment variables:",
@@ -46,6 +45,7 @@ def serve() -> None:
     from pydantic import ValidationError
 
     from server.app import create_app
+    from server.protocol import HEADER_BYTES, BoundedProtocol
     from server.settings import PREFIX, Settings
 
     try:
@@ -68,7 +68,7 @@ def serve() -> None:
         forwarded_allow_ips=settings.trusted_proxies,
         timeout_graceful_shutdown=settings.shutdown_seconds,
         ws="none",
-        http="h11",
+        http=partial(BoundedProtocol, head_seconds=settings.header_seconds),  # type: ignore[arg-type]
         h11_max_incomplete_event_size=HEADER_BYTES,
     )
 

@@ -10,7 +10,7 @@ from fastapi import Request, Response
 
 from lighting.files import full_record
 from lighting.geometry import angles
-from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.records import COLOUR_RANGES, SKY_MODEL, Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from lighting.version import __version__
 from server.queries import LightingQuery, Query
@@ -34,8 +34,11 @@ def estimate_record(estimate: Estimate, root: str, probability: bool) -> dict[st
 def envmap_link(lighting: Lighting, root: str) -> str:
     """Where the environment map of a light is on this host; the service lives under the path `root`."""
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo")
-    query = urlencode({**{name: getattr(lighting, name) for name in names}, "sun": str(lighting.sun_shines).lower()})
-    return f"{root}/v1/envmap?{query}"
+    values = {name: getattr(lighting, name) for name in names}
+    values |= {name: ",".join(f"{v:g}" for v in c) for name in COLOUR_RANGES if (c := getattr(lighting, name))}
+    values |= {} if lighting.sky_cover is None else {"sky_cover": lighting.sky_cover}
+    values |= {} if lighting.sky_model == SKY_MODEL else {"sky": lighting.sky_model}
+    return f"{root}/v1/envmap?{urlencode({**values, 'sun': str(lighting.sun_painted).lower()}, safe=',')}"
 
 
 def sun_probability(sun: SunDistribution) -> dict[str, Any]:

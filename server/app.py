@@ -12,7 +12,7 @@ from starlette.middleware.cors import CORSMiddleware
 
 from lighting import __version__
 from lighting.pipeline import Estimator
-from server import operations, page, problems, routes
+from server import icon, operations, page, problems, routes
 from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
 from server.service import Service
@@ -41,6 +41,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
         openapi_tags=TAGS,
         docs_url=None,  # these documentation pages load scripts from another host
         redoc_url=None,
+        redirect_slashes=False,  # to whatever the client calls its Host
         lifespan=_lifespan,
         generate_unique_id_function=_operation_id,
     )
@@ -53,18 +54,19 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
 
 
 def _include(app: FastAPI, service: Service) -> None:
-    guards: list[tuple[object, Callable[..., Any], int]] = [
-        (service.rate, unhurried, 429),  # first, so that keys cannot be guessed quickly
-        (service.keys, authorised, 401),
+    guards: list[tuple[object, Callable[..., Any], tuple[int, ...]]] = [
+        (service.rate, unhurried, (429,)),  # first, so that keys cannot be guessed quickly
+        (service.keys, authorised, (401, 403)),
     ]
-    active = [(guard, status) for wanted, guard, status in guards if wanted]
+    active = [(guard, statuses) for wanted, guard, statuses in guards if wanted]
     app.include_router(
         routes.router,
         dependencies=[Depends(guard) for guard, _ in active],
-        responses=problems.documented(*(status for _, status in active)),
+        responses=problems.documented(*(status for _, statuses in active for status in statuses)),
     )
     app.include_router(operations.router)
     app.include_router(page.page_router())
+    app.include_router(icon.router)
 
 
 def _wrap(app: FastAPI, service: Service) -> None:

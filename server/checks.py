@@ -3,7 +3,7 @@
 from lighting.errors import ParameterError
 from lighting.evidence import check_heading, check_headings
 from server.problems import invalid
-from server.queries import GivenQuery, LightingQuery
+from server.queries import EnvmapQuery, GivenQuery, LightingQuery
 
 
 def check_photos(photos: int, query: LightingQuery) -> None:
@@ -17,8 +17,8 @@ def check_photos(photos: int, query: LightingQuery) -> None:
         raise invalid(field, str(error)) from error
 
 
-def refuse_given(query: GivenQuery) -> None:
-    """Raise ProblemError where a lighting record comes with parameters that describe a photo."""
-    for name in GivenQuery.model_fields:
-        if name in query.model_fields_set:
+def refuse_given(query: EnvmapQuery) -> None:
+    """Raise ProblemError where a lighting record comes with parameters that describe or need a photo."""
+    for name in (*GivenQuery.model_fields, "surroundings"):
+        if name in query.stated():
             raise invalid(name, "It goes with a photo; a lighting record is rendered as it is.")

@@ -16,7 +16,7 @@ class BusyError(Exception):
 
 
 class Limiter:
-    """Runs requests in a fixed number of threads; they are admitted before their bodies are read, to bound memory."""
+    """Runs requests in a fixed number of threads; they are admitted when their bodies have arrived."""
 
     def __init__(self, places: int, queue: int) -> None:
         self.places = places
@@ -32,10 +32,14 @@ class Limiter:
     def waiting(self) -> int:
         return self.admitted - self.running
 
+    @property
+    def full(self) -> bool:
+        return self.admitted >= self.capacity
+
     @contextmanager
     def admission(self) -> Iterator[None]:
         """Count as running or waiting until the end of the block; raises BusyError if the queue is full."""
-        if self.admitted >= self.capacity:
+        if self.full:
             raise BusyError
         self.admitted += 1
         try:

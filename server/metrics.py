@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
+from server.arrivals import Arrivals
 from server.limiter import Limiter
 
 SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
@@ -12,7 +13,7 @@ SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
 class Metrics:
     """The service's metrics. Routes are labelled by template, which keeps the number of labels small."""
 
-    def __init__(self, limiter: Limiter) -> None:
+    def __init__(self, limiter: Limiter, arrivals: Arrivals) -> None:
         self.registry = registry = CollectorRegistry()
         self.requests = Counter(
             "lighting_requests", "Requests answered.", ["method", "route", "status"], registry=registry
@@ -33,9 +34,8 @@ class Metrics:
         self.photo_bytes = Counter("lighting_photo_bytes", "Bytes of photos read.", registry=registry)
         self.photo_pixels = Counter("lighting_photo_pixels", "Pixels of photos read.", registry=registry)
         self.model = Gauge("lighting_model_info", "The network that answers.", ["name", "version"], registry=registry)
-        self._gauge(
-            "lighting_queue_depth", "Admitted requests that wait or are being uploaded.", lambda: limiter.waiting
-        )
+        self._gauge("lighting_uploads", "Bodies that are arriving.", lambda: arrivals.count)
+        self._gauge("lighting_queue_depth", "Requests that wait.", lambda: limiter.waiting)
         self._gauge("lighting_running", "Requests that are running.", lambda: limiter.running)
 
     def _gauge(self, name: str, meaning: str, value: Callable[[], int]) -> None:

@@ -11,6 +11,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
+from server.limiter import BusyError
 from server.problems import ProblemError
 from server.schemas import Status
 from server.service import Service, Services
@@ -28,11 +29,17 @@ async def livez() -> Status:
     return Status()
 
 
-@router.get("/readyz", summary="Whether the network has answered once", responses=problems.documented(503))
+@router.get(
+    "/readyz",
+    summary="Whether the network has answered once and a photo would be taken now",
+    responses=problems.documented(503),
+)
 async def readyz(service: Services) -> Status:
     if not service.ready:
         retry = {"Retry-After": problems.RETRY_SECONDS}
         raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
+    if service.full:
+        raise BusyError
     return Status()
 
 

@@ -1,10 +1,11 @@
 """Errors as application/problem+json (RFC 9457): the kinds of problem, and which exception becomes which."""
 
+import json
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote
 
 from fastapi import FastAPI, Request
@@ -14,10 +15,13 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from server.arrivals import CrowdedError
 from server.limiter import BusyError
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_SECONDS = "1"
+
+Place = Literal["query", "form", "body"]  # of a field: the URL, a form's parts, a JSON body
 
 log = logging.getLogger(__name__)
 
@@ -37,14 +41,18 @@ class Kind:
 
 UNREADABLE_PHOTO = Kind("unreadable-photo", 400, "The photo cannot be read")
 UNREADABLE_BODY = Kind("unreadable-body", 400, "The body cannot be read")
+MALFORMED = Kind("malformed-request", 400, "The request is not HTTP/1.1")
 UNAUTHORISED = Kind("unauthorised", 401, "An API key is required")
+FORBIDDEN = Kind("forbidden", 403, "The API key is wrong")
 NOT_FOUND = Kind("not-found", 404, "There is no such route")
 METHOD_NOT_ALLOWED = Kind("method-not-allowed", 405, "The method is not allowed here")
-TOO_SLOW = Kind("too-slow", 408, "The body did not arrive in time")
+TOO_SLOW = Kind("too-slow", 408, "The request did not arrive in time")
 TOO_LARGE = Kind("too-large", 413, "The body or the photo is too large")
 UNSUPPORTED_TYPE = Kind("unsupported-type", 415, "The body is of a type that is not accepted")
 INVALID = Kind("invalid", 422, "A parameter is missing, unknown or out of range")
 TOO_MANY_REQUESTS = Kind("too-many-requests", 429, "The rate limit is reached")
+TOO_MANY_UPLOADS = Kind("too-many-uploads", 429, "Too many uploads at once from one address")
+HEADERS_TOO_LARGE = Kind("headers-too-large", 431, "The headers are too large")
 GONE = Kind("client-gone", 499, "The client disconnected")
 INTERNAL = Kind("internal", 500, "The service failed")
 NOT_READY = Kind("not-ready", 503, "The network is not loaded yet")
@@ -53,7 +61,9 @@ BUSY = Kind("busy", 503, "The service is busy")
 KINDS = (
     UNREADABLE_PHOTO,
     UNREADABLE_BODY,
+    MALFORMED,
     UNAUTHORISED,
+    FORBIDDEN,
     NOT_FOUND,
     METHOD_NOT_ALLOWED,
     TOO_SLOW,
@@ -61,6 +71,8 @@ KINDS = (
     UNSUPPORTED_TYPE,
     INVALID,
     TOO_MANY_REQUESTS,
+    TOO_MANY_UPLOADS,
+    HEADERS_TOO_LARGE,
     INTERNAL,
     NOT_READY,
     BUSY,
@@ -76,14 +88,25 @@ class ProblemError(Exception):
         self.kind, self.detail, self.headers, self.more = kind, detail, headers, more
 
 
-def invalid(field: str, detail: str, **more: Any) -> ProblemError:
+def invalid(field: str, detail: str, place: Place = "query") -> ProblemError:
     """A 422 about one field."""
-    return ProblemError(INVALID, f"{field}: {detail}", errors=[{"field": field, "detail": detail, **more}])
+    return all_invalid([{"field": field, "place": place, "detail": detail}])
+
+
+def all_invalid(errors: list[dict[str, Any]]) -> ProblemError:
+    """A 422 about several fields, each with its place and what is wrong with it."""
+    detail = "; ".join(f"{found['field']}: {found['detail']}" for found in errors)
+    return ProblemError(INVALID, detail, errors=errors)
 
 
 def response(request: Request, error: ProblemError) -> JSONResponse:
     body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
     return JSONResponse({**body, **error.more}, error.kind.status, error.headers, MEDIA_TYPE)
+
+
+def plain(kind: Kind, detail: str) -> bytes:
+    """The JSON of a problem with a request that never became one."""
+    return json.dumps(_body(kind, detail, "", "")).encode()
 
 
 def _body(kind: Kind, detail: str, instance: str, request_id: str) -> dict[str, Any]:
@@ -114,6 +137,9 @@ def problem_of(error: Exception) -> ProblemError:
             return ProblemError(INVALID, str(error))
         case BusyError():
             return ProblemError(BUSY, "All workers are busy and the queue is full.", {"Retry-After": RETRY_SECONDS})
+        case CrowdedError():
+            detail = "Too many bodies are arriving from this address; send them one after another."
+            return ProblemError(TOO_MANY_UPLOADS, detail, {"Retry-After": RETRY_SECONDS})
         case ClientDisconnect():
             return ProblemError(GONE, "The client disconnected.")
         case _:
@@ -127,16 +153,14 @@ def _of_http_exception(error: HTTPException) -> ProblemError:
 
 
 def _invalid_request(error: RequestValidationError) -> ProblemError:
-    errors = [_field_error(found) for found in error.errors()]
-    detail = "; ".join(f"{found['field']}: {found['detail']}" for found in errors)
-    return ProblemError(INVALID, detail, errors=errors)
+    return all_invalid([_field_error(found) for found in error.errors()])
 
 
 def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A field, what is wrong with it and, for a number, its range."""
+    """A field, its place, what is wrong with it and, for a number, its range."""
     limits = {name: value for name, value in found.get("ctx", {}).items() if name in ("minimum", "maximum")}
     field = ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0])
-    return {"field": field, "detail": found["msg"], **limits}
+    return {"field": field, "place": found["loc"][0], "detail": found["msg"], **limits}
 
 
 async def answer(request: Request, error: Exception) -> JSONResponse:
@@ -170,5 +194,6 @@ def _documented(kinds: list[Kind]) -> dict[str, Any]:
 
 def install(app: FastAPI) -> None:
     """Register the handler that answers errors with problems."""
-    for expected in (ProblemError, HTTPException, RequestValidationError, LightingError, BusyError, ClientDisconnect):
+    own = (ProblemError, LightingError, BusyError, CrowdedError)
+    for expected in (*own, HTTPException, RequestValidationError, ClientDisconnect):
         app.add_exception_handler(expected, answer)

@@ -11,10 +11,15 @@ from pydantic_core import PydanticCustomError
 
 from lighting.errors import ParameterError
 from lighting.evidence import SHORT_NAMES, Given, read_headings
+from lighting.files import Compression
 from lighting.photo import MIN_SIDE, read_offset, read_time
 from lighting.records import GROUND_ALBEDO, Lighting
 from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
+from lighting.sky import Model as SkyModel
 from server.schemas import (
+    GROUND_COLOR,
+    SKY_IRRADIANCE,
+    SUN_IRRADIANCE,
     Between,
     Exposure,
     Flag,
@@ -22,11 +27,14 @@ from server.schemas import (
     Format,
     GroundAlbedo,
     Height,
+    SkyCover,
     SunAzimuth,
     SunElevation,
     Turbidity,
     named,
 )
+
+DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
 
 _DATE, _CLOCK, _OFFSET = (
     r"[0-9]{4}-[01][0-9]-[0-3][0-9]",
@@ -65,7 +73,7 @@ def _text(pattern: str, example: str) -> WithJsonSchema:
 Time = Annotated[
     datetime | None,
     BeforeValidator(_in_words(_time)),
-    _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T14:30+02:00"),
+    _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T08:53"),
 ]
 Offset = Annotated[
     float | None,
@@ -79,10 +87,33 @@ Headings = Annotated[
 ]
 
 
+def _triple(text: Any) -> tuple[float, ...]:
+    """Read "0.9,0.8,0.7"; their ranges are the record's. It comes as a list of one text, or of three."""
+    numbers = (text if isinstance(text, str) else ",".join(map(str, text))).split(",")
+    try:
+        red, green, blue = map(float, numbers)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"{text!r} is not three numbers such as 0.9,0.8,0.7.") from error
+    return red, green, blue
+
+
+_NUMBER = r"[0-9]+([.][0-9]+)?(e-?[0-9]+)?"
+Triple = Annotated[
+    tuple[float, float, float] | None,
+    BeforeValidator(_in_words(_triple)),
+    _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"),
+]
+
+
 class Query(BaseModel):
     """Parameters of a URL; unknown names are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def stated(self) -> set[str]:
+        """The parameters that were given another value than their default; clients may send the defaults themselves."""
+        fields = type(self).model_fields
+        return {name for name in self.model_fields_set if getattr(self, name) != fields[name].default}
 
 
 class GivenQuery(Query):
@@ -94,7 +125,8 @@ class GivenQuery(Query):
     lat: Annotated[float | None, named("latitude", "deg, positive north; needs `lon`", 48.14)] = None
     lon: Annotated[float | None, named("longitude", "deg, positive east; needs `lat`", 11.58)] = None
     heading: Annotated[
-        float | None, Between(-360, 360, description="deg from true north, clockwise: where the camera points")
+        float | None,
+        Between(-360, 360, description="deg from true north, clockwise: where the camera points", examples=[134.2]),
     ] = None
     fov: Annotated[float | None, named("vertical_fov", "deg, vertical field of view of the upright photo", 48.7)] = None
     keep_location: Flag = Field(False, description="put latitude and longitude into the answer")
@@ -126,11 +158,24 @@ class MapQuery(Query):
 
     sun: FlagOrAuto = Field(None, description="paint the sun's disc; by default if direct sunlight is likely")
     height: Height = 512
+    yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
     format: Format = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
+    sky: SkyModel | None = Field(None, description="another shape of the sky than the record's")
+    compression: Compression = Field("zip", description="how an EXR is packed; `pxr24` is the fastest")
+
+    @model_validator(mode="after")
+    def _of_this_format(self) -> Self:
+        if "compression" in self.stated() and self.format != "exr":
+            raise PydanticCustomError("compression", "compression goes with format=exr")
+        return self
 
 
 class EnvmapQuery(MapQuery, GivenQuery):
     """The map of a photo."""
+
+    surroundings: FlagOrAuto = Field(
+        None, description="show the place, not the sky alone; by default where the network predicts it"
+    )
 
 
 class SkyParameters(Query):
@@ -139,11 +184,20 @@ class SkyParameters(Query):
     sun_azimuth: SunAzimuth
     sun_elevation: SunElevation
     turbidity: Turbidity
-    exposure: Exposure
+    exposure: Exposure = DAYLIGHT_EXPOSURE
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
+    sun_irradiance: Triple = Field(None, description=SUN_IRRADIANCE)
+    sky_irradiance: Triple = Field(None, description=SKY_IRRADIANCE)
+    sky_cover: SkyCover | None = None
+    ground_color: Triple = Field(None, description=GROUND_COLOR)
+
+    @model_validator(mode="after")
+    def _of_one_light(self) -> Self:
+        _in_words(lambda _: self.lighting())("")
+        return self
 
     def lighting(self) -> Lighting:
-        """The light with these parameters."""
+        """The light with these parameters; raises ParameterError for what contradicts itself."""
         return Lighting(**self.model_dump(include={field.name for field in fields(Lighting)}))
 
 
@@ -163,7 +217,7 @@ class SceneQuery(Query):
 
     @model_validator(mode="after")
     def _of_this_tool(self) -> Self:
-        others = misplaced(self.model_fields_set, self.tool)
+        others = misplaced(self.stated(), self.tool)
         if others:
             wanted = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
             raise PydanticCustomError("tool", "{wanted}", {"wanted": wanted})
@@ -175,7 +229,21 @@ class SceneQuery(Query):
 
 
 class PhotoSceneQuery(SceneQuery, GivenQuery):
-    """The scene of a photo."""
+    """The scene of a photo; the parameters of a sky replace what is estimated."""
+
+    sun_azimuth: Annotated[
+        float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
+    ] = None
+    sun_elevation: Annotated[float | None, named("sun_elevation", "deg above the horizon", 33.0)] = None
+    turbidity: Annotated[float | None, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)] = None
+    exposure: Annotated[
+        float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
+    ] = None
+
+    def changes(self) -> dict[str, float]:
+        """The fields of Lighting that the client replaces."""
+        names = {"sun_azimuth", "sun_elevation", "turbidity", "exposure"}
+        return self.model_dump(include=names, exclude_none=True)
 
 
 class SkySceneQuery(SceneQuery, SkyParameters):

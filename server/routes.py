@@ -19,21 +19,22 @@ from server.settings import Settings
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
 
 BINARY = {"type": "string", "format": "binary"}
-FORM_SCHEMA = {"type": "object", "required": [PHOTO_FIELD], "properties": {PHOTO_FIELD: BINARY}}
+FORM_SCHEMA = {
+    "type": "object", "required": [PHOTO_FIELD], "properties": {PHOTO_FIELD: BINARY}, "additionalProperties": False,
+}  # fmt: skip
 PHOTO_BODY: dict[str, Any] = {
     FORM: {"schema": FORM_SCHEMA},
     **{photo_type: {"schema": BINARY} for photo_type in PHOTO_TYPES},
 }
 MANY = {"type": "array", "items": BINARY, "minItems": 1, "maxItems": Settings.model_fields["max_photos"].default}
-PHOTOS_FORM: dict[str, Any] = {
-    FORM: {"schema": {"type": "object", "required": [PHOTO_FIELD], "properties": {PHOTO_FIELD: MANY}}}
-}
+PHOTOS_FORM: dict[str, Any] = {FORM: {"schema": {**FORM_SCHEMA, "properties": {PHOTO_FIELD: MANY}}}}
 RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
 MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}
 PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
+JPEG: dict[str, Any] = {"content": {"image/jpeg": {"schema": BINARY}}}
 ZIP: dict[str, Any] = {"content": {"application/zip": {"schema": BINARY}}}
 FRESH: dict[str, Any] = {"description": "The client's copy is still good"}
-PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 500, 503)
+PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 429, 500, 503)
 
 router = APIRouter(prefix="/v1", tags=["lighting"])
 
@@ -97,6 +98,18 @@ async def estimate_envmap(request: Request, admission: Admitted, query: Annotate
 
 
 @router.post(
+    "/photo",
+    summary="A photo upright, as JPEG",
+    response_class=Response,
+    responses={200: JPEG, **PHOTO_PROBLEMS},
+    openapi_extra=body(PHOTO_BODY),
+)
+async def show_photo(admission: Admitted, photo: PhotoBytes) -> Response:
+    """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
+    return Response(await admission.run(tasks.upright_file, admission.service, photo), media_type="image/jpeg")
+
+
+@router.post(
     "/preview",
     summary="A picture of a photo's light",
     response_class=Response,
@@ -133,7 +146,10 @@ async def render_scene(request: Request, admission: Admitted, query: Annotated[S
 async def estimate_scene(
     admission: Admitted, photo: PhotoBytes, query: Annotated[PhotoSceneQuery, Query()]
 ) -> Response:
-    """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP."""
+    """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP.
+
+    `sun_azimuth`, `sun_elevation`, `turbidity` and `exposure` replace what is estimated.
+    """
     data = await admission.run(tasks.scene_file_of_photo, admission.service, photo, query)
     return Response(data, media_type="application/zip")
 

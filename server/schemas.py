@@ -18,7 +18,8 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from lighting.envmap import MIN_HEIGHT
-from lighting.records import GROUND_ALBEDO, OPTIONAL_RANGES, RANGES, Lighting
+from lighting.records import COLOUR_RANGES, GROUND_ALBEDO, OPTIONAL_RANGES, RANGES, Lighting
+from lighting.sky import Model as SkyModel
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 
@@ -87,6 +88,22 @@ Exposure = Annotated[float, named("exposure", "factor from sky radiance to the p
 GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
 
 
+SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
+Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]
+Reflectance = Annotated[float, Between(*COLOUR_RANGES["ground_color"])]
+SUN_IRRADIANCE = "red, green, blue of a surface that faces the sun, in the photo's linear units"
+SKY_IRRADIANCE = "red, green, blue of open level ground by the sky without the sun, in the photo's linear units"
+GROUND_COLOR = "red, green, blue: the ground's reflectance; else `ground_albedo` counts, or 0.12 with irradiances"
+
+
+def three(meaning: str, example: list[float]) -> Any:
+    """The default of a field of three numbers that may be absent, with its documentation."""
+    return Field(None, min_length=3, max_length=3, description=meaning, examples=[example])
+
+
+LINK = "/v1/envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
+
+
 class Part(BaseModel):
     """A part of a lighting record; other fields than these are ignored."""
 
@@ -103,6 +120,7 @@ class SunPart(Part):
     elevation: SunElevation
     direction: list[float] = Field([], description="unit vector towards the sun; computed from the angles")
     visibility: Annotated[float, named("sun_visibility", "probability of direct sunlight on the scene", 0.93)] = 1.0
+    irradiance: list[Irradiance] | None = three(SUN_IRRADIANCE, [1.9, 1.7, 1.4])
     radius_50: Annotated[
         float, named("radius_50", "deg, radius around the sun that holds 50 % of the probability", 9.5)
     ] = 0.0
@@ -112,8 +130,10 @@ class SunPart(Part):
 
 
 class SkyPart(Part):
-    model: Literal["hosek-wilkie"] = "hosek-wilkie"
+    model: SkyModel = "hosek-wilkie"
     turbidity: Turbidity
+    irradiance: list[Irradiance] | None = three(SKY_IRRADIANCE, [0.5, 0.6, 0.9])
+    cover: SkyCover | None = None
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
     exposure: Exposure
     coefficients: dict[str, list[float]] = Field(
@@ -121,11 +141,15 @@ class SkyPart(Part):
     )
 
 
+class GroundPart(Part):
+    color: list[Reflectance] | None = three(GROUND_COLOR, [0.14, 0.13, 0.11])
+
+
 class CameraPart(Part):
     elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
     roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
     vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0
-    heading: Annotated[float, named("camera_heading", "deg from true north, clockwise", 87.0)] | None = Field(
+    heading: Annotated[float, named("camera_heading", "deg from true north, clockwise", 134.2)] | None = Field(
         None, description="only where time and place are known"
     )
     heading_radius_50: (
@@ -139,7 +163,7 @@ class CameraPart(Part):
     heading_probability: list[Annotated[float, Between(0.0, 1.0)]] | None = Field(
         None, min_length=360, max_length=360, description="of each whole degree from true north"
     )
-    relative_heading: Annotated[float, named("relative_heading", "deg", 45.0)] | None = Field(
+    relative_heading: Annotated[float, Between(*OPTIONAL_RANGES["relative_heading"])] | None = Field(
         None, description="clockwise from the first of several photos whose headings are unknown"
     )
 
@@ -157,6 +181,10 @@ class LightingRecord(Part):
     model: ModelPart = ModelPart()
     sun: SunPart
     sky: SkyPart
+    ground: GroundPart | None = None
+    suitable: (
+        Annotated[float, named("suitable", "probability that it is a photo of outdoors by daylight", 0.99)] | None
+    ) = None
     camera: CameraPart = CameraPart()
     evidence: list[str] = Field(
         [],
@@ -172,7 +200,7 @@ class LightingRecord(Part):
 
 
 class Links(BaseModel):
-    envmap: str = Field(description="link to the environment map of this light", examples=["/v1/envmap?sun_azimuth=9"])
+    envmap: str = Field(description="link to the environment map of this light", examples=[LINK])
 
 
 class SunProbability(BaseModel):
@@ -229,6 +257,7 @@ class ModelCard(BaseModel):
 
 class FieldError(BaseModel):
     field: str
+    place: Literal["query", "form", "body"] = Field(description="where the field stands: in the URL or in the body")
     detail: str
     minimum: float | None = None
     maximum: float | None = None
@@ -238,11 +267,11 @@ class Problem(BaseModel):
     """What went wrong (RFC 9457)."""
 
     type: str = Field(examples=["tag:outdoor-lighting,2026:invalid"])
-    title: str
-    status: int
+    title: str = Field(examples=["A parameter is missing, unknown or out of range"])
+    status: int = Field(examples=[422])
     detail: str
-    instance: str
-    request_id: str
+    instance: str = Field(examples=["/v1/lighting"])
+    request_id: str = Field(examples=["4d1c0a6f5e2b7398"])
     errors: list[FieldError] = Field([], description="the invalid fields, with their ranges")
 
 

@@ -89,10 +89,13 @@ Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 
 
 async def authorised(request: Request, credentials: Credentials) -> None:
-    """Refuse a request without a valid key."""
-    if credentials is None or not request.app.state.service.keys.hold(credentials.credentials):
+    """Refuse a request without a key, or with a wrong one."""
+    challenge = {"WWW-Authenticate": "Bearer"}
+    if credentials is None or not credentials.credentials:
         detail = "Send one of the service's API keys: Authorization: Bearer KEY."
-        raise ProblemError(problems.UNAUTHORISED, detail, {"WWW-Authenticate": "Bearer"})
+        raise ProblemError(problems.UNAUTHORISED, detail, challenge)
+    if not request.app.state.service.keys.hold(credentials.credentials):
+        raise ProblemError(problems.FORBIDDEN, "The API key that was sent is none of the service's.", challenge)
 
 
 async def unhurried(request: Request) -> None:

@@ -1,7 +1,7 @@
 """What the requests of one app share, and the admission of one of them."""
 
 import logging
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -10,16 +10,18 @@ from fastapi import Depends, Request
 
 from lighting.evidence import Given
 from lighting.model import Model, packaged_model
-from lighting.photo import TARGET, Photo, read_photo
+from lighting.photo import TARGET, Photo
+from lighting.photo.apart import read_apart, start_decoders
 from lighting.pipeline import Estimator
 from lighting.records import Estimate
 from server import problems
-from server.limiter import Limiter
+from server.arrivals import Arrivals
+from server.limiter import BusyError, Limiter
 from server.metrics import Metrics
 from server.problems import ProblemError
-from server.security import Keys, Rate
+from server.security import Keys, Rate, client_name
 from server.settings import Settings
-from server.uploads import Body
+from server.uploads import Body, Limits
 
 T = TypeVar("T")
 
@@ -32,15 +34,21 @@ class Service:
     def __init__(self, settings: Settings, estimator: Estimator | None = None) -> None:
         self.settings = settings
         self.limiter = Limiter(settings.places, settings.queue)
-        self.metrics = Metrics(self.limiter)
+        self.arrivals = Arrivals(settings.uploads, settings.uploads_per_client)
+        self.metrics = Metrics(self.limiter, self.arrivals)
         self.keys = Keys(settings.all_keys())
         self.rate = Rate(settings.rate_limits)
         self.ready = False
         self.loaded = estimator
 
     def load(self) -> None:
-        """Load the network unless the app was given one; raises ModelError."""
-        self.loaded = self.loaded or Estimator(Model.load(self.settings.model, self.settings.threads))
+        """Load the network and start a decoder per place, unless the app was given a network.
+
+        Raises ModelError, and PhotoError where no decoder starts.
+        """
+        if self.loaded is None:
+            self.loaded = Estimator(Model.load(self.settings.model, self.settings.threads))
+            start_decoders(self.settings.places)
 
     def answer_once(self) -> None:
         """Estimate the light of a grey picture; from then on the service is ready."""
@@ -68,9 +76,14 @@ class Service:
     def model_folder(self) -> Path:
         return (self.settings.model or packaged_model()).parent
 
-    def read(self, data: bytes) -> Photo:
-        """The photo in an upload; raises PhotoError."""
-        photo = self._decoded(data, TARGET)
+    @property
+    def full(self) -> bool:
+        """Whether the next photo would be refused."""
+        return self.limiter.full or self.arrivals.full
+
+    def read(self, data: bytes, seconds: float | None = None) -> Photo:
+        """The photo in an upload, by default within the time that a request has; raises PhotoError."""
+        photo = self._decoded(data, TARGET, seconds)
         self.metrics.photo_bytes.inc(len(data))
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
@@ -79,9 +92,15 @@ class Service:
         """The same photo in more pixels, `target` along its longer side if it has them, for people to look at."""
         return self._decoded(data, target)
 
-    def _decoded(self, data: bytes, target: int) -> Photo:
+    def _decoded(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
         limits = self.settings
-        return read_photo(data, max_bytes=limits.max_bytes, max_pixels=limits.max_pixels, target=target)
+        return read_apart(
+            data,
+            max_bytes=limits.max_bytes,
+            max_pixels=limits.max_pixels,
+            target=target,
+            seconds=limits.decode_seconds if seconds is None else seconds,
+        )
 
     def estimate(
         self, photos: Sequence[Photo], given: Given, headings: Sequence[float] | None = None
@@ -97,28 +116,38 @@ def service_of(request: Request) -> Service:
 
 
 class Admission:
-    """An admitted request: it counts against the limit from before its body is read until its answer is sent."""
+    """A request that there is room for: it takes a place when its body has arrived and its work is asked for."""
 
     def __init__(self, request: Request, service: Service) -> None:
+        limits = service.settings
         self.request = request
         self.service = service
-        self.body = Body(request, service.settings.max_bytes, service.settings.upload_seconds)
+        self.body = Body(
+            request,
+            Limits(limits.max_bytes, limits.upload_seconds, limits.upload_rate),
+            lambda: service.arrivals.one_of(client_name(request)),
+        )
 
     async def run(self, work: Callable[..., T], *arguments: Any) -> T:
-        """What the work returns, done in a thread when its turn comes; dropped when the client goes away."""
-        return await self.service.limiter.run(self.request.receive, lambda: work(*arguments))
+        """What the work returns, done in a thread when its turn comes; dropped when the client goes away.
+
+        Raises BusyError where the queue has filled while the body arrived.
+        """
+        with self.service.limiter.admission():
+            return await self.service.limiter.run(self.request.receive, lambda: work(*arguments))
 
 
 Services = Annotated[Service, Depends(service_of)]
 
 
-async def admitted(request: Request, service: Services) -> AsyncIterator[Admission]:
-    """Admit a request; raises BusyError."""
-    with service.limiter.admission():
-        yield Admission(request, service)
+async def admitted(request: Request, service: Services) -> Admission:
+    """Admit a request; raises BusyError at once where the queue is full, before the body is read."""
+    if service.limiter.full:
+        raise BusyError
+    return Admission(request, service)
 
 
-Admitted = Annotated[Admission, Depends(admitted, scope="function")]
+Admitted = Annotated[Admission, Depends(admitted)]
 
 
 async def photo_bytes(request: Admitted) -> bytes:

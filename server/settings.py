@@ -7,9 +7,10 @@ from limits import RateLimitItem, parse_many
 from pydantic import BeforeValidator, Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from lighting.cpus import available_cpus
 from lighting.errors import LightingError
-from lighting.model import available_cpus
 from lighting.photo import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
+from lighting.photo.apart import SECONDS
 
 PREFIX = "LIGHTING_"
 
@@ -45,7 +46,7 @@ class Settings(BaseSettings):
     model: Path | None = Field(None, description="path of another network (.onnx) than the one in the package")
     concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
     threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
-    queue: int = Field(64, ge=0, description="requests that may wait in addition; further ones are answered with 503")
+    queue: int = Field(32, ge=0, description="requests that may wait in addition; further ones are answered with 503")
     max_bytes: int = Field(MAX_BYTES, ge=1, description="maximum size of a request body in bytes")
     max_pixels: int = Field(
         MAX_PIXELS,
@@ -54,7 +55,14 @@ class Settings(BaseSettings):
         description="maximum number of pixels of a photo, checked before it is decoded",
     )
     max_photos: int = Field(8, ge=1, le=64, description="maximum number of photos in one request")
+    uploads: int = Field(32, ge=1, description="bodies that may arrive at the same time; 503 for further ones")
+    uploads_per_client: int = Field(8, ge=1, description="the same for one client's address; 429 for further ones")
     upload_seconds: float = Field(60.0, gt=0, description="time limit for receiving a body, in seconds")
+    upload_rate: int = Field(
+        10_000, ge=1, description="least speed of a body in bytes per second, after its first five seconds"
+    )
+    header_seconds: float = Field(10.0, gt=0, description="time limit for receiving a request's headers, in seconds")
+    decode_seconds: float = Field(SECONDS, gt=0, description="time limit for decoding a request's photos, in seconds")
     shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM, in seconds")
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
     api_keys: Keys = Field(

@@ -1,16 +1,19 @@
 """The CPU work of requests, in steps; between two steps a request stops if its client has disconnected."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import date
+from time import monotonic
 from typing import Any
 
 import numpy as np
 from anyio.from_thread import check_cancelled
+from numpy.typing import NDArray
 
 from lighting import stereo
-from lighting.envmap import render
+from lighting.envmap import Place, view
 from lighting.errors import PhotoError
-from lighting.files import encode_envmap
+from lighting.files import encode_envmap, encode_jpeg
 from lighting.photo import Photo
 from lighting.preview import PHOTO_SIDE, preview_png
 from lighting.records import Estimate, Lighting
@@ -19,26 +22,35 @@ from server.plans import PlanQuery
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
 from server.service import Service
 
+Map = NDArray[np.float32]
+
 MID_GREY = 128  # sRGB
+LEAST_SECONDS = 0.1  # for a photo after others that took long
+SHOWN_SIDE = 2048  # pixels, the longer side of a photo for the page
+SHOWN_QUALITY = 88
 
 
 def estimated_together(service: Service, files: Sequence[bytes], query: LightingQuery) -> list[Estimate]:
-    """The light of the bytes of photos of one place; raises PhotoError, which names one of several."""
+    """The light of the bytes of photos of one place; raises PhotoError, which names one of several.
+
+    The time that a request has for decoding is that of all its photos together.
+    """
     photos = []
+    until = monotonic() + service.settings.decode_seconds
     for number, data in enumerate(files, 1):
         try:
-            photos.append(service.read(data))
+            photos.append(service.read(data, max(until - monotonic(), LEAST_SECONDS)))
         except PhotoError as error:
             raise error if len(files) == 1 else type(error)(f"Photo {number} of {len(files)}: {error}") from error
         check_cancelled()
     return service.estimate(photos, query.given(), query.turns())
 
 
-def envmap_file(lighting: Lighting, query: MapQuery) -> bytes:
+def envmap_file(lighting: Lighting, query: MapQuery, place: Place | None = None) -> bytes:
     """The environment map of a light as a file."""
-    image = render(lighting, query.height, sun=query.sun)
+    image, turned = view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, place=place)
     check_cancelled()
-    return encode_envmap(image, lighting, query.format)
+    return encode_envmap(image, turned, query.format, compression=query.compression)
 
 
 def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> bytes:
@@ -47,7 +59,14 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     check_cancelled()
     (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    return envmap_file(estimate.lighting, query)
+    wanted = estimate.around is not None if query.surroundings is None else query.surroundings
+    place = Place(service.read_finer(data, PHOTO_SIDE).pixels, estimate.around) if wanted else None
+    return envmap_file(estimate.lighting, query, place)
+
+
+def upright_file(service: Service, data: bytes) -> bytes:
+    """A photo's bytes, of any type that is read, as an upright JPEG."""
+    return encode_jpeg(service.read_finer(data, SHOWN_SIDE).pixels, SHOWN_QUALITY)
 
 
 def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
@@ -59,9 +78,9 @@ def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
     return preview_png(service.read_finer(data, PHOTO_SIDE).pixels, estimate)
 
 
-def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery) -> bytes:
-    """A scene as a ZIP archive."""
-    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun)
+def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, around: Map | None = None) -> bytes:
+    """A scene as a ZIP archive; with `around`, its map shows the place."""
+    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, around=around)
     check_cancelled()
     return zip_scene(scene, query.tool, **query.options())
 
@@ -72,7 +91,9 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     check_cancelled()
     (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    return scene_file(service.read_finer(data, PLATE_SIDE), estimate.lighting, query)
+    changes: dict[str, Any] = dict(query.changes())
+    lighting = replace(estimate.lighting, **changes)
+    return scene_file(service.read_finer(data, PLATE_SIDE), lighting, query, estimate.around)
 
 
 def scene_file_of_sky(query: SkySceneQuery) -> bytes:

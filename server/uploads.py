@@ -1,10 +1,11 @@
 """Request bodies: photos as files of a form or as the body itself, or a lighting record. Nothing is written to disk."""
 
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import AbstractContextManager, asynccontextmanager
+from dataclasses import dataclass
 from typing import TypeVar
 
-from anyio import fail_after
+from anyio import CancelScope, current_time
 from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
@@ -16,23 +17,34 @@ T = TypeVar("T")
 
 FORM = "multipart/form-data"
 JSON = "application/json"
-PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif")
+PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif", "image/tiff", "image/avif")
 PHOTO_FIELD = "photo"
 MAX_RECORD_BYTES = 100_000
 MAX_FIELDS = 16
+GRACE = 5.0  # seconds in which a body may be slower than its least rate
 
 
 def media_type(request: Request) -> str:
     return request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
 
-class Body:
-    """The body of a request, limited to `max_bytes` and to `seconds` of receiving it."""
+@dataclass(frozen=True)
+class Limits:
+    """What a body may be."""
 
-    def __init__(self, request: Request, max_bytes: int, seconds: float) -> None:
+    max_bytes: int
+    seconds: float  # from its first byte to its last
+    rate: int  # bytes per second, at least, after GRACE
+
+
+class Body:
+    """The body of a request; `arriving` counts it while it is received, or raises."""
+
+    def __init__(self, request: Request, limits: Limits, arriving: Callable[[], AbstractContextManager[None]]) -> None:
         self.request = request
-        self.max_bytes = max_bytes
-        self.seconds = seconds
+        self.limits = limits
+        self._arriving = arriving
+        self._deadline = CancelScope()
 
     async def photo(self, *also: str) -> bytes:
         """The bytes of one photo; raises ProblemError. `also` names further types, which the caller reads itself."""
@@ -43,23 +55,26 @@ class Body:
         """The bytes of one to `most` photos; raises ProblemError."""
         kind = media_type(self.request)
         if kind == FORM:
-            return await self._in_time(self._photos_of_form(most))
+            return await self._in_time(lambda: self._photos_of_form(most))
         if kind in PHOTO_TYPES:
-            return [await self._in_time(self._whole(self.max_bytes))]
+            return [await self._in_time(lambda: self._whole(self.limits.max_bytes))]
         listed = ", ".join((FORM, *PHOTO_TYPES, *also))
         raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
 
     async def record(self) -> bytes:
         """The bytes of a JSON lighting record; raises ProblemError."""
-        return await self._in_time(self._whole(min(self.max_bytes, MAX_RECORD_BYTES)))
+        return await self._in_time(lambda: self._whole(min(self.limits.max_bytes, MAX_RECORD_BYTES)))
 
-    async def _in_time(self, reading: Awaitable[T]) -> T:
-        try:
-            with fail_after(self.seconds):
-                return await reading
-        except TimeoutError as error:
-            detail = f"The body did not arrive within {self.seconds:g} seconds."
-            raise ProblemError(problems.TOO_SLOW, detail, {"Connection": "close"}) from error
+    async def _in_time(self, reading: Callable[[], Awaitable[T]]) -> T:
+        with self._arriving(), self._deadline:
+            self._expect(0, current_time())
+            return await reading()
+        detail = f"The body must arrive within {self.limits.seconds:g} s and at {self.limits.rate} bytes per second."
+        raise ProblemError(problems.TOO_SLOW, detail, {"Connection": "close"})
+
+    def _expect(self, size: int, began: float) -> None:
+        """After so many bytes, set the time until which the next ones must come."""
+        self._deadline.deadline = began + min(self.limits.seconds, GRACE + size / self.limits.rate)
 
     async def _whole(self, limit: int) -> bytes:
         return b"".join([chunk async for chunk in self._chunks(limit)])
@@ -67,25 +82,27 @@ class Body:
     async def _chunks(self, limit: int) -> AsyncGenerator[bytes, None]:
         announced = self.request.headers.get("content-length", "")
         _check(int(announced) if announced.isdecimal() else 0, limit)
-        size = 0
+        size, began = 0, current_time()
         async for chunk in self.request.stream():
             size += len(chunk)
             _check(size, limit)
+            self._expect(size, began)
             yield chunk
 
     async def _photos_of_form(self, most: int) -> list[bytes]:
         async with self._form(most) as form:
+            _refuse_others(form)
             fields = form.getlist(PHOTO_FIELD)
             files = [field for field in fields if isinstance(field, UploadFile)]
             if not files or len(files) < len(fields):
                 wanted = "one file" if most == 1 else f"1 to {most} files"
-                raise problems.invalid(PHOTO_FIELD, f"The form needs {wanted} in this field and nothing else.")
+                raise problems.invalid(PHOTO_FIELD, f"The form needs {wanted} in this field and nothing else.", "form")
             return [await file.read() for file in files]
 
     @asynccontextmanager
     async def _form(self, most: int) -> AsyncIterator[FormData]:
-        parser = _Form(self.request.headers, self._chunks(self.max_bytes), max_files=most, max_fields=MAX_FIELDS)
-        parser.spool_max_size = self.max_bytes + 1  # in memory, never on disk
+        parser = _Form(self.request.headers, self._chunks(self.limits.max_bytes), max_files=most, max_fields=MAX_FIELDS)
+        parser.spool_max_size = self.limits.max_bytes + 1  # in memory, never on disk
         try:
             form = await parser.parse()
         except MultiPartException as error:
@@ -111,6 +128,14 @@ class _Form(MultiPartParser):
                 file.close()
             raise MultiPartException("It is cut short.")
         return form
+
+
+def _refuse_others(form: FormData) -> None:
+    """Raise ProblemError for fields that are no photo: parameters that were put there would do nothing."""
+    names = [name for name in dict.fromkeys(form) if name != PHOTO_FIELD]
+    detail = "The form takes no such field; files go into photo, and parameters into the URL, as in ?exif=false."
+    if names:
+        raise problems.all_invalid([{"field": name, "place": "form", "detail": detail} for name in names])
 
 
 def _check(size: int, limit: int) -> None:

@@ -114,7 +114,7 @@ def wait_until_ready(server: Server) -> None:
 
 @pytest.fixture(scope="module")
 def server(network: Path) -> Iterator[Server]:
-    with started(network, concurrency=1, queue=2, upload_seconds=20) as server:
+    with started(network, concurrency=1, queue=2, uploads=3, upload_seconds=20) as server:
         yield server
 
 
@@ -190,11 +190,13 @@ def test_a_client_names_itself_only_through_a_proxy_that_is_trusted(network: Pat
 
 def test_clients_that_go_away_in_their_upload_free_their_places(server: Server) -> None:
     connections = [server.begin(1_000_000) for _ in range(3)]
-    server.until("lighting_queue_depth", 3)
-    assert server.request("POST", "/v1/lighting", PHOTO)[0] == 503
+    server.until("lighting_uploads", 3)
+    assert server.metric("lighting_queue_depth") == 0
+    assert server.request("POST", "/v1/lighting", PHOTO)[0] == server.request("GET", "/readyz")[0] == 503
     for connection in connections:
         connection.close()
-    server.until("lighting_queue_depth", 0)
+    server.until("lighting_uploads", 0)
+    assert server.request("GET", "/readyz")[0] == 200
     assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
 
 
@@ -217,6 +219,28 @@ def test_a_slow_upload_is_408_and_harms_nobody(network: Path) -> None:
         assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
         assert slow.recv(100).startswith(b"HTTP/1.1 408 ")
         slow.close()
+        assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
+
+
+def test_a_photo_that_takes_too_long_is_413_and_the_next_one_is_read(network: Path) -> None:
+    with started(network, concurrency=1, decode_seconds=0.1) as server:
+        large = encode(scene(6000, 5000), "PNG", compress_level=1)
+        status, body = server.request("POST", "/v1/lighting", large, "image/png")
+        assert (status, json.loads(body)["detail"]) == (413, "The photo takes longer than 0.1 seconds to decode.")
+    with started(network, concurrency=1) as server:
+        assert server.request("POST", "/v1/lighting", large, "image/png")[0] == 200
+
+
+def test_66_slow_uploads_from_one_address_leave_the_others_alone(network: Path) -> None:
+    with started(network) as server:
+        slow = [server.begin(1_000_000) for _ in range(66)]
+        server.until("lighting_uploads", Settings().uploads_per_client)
+        assert server.request("GET", "/readyz")[0] == 200
+        refused = [connection.recv(100) for connection in slow[Settings().uploads_per_client :]]
+        assert {answer[:12] for answer in refused} == {b"HTTP/1.1 429"}
+        for connection in slow:
+            connection.close()
+        server.until("lighting_uploads", 0)
         assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
 
 

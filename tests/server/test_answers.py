@@ -1,9 +1,11 @@
 """What answers hold beside a lighting record."""
 
+from dataclasses import replace
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from starlette.requests import Request
 
 from lighting.records import Estimate, Lighting, SunDistribution
@@ -29,6 +31,39 @@ def test_the_link_has_the_parameters_of_the_light_under_the_services_root() -> N
     assert SkyQuery.model_validate(said).lighting() == Lighting(
         sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02
     )
+
+
+def test_the_link_has_the_strength_of_the_light_where_it_is_known() -> None:
+    strong = replace(
+        LIGHT,
+        sky_model="preetham",
+        sun_irradiance=(1.9, 1.5, 0.9),
+        sky_irradiance=(0.4, 0.5, 0.8),
+        sky_cover=0.2,
+        ground_color=(0.12, 0.11, 0.1),
+    )
+    said = {name: values[0] for name, values in parse_qs(urlsplit(envmap_link(strong, "")).query).items()}
+    assert said["sun"] == "true"
+    query = SkyQuery.model_validate(said)
+    assert query.sky == "preetham"
+    assert replace(query.lighting(), sky_model="preetham", sun_visibility=0.1) == strong
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"sun_irradiance": "1,2"},
+        {"sun_irradiance": "1,2,red", "sky_irradiance": "1,1,1"},
+        {"sky_irradiance": "1,1,1"},
+        {"sky_cover": "0.5"},
+        {"ground_color": "0.1,0.1,2"},
+        {"sky": "blue"},
+    ],
+)
+def test_a_light_that_contradicts_itself_is_refused(wrong: dict[str, str]) -> None:
+    plain = {"sun_azimuth": "9", "sun_elevation": "30", "turbidity": "3", "exposure": "1"}
+    with pytest.raises(ValidationError):
+        SkyQuery.model_validate(plain | wrong)
 
 
 def test_one_estimate_is_a_record_and_several_are_a_list() -> None:

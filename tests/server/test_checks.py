@@ -4,7 +4,7 @@ import pytest
 
 from server.checks import check_photos, refuse_given
 from server.problems import ProblemError
-from server.queries import GivenQuery, LightingQuery
+from server.queries import EnvmapQuery, LightingQuery
 
 
 def error_of(error: ProblemError) -> tuple[str, int]:
@@ -33,7 +33,8 @@ def test_headings_that_fit_are_taken() -> None:
 
 
 def test_a_record_takes_nothing_that_describes_a_photo() -> None:
-    refuse_given(GivenQuery())
-    with pytest.raises(ProblemError) as caught:
-        refuse_given(GivenQuery(fov=50.0))
-    assert error_of(caught.value) == ("fov", 422)
+    refuse_given(EnvmapQuery(sky="perez"))
+    for query, field in ((EnvmapQuery(fov=50.0), "fov"), (EnvmapQuery(surroundings=True), "surroundings")):
+        with pytest.raises(ProblemError) as caught:
+            refuse_given(query)
+        assert error_of(caught.value) == (field, 422)

@@ -13,6 +13,7 @@ from starlette.types import Message
 from lighting.photo.read import Photo
 from lighting.pipeline import Estimator
 from lighting.records import Estimate
+from server import uploads
 from server.app import create_app
 from server.limiter import BusyError, Limiter
 from server.service import Service
@@ -29,9 +30,9 @@ class Held:
         self.estimates = 0
         read, estimate = self.service.read, self.service.estimate
 
-        def held_read(data: bytes) -> Photo:
+        def held_read(*arguments: Any) -> Photo:
             assert self.release.wait(30)
-            photo: Photo = read(data)
+            photo: Photo = read(*arguments)
             return photo
 
         def counted_estimate(*arguments: Any) -> list[Estimate]:
@@ -144,10 +145,11 @@ def test_an_upload_that_breaks_off_frees_its_place(held: Held, jpeg: bytes) -> N
         client = Client(held.app, jpeg, sent=100)
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(client.ask)
-            await until(lambda: held.service.limiter.waiting == 1)
+            await until(lambda: held.service.arrivals.count == 1)
+            assert held.service.limiter.admitted == 0
             client.gone.set()
         assert client.status == 499
-        assert held.service.limiter.admitted == 0
+        assert held.service.arrivals.count == 0
 
     anyio.run(scenario)
 
@@ -159,7 +161,66 @@ def test_an_upload_that_takes_too_long_is_408_and_frees_its_place(estimator: Est
         await client.ask()
         assert client.status == 408
         assert client.headers[b"connection"] == b"close"
-        assert app.state.service.limiter.admitted == 0
+        assert app.state.service.arrivals.count == 0
+
+    anyio.run(scenario)
+
+
+def test_an_upload_that_is_slower_than_the_least_rate_is_408(
+    estimator: Estimator, jpeg: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uploads, "GRACE", 0.05)
+
+    async def scenario(sent: int) -> int:
+        client = Client(create_app(Settings(upload_rate=1000), estimator), jpeg, sent=sent)
+        with anyio.move_on_after(1.0):
+            await client.ask()
+        return client.status
+
+    assert anyio.run(scenario, 100) == 408  # 0.05 s and 0.1 s for the bytes that came
+    assert anyio.run(scenario, 3000) == 0  # more than 3 s
+
+
+def test_slow_uploads_take_no_place_from_others(held: Held, jpeg: bytes) -> None:
+    async def scenario() -> None:
+        held.release.set()
+        slow = [Client(held.app, jpeg, sent=100) for _ in range(6)]
+        quick = Client(held.app, jpeg)
+        async with anyio.create_task_group() as tasks:
+            for client in slow:
+                tasks.start_soon(client.ask)
+            await until(lambda: held.service.arrivals.count == len(slow))
+            assert not held.service.full
+            await quick.ask()
+            for client in slow:
+                client.gone.set()
+        assert quick.status == 200
+        assert {client.status for client in slow} == {499}
+
+    anyio.run(scenario)
+
+
+def test_a_queue_that_filled_during_an_upload_is_told(held: Held, jpeg: bytes) -> None:
+    async def scenario() -> None:
+        late, *others = (Client(held.app, jpeg) for _ in range(3))
+        late.bodies = [
+            {"type": "http.request", "body": jpeg[100:], "more_body": False},
+            {"type": "http.request", "body": jpeg[:100], "more_body": True},
+        ]
+        arrived = late.receive
+
+        async def after_the_others() -> Message:
+            if len(late.bodies) == 1:
+                await until(lambda: held.service.limiter.full)
+            return await arrived()
+
+        late.receive = after_the_others  # type: ignore[method-assign]
+        async with anyio.create_task_group() as tasks:
+            for client in (late, *others):
+                tasks.start_soon(client.ask)
+            await until(lambda: late.status)
+            held.release.set()
+        assert [client.status for client in (late, *others)] == [503, 200, 200]
 
     anyio.run(scenario)
 

@@ -4,6 +4,7 @@ from prometheus_client import generate_latest
 from starlette.testclient import TestClient
 
 from lighting.pipeline import Estimator
+from server.arrivals import Arrivals
 from server.limiter import Limiter
 from server.metrics import Metrics
 from tests.server.conftest import client_of, jpeg_headers, sample
@@ -42,9 +43,10 @@ def test_two_services_count_apart(estimator: Estimator) -> None:
 
 
 def test_the_gauges_follow_the_limiter() -> None:
-    limiter = Limiter(1, 2)
-    metrics = Metrics(limiter)
-    with limiter.admission(), limiter.admission():
+    limiter, arrivals = Limiter(1, 2), Arrivals(3, 2)
+    metrics = Metrics(limiter, arrivals)
+    with limiter.admission(), limiter.admission(), arrivals.one_of("me"):
         text = generate_latest(metrics.registry).decode()
     assert "lighting_queue_depth 2.0" in text
     assert "lighting_running 0.0" in text
+    assert "lighting_uploads 1.0" in text

@@ -14,7 +14,7 @@ from schemathesis.engine.events import FatalError, NonFatalError, ScenarioFinish
 from schemathesis.engine.recorder import ScenarioRecorder
 from starlette.testclient import TestClient
 
-from lighting import render
+from lighting.envmap import view
 from lighting.pipeline import Estimator
 from lighting.stereo import plan_photos, plan_record
 from server import tasks
@@ -22,12 +22,14 @@ from server.app import create_app
 from server.plans import PlanQuery
 from server.schemas import Problem
 from server.settings import Settings
+from server.uploads import PHOTO_TYPES
 from tests.conftest import encode, scene
 
 OPERATIONS = {
     "estimate_lighting": ("post", "/v1/lighting"),
     "render_envmap": ("get", "/v1/envmap"),
     "estimate_envmap": ("post", "/v1/envmap"),
+    "show_photo": ("post", "/v1/photo"),
     "draw_preview": ("post", "/v1/preview"),
     "render_scene": ("get", "/v1/scene"),
     "estimate_scene": ("post", "/v1/scene"),
@@ -94,18 +96,20 @@ def test_every_reference_leads_somewhere(document: dict[str, Any]) -> None:
 
 WITH_CONDITIONS = (
     "estimate_lighting",
+    "render_envmap",
     "estimate_envmap",
     "draw_preview",
     "render_scene",
     "estimate_scene",
     "plan_stereo",
+    "show_photo",
 )
-TOGETHER = {  # parameters that are each right may not fit each other: a time of night, a latitude alone
-    "positive_data_acceptance": {"expected-statuses": ["2xx", "401", "403", "404", "422"]}
+TOGETHER = {  # values that are each right may not fit each other, such as a time of night; a file may be empty (400)
+    "positive_data_acceptance": {"expected-statuses": ["2xx", "400", "401", "403", "404", "422"]}
 }
 
 PHOTOS = st.sampled_from([encode(scene(64, 48)), encode(scene(40, 90), quality=20)])
-for media in ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif"):
+for media in PHOTO_TYPES:
     schemathesis.openapi.media_type(media, PHOTOS)  # what a photo is, the document cannot say
 schemathesis.openapi.format("binary", PHOTOS)
 
@@ -113,7 +117,7 @@ schemathesis.openapi.format("binary", PHOTOS)
 @pytest.fixture
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
-    monkeypatch.setattr(tasks, "render", lambda lighting, _, sun=None: render(lighting, 16, sun=sun))
+    monkeypatch.setattr(tasks, "view", lambda lighting, _, **options: view(lighting, 16, **options))
     monkeypatch.setattr(tasks, "preview_png", lambda *_: encode(scene(16, 16), "PNG"))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: None)

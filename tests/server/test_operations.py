@@ -2,6 +2,7 @@
 
 import logging
 import re
+from contextlib import ExitStack
 
 import pytest
 from fastapi import FastAPI
@@ -12,6 +13,7 @@ from lighting.pipeline import Estimator
 from server.app import create_app
 from server.settings import Settings
 from tests.server.conftest import client_of, sample
+from tests.server.test_problems import problem
 
 JPEG = {"Content-Type": "image/jpeg"}
 
@@ -23,6 +25,24 @@ def test_it_is_ready_once_the_network_has_answered(app: FastAPI, estimator: Esti
         app.state.service.answer_once()
         assert client.get("/readyz").json() == client.get("/healthz").json() == {"status": "ok"}
         assert sample(client, 'lighting_model_info{name="tiny",version="0.0.1"}') == 1
+
+
+def test_readiness_tells_when_the_next_photo_would_be_refused(app: FastAPI) -> None:
+    service = app.state.service
+    with TestClient(app) as client, ExitStack() as taken:
+        service.answer_once()
+        for number in range(service.limiter.capacity):
+            assert client.get("/readyz").status_code == 200, number
+            taken.enter_context(service.limiter.admission())
+        answer = client.get("/readyz")
+        problem(answer, 503, "busy")
+        assert answer.headers["retry-after"] == "1"
+        assert client.get("/livez").status_code == 200
+        taken.close()
+        assert client.get("/readyz").status_code == 200
+        for number in range(service.settings.uploads):
+            taken.enter_context(service.arrivals.one_of(f"client {number}"))
+        problem(client.get("/healthz"), 503, "busy")
 
 
 def test_a_network_that_cannot_answer_is_never_ready(

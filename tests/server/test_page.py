@@ -1,30 +1,43 @@
 """The page at /: what the service serves of it, and the page itself in Chromium, driven by tests/browser/page.mjs."""
 
+import gzip
 import json
+import os
 import shutil
+import struct
 import subprocess
+import sys
 import threading
 import time
+import zipfile
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 import uvicorn
 from fastapi import FastAPI
+from numpy.typing import NDArray
+from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting import Lighting, read_exr
-from lighting.files import full_record
+from lighting.files import full_record, read_hdr
 from lighting.pipeline import Estimator
+from lighting.scene import TOOLS
 from server.app import create_app
 from server.page import BUNDLE, page_router
 from server.settings import Settings
 
 ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "railway_field.jpg"
-PATIENCE = 400.0  # seconds
+DATED = ROOT / "examples" / "rome" / "noon_square.jpg"  # it has a time and a focal length, and no place
+PATIENCE = 900.0  # seconds
+FIRST_VIEW = 1_000_000  # bytes, compressed
+SEEN_RATIO = 0.75  # of the light that is left in the object's shadow, at most: sun and sky of a clear day
 
 
 def missing() -> str:
@@ -57,27 +70,77 @@ def url() -> Iterator[str]:
     thread.join()
 
 
+def halves() -> Image.Image:
+    """A sky above ground of which the right half lies in shade."""
+    pixels = np.full((240, 320, 3), (120, 160, 220), dtype=np.uint8)
+    pixels[120:, :160] = 190
+    pixels[120:, 160:] = 70
+    return Image.fromarray(pixels)
+
+
+def box_model() -> bytes:
+    """A .glb of one triangle with a material of its own."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
+    document = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+        "materials": [{"doubleSided": True, "pbrMetallicRoughness": {"baseColorFactor": [0, 0.6, 0.1, 1]}}],
+        "buffers": [{"byteLength": len(points)}], "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [1, 1, 0],
+                       "min": [0, 0, 0]}],
+    }  # fmt: skip
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(points), 0x004E4942) + points
+    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+def files_for(folder: Path) -> dict[str, str]:
+    """What the visitor brings along, by name."""
+    (folder / "notes.txt").write_text("This is no photo.", encoding="utf-8")
+    (folder / "box.glb").write_bytes(box_model())
+    halves().save(folder / "halves.png")
+    heic = ""
+    with suppress(ImportError):
+        import pillow_heif
+
+        heic = str(folder / "photo.heic")
+        with Image.open(PHOTO) as photo:
+            pillow_heif.from_pillow(photo.resize((320, 240))).save(heic)
+    shutil.copy(PHOTO, folder)
+    return {
+        **{"photo": str(PHOTO), "dated": str(DATED), "textFile": str(folder / "notes.txt"), "heic": heic},
+        **{"halves": str(folder / "halves.png"), "model": str(folder / "box.glb"), "folder": str(folder)},
+    }
+
+
 @pytest.fixture(scope="module")
 def visit(url: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What a visitor saw, and the folder with what they downloaded."""
     folder = tmp_path_factory.mktemp("visit")
-    text = folder / "notes.txt"
-    text.write_text("This is no photo.", encoding="utf-8")
-    command = ["node", str(ROOT / "tests" / "browser" / "page.mjs"), url, str(chromium()), str(PHOTO), str(text)]
-    done = subprocess.run([*command, str(folder)], capture_output=True, text=True, timeout=PATIENCE)
+    script = str(ROOT / "tests" / "browser" / "page.mjs")
+    command = ["node", script, url, str(chromium()), json.dumps(files_for(folder))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
-    return {**json.loads(done.stdout), "folder": folder}
+    return {**json.loads(done.stdout), "folder": folder, "url": url}
 
 
 in_chromium = pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")
 
 
+def colours(file: Path) -> NDArray[np.float64]:
+    """A picture's linear luminance, roughly."""
+    with Image.open(file) as picture:
+        return (np.asarray(picture.convert("L"), dtype=np.float64) / 255) ** 2.2
+
+
 @pytest.mark.slow
 @in_chromium
-class TestInChromium:
+class TestTheLight:
     def test_a_photo_is_answered(self, visit: dict[str, Any]) -> None:
         assert visit["title"].startswith("Sun ")
         assert {"Sun azimuth", "Turbidity", "Vertical field of view"} <= set(visit["numbers"])
+        assert "of this photo alone" in visit["note"]
         record = json.loads((visit["folder"] / "estimate.json").read_text())
         assert full_record(Lighting.from_dict(record)) == record
 
@@ -85,11 +148,19 @@ class TestInChromium:
         assert "within 10°" in visit["readout"]
         assert visit["changed"]
 
+    def test_sixty_key_presses_make_at_most_two_requests(self, visit: dict[str, Any]) -> None:
+        assert len(visit["pressed"]) <= 2
+
+    def test_they_are_undone_in_one_step(self, visit: dict[str, Any]) -> None:
+        assert visit["undone"] != visit["slid"] == visit["redone"]
+
     def test_a_slider_moves_the_sun(self, visit: dict[str, Any]) -> None:
         assert visit["slider"] == "straight behind"
-        assert visit["before"] != visit["after"]
-        edited = Lighting.from_dict(json.loads((visit["folder"] / "edited.json").read_text()))
-        assert edited.sun_azimuth == -180
+        assert "no WebGL" in visit["flat"]
+        text = (visit["folder"] / "edited.json").read_text()
+        assert Lighting.from_dict(json.loads(text)).sun_azimuth == -180
+        assert not {"radius_50", "radius_90"} & set(json.loads(text)["sun"])
+        assert json.loads(text)["sun"]["visibility"] in (0, 1)
 
     def test_the_map_that_is_downloaded_has_the_sun_where_the_slider_put_it(self, visit: dict[str, Any]) -> None:
         assert visit["exr"] == "railway_field.exr"
@@ -97,14 +168,146 @@ class TestInChromium:
         assert image.shape == (512, 1024, 3)
         _, column, _ = np.unravel_index(int(image.argmax()), image.shape)
         assert min(column, 1023 - column) <= 2
+        assert read_hdr(visit["folder"] / "map.hdr").shape == (256, 512, 3)
+        assert Image.open(visit["folder"] / "map.png").size == (512, 256)
+
+    def test_every_scene_and_the_preview_are_downloaded(self, visit: dict[str, Any]) -> None:
+        for tool in TOOLS:
+            with zipfile.ZipFile(visit["folder"] / f"{tool}.zip") as scene:
+                assert any(name.endswith((".jpg", ".png")) for name in scene.namelist())
+        assert Image.open(visit["folder"] / "preview.png").width == 1600
+
+    def test_what_is_copied_runs(self, visit: dict[str, Any]) -> None:
+        """The commands as curl, the programs in Python, for the estimate and for the light that was changed."""
+        folder, target = visit["folder"], visit["folder"] / "railway_field.exr"
+        assert visit["url"] in visit["curl"]
+        assert "sun_azimuth=-180" in visit["changedCurl"]
+        maps = []
+        for kind in ("curl", "python", "changedCurl", "changedPython"):
+            target.unlink(missing_ok=True)
+            if kind.lower().endswith("curl"):
+                command = ["sh", "-c", visit[kind]]
+            else:
+                command = [sys.executable, "-c", visit[kind]]
+            environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+            subprocess.run(command, cwd=folder, env=environment, check=True, timeout=120, capture_output=True)
+            maps.append(read_exr(target)[0])
+        assert np.allclose(maps[0], maps[1], rtol=1e-3)
+        assert np.allclose(maps[2], maps[3], rtol=1e-3)
+        assert not np.allclose(maps[0], maps[2], rtol=1e-3)
 
     def test_a_text_file_is_refused_in_words(self, visit: dict[str, Any]) -> None:
         assert "photo" in visit["error"]
         assert visit["kept"] == visit["title"]
 
-    def test_an_example_is_answered_on_a_narrow_screen(self, visit: dict[str, Any]) -> None:
-        assert visit["example"].startswith("Sun ")
-        assert visit["overflow"] == 0
+
+@pytest.mark.slow
+@in_chromium
+class TestTheObject:
+    def test_a_click_moves_it_there(self, visit: dict[str, Any]) -> None:
+        assert np.allclose(visit["clicked"], [0.44, 0.85], atol=0.01)
+        assert "away, if the camera was 1.6 m above the ground" in visit["scene"]
+
+    def test_a_drag_turns_it_and_leaves_it_where_it_is(self, visit: dict[str, Any]) -> None:
+        turn, foot = visit["dragged"]
+        assert float(turn) > 10
+        assert foot == visit["clicked"]
+
+    def test_keys_move_turn_and_scale_it(self, visit: dict[str, Any]) -> None:
+        (turn, foot, _), (before, start) = visit["keyed"], visit["dragged"]
+        assert float(turn) == pytest.approx(float(before) + 10, abs=1)
+        assert foot[0] > start[0]
+        assert foot[1] < start[1]
+
+    def test_the_sky_is_no_place_for_it(self, visit: dict[str, Any]) -> None:
+        note, foot = visit["sky"]
+        assert "below the horizon" in note
+        assert foot == visit["keyed"][1]
+
+    def test_all_of_it_is_undone(self, visit: dict[str, Any]) -> None:
+        undo, foot = visit["back"]
+        assert not undo
+        assert foot != visit["clicked"]
+
+    def test_the_shadow_darkens_lit_ground_and_ends_where_the_photo_is_in_shade(self, visit: dict[str, Any]) -> None:
+        """The sun is to the left: the shadow runs to the right, from the lit half into the half in shade."""
+        picture = colours(visit["folder"] / "shadow.png")
+        height, width = picture.shape
+        rows = slice(round(0.82 * height), round(0.88 * height))
+        lit, shade = picture[rows, round(0.2 * width)].mean(), picture[rows, round(0.95 * width)].mean()
+        shadow = picture[rows, round(0.485 * width) : round(0.495 * width)]
+        beyond = picture[rows, round(0.53 * width) : round(0.6 * width)]
+        assert np.median(shadow) < SEEN_RATIO * lit
+        assert beyond.min() > 0.85 * shade
+
+    def test_its_light_follows_the_sun(self, visit: dict[str, Any]) -> None:
+        assert visit["before"] != visit["after"]
+
+    def test_materials_look_different(self, visit: dict[str, Any]) -> None:
+        assert len(set(visit["looks"])) == 3
+
+    def test_a_dropped_glb_takes_its_place_in_its_own_material(self, visit: dict[str, Any]) -> None:
+        assert not visit["ownOffered"]
+        assert visit["own"] == ["chair.glb", True]
+        with Image.open(visit["folder"] / "own.png") as picture:
+            red, green, _ = np.moveaxis(np.asarray(picture.convert("RGB"), dtype=int), 2, 0)
+        assert (green > red + 40).sum() > 50
+        assert "cannot be read" in visit["brokenModel"]
+
+
+@pytest.mark.slow
+@in_chromium
+class TestWhatThePhotoSays:
+    def test_it_is_shown(self, visit: dict[str, Any]) -> None:
+        time, place, _, lens, camera = visit["facts"]
+        assert (time, place) == ("2024-08-10 14:11:58 (no time zone)", "not in the file")
+        assert (lens, camera) == ("20 mm (as of a 35 mm camera)", "SONY ILCE-9M2")
+
+    def test_it_is_corrected_in_the_page(self, visit: dict[str, Any]) -> None:
+        (asked,) = visit["corrected"]
+        assert {"lat=41.91", "lon=12.48", "utc_offset=%2B02%3A00"} <= set(urlsplit(asked).query.split("&"))
+        before, corrected, after = visit["evidence"]
+        assert "time and place" in corrected
+        assert "time and place" not in before == after
+        assert visit["form"] == "2024-08-10T14:11:58"
+        assert "dark" in visit["night"]
+
+    def test_several_photos_are_answered_together(self, visit: dict[str, Any]) -> None:
+        assert len(visit["together"]) == 2
+        assert "other photos" in visit["togetherEvidence"]
+        assert visit["second"] == [DATED.name, "true"]
+
+    def test_heic_is_shown_as_the_service_decodes_it(self, visit: dict[str, Any]) -> None:
+        if "heic" not in visit:
+            pytest.skip("pillow-heif is not installed")
+        width, height, status = visit["heic"]
+        assert (width, height) == (320, 240)
+        assert "The service decoded it" in status
+
+    def test_the_headline_is_as_soft_as_the_answer(self, visit: dict[str, Any]) -> None:
+        assert visit["titles"] == [
+            "No sun to be seen",
+            "Sun probably right of the camera",
+            "This does not look like an outdoor daylight photo",
+        ]
+        assert visit["warnings"] == ["The clock and the pixels disagree."]
+
+
+@pytest.mark.slow
+@in_chromium
+class TestForEverybody:
+    def test_an_example_is_answered_on_a_narrow_screen_by_keyboard(self, visit: dict[str, Any]) -> None:
+        assert len(visit["examples"]) == 6
+        assert visit["example"]
+        assert visit["overflow"] == [0, 0]
+
+    def test_axe_finds_nothing_serious(self, visit: dict[str, Any]) -> None:
+        assert visit["faultsBefore"] == visit["faults"] == visit["narrowFaults"] == []
+
+    def test_the_first_view_is_small(self, visit: dict[str, Any]) -> None:
+        served = [BUNDLE / (path or "index.html") for path in visit["first"]]
+        assert len(served) > 8
+        assert sum(len(gzip.compress(file.read_bytes())) for file in served) < FIRST_VIEW
 
     def test_the_browser_has_nothing_to_complain_of(self, visit: dict[str, Any]) -> None:
         """No script error, nothing the content policy stops, nothing from another host."""

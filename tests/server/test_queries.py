@@ -9,6 +9,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from starlette.testclient import TestClient
 
 from lighting import Given, read_exr, render
@@ -17,7 +18,7 @@ from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from lighting.records import OPTIONAL_RANGES, RANGES
-from server.queries import GivenQuery
+from server.queries import GivenQuery, MapQuery
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import client_of, jpeg_headers
 from tests.server.test_problems import problem
@@ -80,7 +81,7 @@ def test_maps_and_previews_take_the_same_parameters(client: TestClient, estimato
     expected = estimator(read_photo(PLAIN), given).lighting
     image, lighting = read_exr(BytesIO(ask(client, path="/v1/envmap", height=32, heading=100, **NOON).content))
     assert lighting == expected
-    assert np.array_equal(image, render(expected, 32))
+    np.testing.assert_allclose(image, render(expected, 32), rtol=1e-4)
     assert ask(client, path="/v1/preview", heading=100, **NOON).content != ask(client, path="/v1/preview").content
 
 
@@ -230,3 +231,10 @@ def test_what_is_said_of_several_photos_must_fit_their_number(
 ) -> None:
     (error,) = problem(together(client, PLAIN, PLAIN, **query), 422, "invalid")["errors"]
     assert error["field"] == field
+
+
+def test_a_compression_goes_with_exr_alone_and_its_default_with_all() -> None:
+    assert MapQuery(format="png", compression="zip").compression == "zip"
+    assert MapQuery(format="exr", compression="pxr24").compression == "pxr24"
+    with pytest.raises(ValidationError, match="compression goes with format=exr"):
+        MapQuery(format="hdr", compression="pxr24")

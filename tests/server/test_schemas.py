@@ -53,6 +53,27 @@ def test_a_record_becomes_the_librarys() -> None:
     )  # fmt: skip
 
 
+def test_the_strength_of_the_light_becomes_the_librarys() -> None:
+    strong = {
+        **RECORD,
+        "sun": {**RECORD["sun"], "irradiance": [1.9, 1.5, 0.9]},
+        "sky": {**RECORD["sky"], "model": "cie-3", "irradiance": [0.4, 0.5, 0.8], "cover": 0.2},
+        "ground": {"color": [0.12, 0.11, 0.1]},
+        "suitable": 0.9,
+    }
+    lighting = LightingRecord.model_validate(strong).lighting()
+    assert lighting.sun_irradiance == (1.9, 1.5, 0.9)
+    assert (lighting.sky_model, lighting.sky_cover, lighting.suitable) == ("cie-3", 0.2, 0.9)
+    assert lighting.ground_color == (0.12, 0.11, 0.1)
+    assert LightingRecord.model_validate(lighting.to_dict()).lighting() == lighting
+
+
+@pytest.mark.parametrize("irradiance", [[1.0, 2.0], [1.0, 2.0, -1.0], "white"])
+def test_an_irradiance_is_three_numbers(irradiance: object) -> None:
+    with pytest.raises(ValidationError):
+        LightingRecord.model_validate({**RECORD, "sky": {**RECORD["sky"], "irradiance": irradiance}})
+
+
 def test_computed_and_unknown_fields_of_a_record_are_ignored() -> None:
     derived = {**RECORD, "sun": {**RECORD["sun"], "direction": [9.0, 9.0, 9.0]}, "unknown": 1}
     assert LightingRecord.model_validate(derived).lighting() == LightingRecord.model_validate(RECORD).lighting()

@@ -13,7 +13,7 @@ from server.settings import Settings, SettingsError
 from tests.server.conftest import SKY, client_of
 from tests.server.test_problems import problem
 
-OPEN = ("/", "/livez", "/readyz", "/healthz", "/metrics", "/openapi.json")
+OPEN = ("/", "/favicon.ico", "/livez", "/readyz", "/healthz", "/metrics", "/openapi.json")
 JPEG = {"Content-Type": "image/jpeg"}
 
 
@@ -32,17 +32,23 @@ def test_each_key_opens(guarded: TestClient, key: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "header", [None, "", "Bearer", "Bearer ", "Bearer third", "Bearer FIRST", "Bearer first,", "Basic first", "first",
-               "Bearer # who: the robot", "Bearer until May", "Bearer é"],
+    ("header", "status"), [
+        (None, 401), ("", 401), ("Bearer", 401), ("Bearer ", 401), ("Basic first", 401), ("first", 401),
+        ("Bearer third", 403), ("Bearer FIRST", 403), ("Bearer first,", 403), ("Bearer # who: the robot", 403),
+        ("Bearer until May", 403), ("Bearer é", 403),
+    ],
 )  # fmt: skip
-def test_nothing_else_does(guarded: TestClient, header: str | None) -> None:
+def test_nothing_else_does_and_a_wrong_key_is_told_from_none(
+    guarded: TestClient, header: str | None, status: int
+) -> None:
     headers = {} if header is None else {b"Authorization": header.encode("latin-1")}
     for answer in (
         guarded.get("/v1/model", headers=headers),
         guarded.get("/v1/envmap?sun=perhaps", headers=headers),
         guarded.post("/v1/lighting", content=b"no photo", headers=headers),
     ):
-        problem(answer, 401, "unauthorised")
+        body = problem(answer, status, {401: "unauthorised", 403: "forbidden"}[status])
+        assert ("none of the service's" in body["detail"]) == (status == 403)
         assert answer.headers["www-authenticate"] == "Bearer"
 
 
@@ -59,7 +65,7 @@ def test_the_document_tells_of_keys_and_rates_where_they_apply(guarded: TestClie
     path = "/v1/lighting"
     closed, free = (c.get("/openapi.json").json()["paths"][path]["post"] for c in (guarded, client))
     assert closed["security"]
-    assert "401" in closed["responses"]
+    assert {"401", "403"} <= set(closed["responses"])
     assert "security" not in free
     assert "401" not in free["responses"]
 
@@ -100,7 +106,7 @@ def test_the_rate_of_each_client_is_limited(estimator: Estimator) -> None:
 def test_keys_cannot_be_guessed_faster_than_the_rate(estimator: Estimator) -> None:
     client = client_of(estimator, rate_limit="2/minute", api_keys="right")
     guesses = [client.get("/v1/model", headers={"Authorization": f"Bearer {key}"}).status_code for key in "abc"]
-    assert guesses == [401, 401, 429]
+    assert guesses == [403, 403, 429]
 
 
 def test_several_limits_apply_together() -> None:

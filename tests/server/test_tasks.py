@@ -1,5 +1,6 @@
 """The CPU work of requests, called as the limiter calls it."""
 
+import json
 import zipfile
 from collections.abc import Callable
 from io import BytesIO
@@ -14,7 +15,7 @@ from lighting.errors import PhotoError
 from lighting.files import read_exr
 from lighting.pipeline import Estimator
 from server import tasks
-from server.queries import EnvmapQuery, GivenQuery, LightingQuery, SkySceneQuery
+from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkySceneQuery
 from server.service import Service
 from server.settings import Settings
 from tests.conftest import encode, scene
@@ -52,6 +53,15 @@ def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service
     (estimate,) = in_a_thread(tasks.estimated_together, service, [PHOTO], LightingQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
     assert lighting == estimate.lighting
+
+
+def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Service) -> None:
+    query = PhotoSceneQuery.model_validate({"tool": "mitsuba", "height": 32, "sun_azimuth": 77.5, "turbidity": 2.5})
+    data = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, query)
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        record = json.loads(archive.read(next(name for name in archive.namelist() if name.endswith(".json"))))
+    lighting = record.get("lighting", record)
+    assert (lighting["sun"]["azimuth"], lighting["sky"]["turbidity"]) == (77.5, 2.5)
 
 
 def test_a_photo_becomes_a_preview(service: Service) -> None:

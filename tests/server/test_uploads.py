@@ -50,7 +50,9 @@ BAD_PHOTOS = {
     "a JPEG's first bytes": (GOOD[:20], 400),
     "a JPEG without its first byte": (GOOD[1:], 400),
     "GIF": (encode(scene(64, 64), "GIF"), 400),
-    "TIFF": (encode(scene(64, 64), "TIFF"), 400),
+    "BMP": (encode(scene(64, 64), "BMP"), 400),
+    "a TIFF of floats": (encode(Image.new("F", (64, 64)), "TIFF"), 400),
+    "a RAW file without a preview": (b"FUJIFILMCCD-RAW 0201" + bytes(200), 400),
     "SVG": (b'<?xml version="1.0"?><svg xmlns="http://www.w3.org/2000/svg" width="99" height="99"/>', 400),
     "PostScript": (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 99 99\n", 400),
     "1 x 1": (encode(scene(1, 1), "PNG"), 400),
@@ -190,7 +192,7 @@ def test_a_form_that_is_not_as_it_should_be(client: TestClient, name: str) -> No
     data, status = BAD_FORMS[name]
     headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}"}
     body = problem(client.post("/v1/lighting", content=data, headers=headers), status, FORM_KINDS[status])
-    assert status == 400 or body["errors"][0]["field"] == "photo"
+    assert status == 400 or body["errors"][0]["field"] == ("other" if name == "another field" else "photo")
 
 
 FORM_KINDS = {400: "unreadable-body", 422: "invalid"}
@@ -210,11 +212,35 @@ def test_a_form_in_a_wrong_charset_does_no_harm(client: TestClient, charset: str
     assert client.post("/v1/lighting", content=form(FILE), headers=headers).status_code in (200, 400, 422)
 
 
-def test_a_form_may_hold_other_fields_and_any_file_name(client: TestClient) -> None:
+def test_a_file_in_a_form_may_have_any_name(client: TestClient) -> None:
     for name in ("../../etc/passwd", "a\0b", "x" * 2000, "фото.jpg", ""):
         files: Any = {"photo": (name or "p", GOOD, "text/html")}
-        answer = client.post("/v1/lighting", files=files, data={"note": "hello"})
-        assert answer.status_code == 200, name
+        assert client.post("/v1/lighting", files=files).status_code == 200, name
+
+
+@pytest.mark.parametrize("path", ["/v1/lighting", "/v1/envmap", "/v1/preview", "/v1/scene?tool=usd"])
+def test_fields_of_a_form_that_would_do_nothing_are_named_with_their_place(client: TestClient, path: str) -> None:
+    files: Any = {"photo": ("p.jpg", GOOD, "image/jpeg")}
+    body = problem(client.post(path, files=files, data={"lat": "9999", "note": "hello"}), 422, "invalid")
+    assert [(error["field"], error["place"]) for error in body["errors"]] == [("lat", "form"), ("note", "form")]
+    assert "parameters into the URL" in body["detail"]
+
+
+def test_a_file_in_another_field_is_named(client: TestClient) -> None:
+    files: Any = dict.fromkeys(("photo", "other"), ("p.jpg", GOOD, "image/jpeg"))
+    (error,) = problem(client.post("/v1/lighting", files=files), 422, "invalid")["errors"]
+    assert (error["field"], error["place"]) == ("other", "form")
+
+
+def test_a_parameter_of_the_url_is_placed_there(client: TestClient) -> None:
+    headers = {"Content-Type": "image/jpeg"}
+    (error,) = problem(client.post("/v1/lighting?lat=9999&lon=1", content=GOOD, headers=headers), 422, "invalid")[
+        "errors"
+    ]
+    assert (error["field"], error["place"]) == ("lat", "query")
+    record = {"sun": {"azimuth": 999, "elevation": 2}, "sky": {"turbidity": 3, "exposure": 0.1}}
+    (error,) = problem(client.post("/v1/envmap", json=record), 422, "invalid")["errors"]
+    assert (error["field"], error["place"]) == ("sun.azimuth", "body")
 
 
 def test_a_record_has_a_limit_of_its_own(client: TestClient) -> None:

@@ -3,23 +3,39 @@
 import { apiKey } from "./key";
 import type { Camera } from "./pure/camera";
 import type { Distribution } from "./pure/distribution";
+import { type Given, givenQuery } from "./pure/given";
+import type { Triple } from "./sky/model";
 
-/** The record of a photo's light, as the service answers it. */
+/** The record of a photo's light, as the service answers it; what may be missing is newer than some networks. */
 export interface Lighting {
   model: { name: string; version: string };
+  suitable?: number; // probability that this is an outdoor daylight photo
   sun: {
     azimuth: number;
     elevation: number;
     direction: [number, number, number];
     visibility: number;
+    irradiance?: Triple; // of a plane that faces it
     radius_50: number;
     radius_90: number;
   };
-  sky: { model: string; turbidity: number; ground_albedo: number; exposure: number; coefficients?: unknown };
-  camera: Camera;
+  sky: {
+    model: string;
+    turbidity: number;
+    ground_albedo: number;
+    exposure: number;
+    cover?: number; // 0 clear to 1 overcast
+    irradiance?: Triple; // of level ground
+    coefficients?: unknown;
+  };
+  ground?: { color: Triple };
+  camera: Camera & { heading?: number; heading_radius_50?: number; relative_heading?: number };
   evidence: string[];
   warnings: string[];
 }
+
+/** The record of a light that was changed by hand: what the estimate said of itself is no longer in it. */
+export type Edited = Omit<Lighting, "sun"> & { sun: Omit<Lighting["sun"], "radius_50" | "radius_90"> };
 
 export interface Estimate extends Lighting {
   links: { envmap: string };
@@ -49,27 +65,64 @@ export class Refusal extends Error {
   }
 }
 
-export async function estimate(photo: Blob, signal: AbortSignal): Promise<Estimate> {
-  const form = new FormData();
-  form.append("photo", photo);
-  const response = await ask("v1/lighting?probability=true", { method: "POST", body: form, signal });
-  return (await response.json()) as Estimate;
+export const TOOLS = ["blender", "usd", "gltf", "threejs", "mitsuba"] as const;
+export type Tool = (typeof TOOLS)[number];
+
+/** The light of photos of one place, one estimate for each. */
+export async function estimate(photos: Blob[], given: Given, signal: AbortSignal): Promise<Estimate[]> {
+  const query = givenQuery(given, photos.length);
+  query.set("probability", "true");
+  const response = await ask(`v1/lighting?${query}`, { method: "POST", body: formOf(photos), signal });
+  const answer = (await response.json()) as Estimate | { lightings: Estimate[] };
+  return "lightings" in answer ? answer.lightings : [answer];
+}
+
+/** The photo upright, as JPEG, for browsers that cannot decode the file. */
+export const uprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =>
+  send("v1/photo", formOf([photo]), signal);
+
+/** The preview of a photo's estimate, as PNG. */
+export const previewFile = (photo: Blob, given: Given): Promise<Blob> =>
+  send(`v1/preview?${givenQuery(given, 1)}`, formOf([photo]));
+
+/** A scene with the photo in it, as ZIP; `changed` replaces the estimated light. */
+export function sceneFile(photo: Blob, given: Given, tool: Tool, changed?: Parameters): Promise<Blob> {
+  const query = givenQuery(given, 1);
+  query.set("tool", tool);
+  for (const [name, value] of Object.entries(changed ?? {})) {
+    if (name !== "ground_albedo") query.set(name, numberText(value));
+  }
+  return send(`v1/scene?${query}`, formOf([photo]));
+}
+
+/** The environment map of a record. */
+export function envmapFile(record: Lighting | Edited, sun: boolean, format: Format, height: number): Promise<Blob> {
+  const query = new URLSearchParams({ format, height: String(height), sun: String(sun) });
+  return send(`v1/envmap?${query}`, new Blob([JSON.stringify(record)], { type: "application/json" }));
 }
 
 export function envmapUrl(parameters: Parameters, format: Format, height: number): string {
   const query = new URLSearchParams();
   for (const [name, value] of Object.entries(parameters)) {
-    query.set(name, typeof value === "number" ? String(Number(value.toPrecision(6))) : String(value));
+    query.set(name, numberText(value));
   }
   query.set("height", String(height));
   query.set("format", format);
   return `v1/envmap?${query}`;
 }
 
-/** A file of the service. */
-export async function file(url: string, signal?: AbortSignal): Promise<Blob> {
-  return (await ask(url, signal ? { signal } : {})).blob();
+async function send(url: string, body: BodyInit, signal?: AbortSignal): Promise<Blob> {
+  return (await ask(url, { method: "POST", body, ...(signal ? { signal } : {}) })).blob();
 }
+
+function formOf(photos: Blob[]): FormData {
+  const form = new FormData();
+  for (const photo of photos) form.append("photo", photo);
+  return form;
+}
+
+export const numberText = (value: number | boolean): string =>
+  typeof value === "number" ? String(Number(value.toPrecision(6))) : String(value);
 
 /** Median errors on photos the network never saw, by the names of the model card; empty where none are stated. */
 export async function accuracy(): Promise<Record<string, number>> {

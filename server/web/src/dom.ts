@@ -24,3 +24,10 @@ export function choices<T extends string>(root: HTMLElement, values: readonly T[
     root.append(make("label", {}, radio, make("span", { textContent: value })));
   });
 }
+
+/** The radio button of a value. */
+export function radio(root: HTMLElement, value: string): HTMLInputElement {
+  const found = [...root.querySelectorAll("input")].find((input) => input.value === value);
+  if (!found) throw new Error(`There is no ${value} in #${root.id}.`);
+  return found;
+}

@@ -1,23 +1,34 @@
-/** Example photos, CC0; `examples/CREDITS.md` names their origins. */
+/** Example photos; `examples/CREDITS.md` names their origins. */
 
-import hill from "../../../examples/hill_clouds.jpg";
 import overcast from "../../../examples/overcast_street.jpg";
 import park from "../../../examples/park_evening.jpg";
-import railway from "../../../examples/railway_field.jpg";
-import venice from "../../../examples/venice_alley.jpg";
-import street from "../../../examples/wide_street.jpg";
+import dusk from "../../../examples/rome/after_sunset.jpg";
+import dome from "../../../examples/rome/golden_hour.jpg";
+import noon from "../../../examples/rome/noon_square.jpg";
+import alley from "../../../examples/rome/street_in_shade.jpg";
+import duskThumb from "../../../examples/thumbs/after_sunset.jpg";
+import domeThumb from "../../../examples/thumbs/golden_hour.jpg";
+import noonThumb from "../../../examples/thumbs/noon_square.jpg";
+import overcastThumb from "../../../examples/thumbs/overcast_street.jpg";
+import parkThumb from "../../../examples/thumbs/park_evening.jpg";
+import alleyThumb from "../../../examples/thumbs/street_in_shade.jpg";
 
 export interface Example {
   name: string;
   title: string;
   url: string;
+  thumb: string;
+  credit: string;
 }
 
+const ROME = "Anil Öztas, CC BY 4.0";
+const HAVEN = "Poly Haven, CC0";
+
 export const EXAMPLES: Example[] = [
-  { name: "wide_street.jpg", title: "Wide street", url: street },
-  { name: "railway_field.jpg", title: "Railway field", url: railway },
-  { name: "hill_clouds.jpg", title: "Hill with clouds", url: hill },
-  { name: "venice_alley.jpg", title: "Venetian alley", url: venice },
-  { name: "park_evening.jpg", title: "Park at evening", url: park },
-  { name: "overcast_street.jpg", title: "Overcast street", url: overcast },
+  { name: "noon_square.jpg", title: "Noon", url: noon, thumb: noonThumb, credit: ROME },
+  { name: "golden_hour.jpg", title: "Golden hour", url: dome, thumb: domeThumb, credit: ROME },
+  { name: "street_in_shade.jpg", title: "Street", url: alley, thumb: alleyThumb, credit: ROME },
+  { name: "overcast_street.jpg", title: "Overcast", url: overcast, thumb: overcastThumb, credit: HAVEN },
+  { name: "park_evening.jpg", title: "Park", url: park, thumb: parkThumb, credit: HAVEN },
+  { name: "after_sunset.jpg", title: "After sunset", url: dusk, thumb: duskThumb, credit: ROME },
 ];

@@ -1,67 +1,99 @@
-/** The page: a photo goes to the service, its answer to the views, and the controls change the light on show. */
+/** The page: photos go to the service, its answers to the views, and the controls change light and object on show. */
 
-import { type Estimate, envmapUrl, estimate, file, type Parameters, Refusal } from "./api";
+import { estimate, type Parameters, Refusal } from "./api";
 import { byId } from "./dom";
-import { keepKey } from "./key";
-import { isSame, parametersOf } from "./parameters";
-import { decodePhoto, type Photo } from "./photo";
+import { apiKey, keepKey } from "./key";
+import { parametersOf } from "./parameters";
+import { aspectOf, openPhoto, type Photo } from "./photo";
+import { type Given, NOTHING } from "./pure/given";
+import { headline } from "./pure/headline";
 import { latest } from "./pure/latest";
-import { headline, isSunny } from "./pure/words";
+import type { Subject } from "./pure/snippets";
+import { SkyRenderer } from "./sky/renderer";
+import { type Look, lookOf, questionOf, type Shown, type View, viewOf } from "./studio";
 import { Dome } from "./views/dome";
-import { linkDownloads, listenForDownloads } from "./views/downloads";
+import { isChanged, listenForDownloads, mapHeight } from "./views/downloads";
+import { FactsView } from "./views/facts";
+import { listenForUndo, showUndo } from "./views/history";
 import { mapMarks, photoMarks } from "./views/marks";
 import { showNumbers } from "./views/numbers";
 import { ObjectView } from "./views/object";
+import { showPhotos } from "./views/photos";
 import { listenForPhotos } from "./views/pick";
 import { Sliders } from "./views/sliders";
+import { listenForCopies } from "./views/snippets";
 import { fitted } from "./views/svg";
 
-interface Shown {
-  answer: Estimate;
-  photo: Photo;
-  parameters: Parameters;
+interface Wish {
+  files: File[];
+  given: Given;
 }
 
 let shown: Shown | undefined;
-let asked: File | undefined;
+let asked: Wish | undefined;
 
 const result = byId("result");
 const status = byId("status");
+const current = (): View | undefined => shown?.views[shown.at];
+const light = (part: Partial<Parameters>, kind: string): void => {
+  const view = current();
+  if (view) change({ parameters: { ...lookOf(view).parameters, ...part } }, kind);
+};
+
 const dome = new Dome(byId("dome"), byId("readout"), ({ azimuth, elevation }) =>
-  change({ sun_azimuth: azimuth, sun_elevation: elevation }),
+  light({ sun_azimuth: azimuth, sun_elevation: elevation }, "dome"),
 );
-const sliders = new Sliders((parameters) => change(parameters));
-const object = new ObjectView(fail);
-const drawMap = latest<Parameters>(renderMap, 40, fail);
-const submit = latest<File>(run, 0, fail);
+const sliders = new Sliders(light);
+const object = new ObjectView(change, fail);
+const facts = new FactsView((given) => asked && take(asked.files, given));
+const submit = latest<Wish>(run, 0, fail);
+const sky = new SkyRenderer(({ light, picture }) => {
+  const view = current();
+  if (!view) return;
+  const canvas = byId<HTMLCanvasElement>("envmap");
+  canvas.getContext("2d")?.putImageData(new ImageData(picture.data, picture.width, picture.height), 0, 0);
+  canvas.dataset.lights = String(Number(canvas.dataset.lights ?? 0) + 1); // how often the light has changed, for tests
+  object.light(light, view);
+}, fail);
 
 const drawPhotoMarks = fitted(byId<SVGSVGElement>("marks"), (width, height) => {
-  if (!shown || !byId<HTMLInputElement>("show-marks").checked) return [];
-  return photoMarks(shown.answer.camera, shown.parameters, width, height);
+  const view = current();
+  if (!view || !byId<HTMLInputElement>("show-marks").checked) return [];
+  return photoMarks(view.answer.camera, lookOf(view).parameters, width, height);
 });
-const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) =>
-  shown ? mapMarks(shown.answer, shown.parameters, aspectOf(shown.photo), width, height) : [],
-);
+const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) => {
+  const view = current();
+  return view ? mapMarks(view.answer, lookOf(view).parameters, aspectOf(view.photo), width, height) : [];
+});
 
-listenForPhotos(take);
-listenForDownloads(fail);
+listenForPhotos((files) => take(files, NOTHING), withPhoto);
+listenForDownloads(() => shown, fail);
+listenForUndo(() => current()?.history, refresh);
+listenForCopies(subject);
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
   keepKey(byId<HTMLInputElement>("key").value);
-  if (asked) take(asked);
+  if (asked) take(asked.files, asked.given);
 });
-byId("reset").addEventListener("click", () => shown && change(parametersOf(shown.answer)));
+byId("reset").addEventListener("click", () => {
+  const view = current();
+  if (view) change({ parameters: parametersOf(view.answer) }, "reset");
+});
 byId("show-marks").addEventListener("change", drawPhotoMarks);
-byId("size").addEventListener("change", () => change({}));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dome.paint());
 
-function take(photo: File): void {
-  asked = photo;
-  status.textContent = `Looking at ${photo.name}…`;
+function take(files: File[], given: Given): void {
+  asked = { files, given };
+  status.textContent = `Looking at ${files.map(({ name }) => name).join(", ")}…`;
   byId("error").hidden = true;
   byId("key-form").hidden = true;
   setBusy(true);
-  submit(photo);
+  submit(asked);
+}
+
+function withPhoto(model: File): void {
+  if (current()) object.take(model);
+  else fail(new Error("Choose a photo first, then drop your object on it."));
 }
 
 function setBusy(busy: boolean): void {
@@ -69,79 +101,96 @@ function setBusy(busy: boolean): void {
   document.body.toggleAttribute("data-busy", busy);
 }
 
-async function run(photo: File, signal: AbortSignal): Promise<void> {
+async function run({ files, given }: Wish, signal: AbortSignal): Promise<void> {
   const began = performance.now();
-  const [answer, decoded] = await Promise.all([estimate(photo, signal), decodePhoto(photo)]);
+  const [answers, photos] = await Promise.all([estimate(files, given, signal), opened(files, signal)]);
   if (signal.aborted) return;
-  if (shown) URL.revokeObjectURL(shown.photo.url);
-  show(answer, decoded ?? blank(photo.name));
-  const seconds = ((performance.now() - began) / 1000).toFixed(1);
-  const words = decoded ? "" : " This browser cannot show the photo itself.";
-  status.textContent = `${photo.name}: answered in ${seconds} s.${words}`;
-}
-
-function show(answer: Estimate, photo: Photo): void {
-  shown = { answer, photo, parameters: parametersOf(answer) };
+  for (const { photo } of shown?.views ?? []) URL.revokeObjectURL(photo.url);
+  const views = photos.map((photo, i) => viewOf(photo, answers[i] as (typeof answers)[number]));
+  shown = { views, at: 0, given };
   byId("intro").hidden = true;
   result.hidden = false;
   setBusy(false);
-  const { title, text } = headline(answer);
+  open(0);
+  const seconds = ((performance.now() - began) / 1000).toFixed(1);
+  const decoded = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";
+  status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${decoded}`;
+}
+
+const opened = (files: File[], signal: AbortSignal): Promise<Photo[]> =>
+  Promise.all(files.map((file) => openPhoto(file, signal)));
+
+/** Shows one of the photos. */
+function open(index: number): void {
+  if (!shown) return;
+  shown.at = index;
+  const view = shown.views[index];
+  if (!view) return;
+  const { answer, photo } = view;
+  const { title, text, kind } = headline(answer);
   byId("title").textContent = title;
-  byId("title").classList.toggle("sunny", isSunny(answer));
+  byId("title").className = kind;
   byId("spread").textContent = text;
   byId("model").textContent = `Network ${answer.model.name} ${answer.model.version}`;
-  Object.assign(byId("photo"), { src: photo.url, alt: photo.name });
+  Object.assign(byId("photo"), { src: photo.url, alt: photo.file.name });
   byId("frame").style.setProperty("--aspect", String(aspectOf(photo)));
+  showPhotos(shown, open);
   showNumbers(answer);
+  facts.show(shown, view);
   dome.show(answer, aspectOf(photo));
-  object.show(photo, answer.camera);
-  change({});
+  object.open(view);
+  sky.setPhoto(photo.pixels, answer.camera);
+  refresh();
 }
 
-/** Changes the light on show, and everything that shows it. */
-function change(part: Partial<Parameters>): void {
-  if (!shown) return;
-  shown.parameters = { ...shown.parameters, ...part };
-  const { answer, photo, parameters } = shown;
-  const asked = parametersOf(answer);
-  sliders.show(parameters, asked);
-  byId<HTMLButtonElement>("reset").disabled = isSame(parameters, asked);
-  dome.mark(parameters);
+/** Changes the look of the photo on show; steps of one kind are undone together. */
+function change(part: Partial<Look>, kind: string): void {
+  const view = current();
+  if (!view) return;
+  view.history.push({ ...lookOf(view), ...part }, kind);
+  refresh();
+}
+
+/** Brings everything to the look that the history holds. */
+function refresh(): void {
+  const view = current();
+  if (!view) return;
+  const look = lookOf(view);
+  sliders.show(look.parameters, parametersOf(view.answer));
+  byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
+  showUndo(view.history);
+  dome.mark(look.parameters);
   drawPhotoMarks();
   drawMapMarks();
-  linkDownloads(answer, parameters, photo.name);
-  drawMap(parameters);
-  object.mark(parameters);
+  object.show(look);
+  sky.ask(questionOf(view));
 }
 
-async function renderMap(parameters: Parameters, signal: AbortSignal): Promise<void> {
-  const picture = await file(envmapUrl(parameters, "png", 512), signal);
-  if (signal.aborted) return;
-  const image = byId<HTMLImageElement>("envmap");
-  const before = image.src;
-  image.src = URL.createObjectURL(picture);
-  URL.revokeObjectURL(before);
+function subject(): Subject | undefined {
+  const view = current();
+  if (!view || !shown) return undefined;
+  return {
+    origin: new URL(".", location.href).href,
+    photo: view.photo.file.name,
+    photos: shown.views.length,
+    given: shown.given,
+    lighting: view.answer,
+    parameters: lookOf(view).parameters,
+    changed: isChanged(view),
+    height: mapHeight(),
+    keyed: apiKey() !== null,
+  };
 }
 
 function fail(error: unknown): void {
   const { title, message } =
-    error instanceof Refusal ? error : { title: "Something went wrong", message: String(error) };
+    error instanceof Refusal
+      ? error
+      : { title: "That did not work", message: error instanceof Error ? error.message : String(error) };
   const box = byId("error");
   box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: `${title}.` }), ` ${message}`);
   box.hidden = false;
-  byId("key-form").hidden = !(error instanceof Refusal && error.status === 401);
+  byId("key-form").hidden = !(error instanceof Refusal && [401, 403].includes(error.status));
   status.textContent = "";
   setBusy(false);
-}
-
-function aspectOf({ picture }: Photo): number {
-  return picture.width / picture.height;
-}
-
-/** A grey picture in place of a photo that the browser cannot decode. */
-function blank(name: string): Photo {
-  const picture = Object.assign(document.createElement("canvas"), { width: 1200, height: 900 });
-  const context = picture.getContext("2d");
-  if (context) Object.assign(context, { fillStyle: "#7d8085" }).fillRect(0, 0, 1200, 900);
-  return { name, url: picture.toDataURL(), picture };
 }

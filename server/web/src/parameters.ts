@@ -1,6 +1,6 @@
 /** The light that is on show: the estimate until a slider moves. */
 
-import type { Estimate, Lighting, Parameters } from "./api";
+import type { Edited, Estimate, Lighting, Parameters } from "./api";
 import { direction } from "./pure/angles";
 import { isSunny } from "./pure/words";
 
@@ -20,27 +20,21 @@ export function isSame(a: Parameters, b: Parameters): boolean {
 }
 
 /** The record as a file: the estimate's own, or an edited one without what no longer follows from it. */
-export function recordOf(estimate: Estimate, shown: Parameters): Lighting {
+export function recordOf(estimate: Estimate, shown: Parameters): Lighting | Edited {
   const { links: _, probability: __, ...record } = estimate;
-  const { sun, sky } = record;
-  const asked = parametersOf(record);
-  if (isSame(asked, shown)) return record;
+  if (isSame(parametersOf(record), shown)) return record;
+  const { azimuth, elevation } = { azimuth: shown.sun_azimuth, elevation: shown.sun_elevation };
   return {
     ...record,
     evidence: [],
     warnings: [],
-    sun: {
-      ...sun,
-      azimuth: shown.sun_azimuth,
-      elevation: shown.sun_elevation,
-      direction: [...direction(shown.sun_azimuth, shown.sun_elevation)],
-      visibility: shown.sun === asked.sun ? sun.visibility : Number(shown.sun),
-    },
+    sun: { azimuth, elevation, direction: [...direction(azimuth, elevation)], visibility: Number(shown.sun) },
     sky: {
-      model: sky.model,
+      model: record.sky.model,
       turbidity: shown.turbidity,
       ground_albedo: shown.ground_albedo,
       exposure: shown.exposure,
+      ...(record.sky.cover === undefined ? {} : { cover: record.sky.cover }),
     },
   };
 }

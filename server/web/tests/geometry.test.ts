@@ -2,7 +2,7 @@
 
 import { describe, expect, it } from "vitest";
 import { angles, cross, direction, dot, type Vector, wrapAzimuth } from "../src/pure/angles";
-import { type Camera, cameraAxes, horizon, placeFor, project, rayThrough, sunMark } from "../src/pure/camera";
+import { type Camera, cameraAxes, horizon, project, rayThrough, sunMark } from "../src/pure/camera";
 import { frameOf, fromDome, pieces, rim, toDome, toMap } from "../src/pure/sphere";
 
 const SIZE = { width: 640, height: 480 };
@@ -92,24 +92,6 @@ describe("the sun in the photo", () => {
     expect(mark.behind).toBe(true);
     near(mark.at, [12, 240]);
     near(mark.towards, [-1, 0]);
-  });
-});
-
-describe("the object's place", () => {
-  it("is on the ground, in the lower middle of the photo", () => {
-    const place = placeFor(CAMERA);
-    expect(place.grounded).toBe(true);
-    expect(place.position[1]).toBeCloseTo(-1.6);
-    const [x, y] = project(place.position, CAMERA, SIZE) ?? [];
-    expect(x).toBeCloseTo(320, 0);
-    expect(y).toBeGreaterThan(300);
-    expect(y).toBeLessThan(440);
-  });
-
-  it("is afloat before a camera that sees no ground", () => {
-    const place = placeFor({ elevation: 50, roll: 0, vertical_fov: 40 });
-    expect(place.grounded).toBe(false);
-    expect(Math.hypot(...place.position)).toBeCloseTo(4);
   });
 });
 

@@ -1,5 +1,15 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { envmapUrl, estimate, file, type Refusal } from "../src/api";
+import {
+  accuracy,
+  type Estimate,
+  envmapFile,
+  envmapUrl,
+  estimate,
+  type Lighting,
+  type Refusal,
+  sceneFile,
+} from "../src/api";
+import { NOTHING } from "../src/pure/given";
 import { latest } from "../src/pure/latest";
 
 const stored = new Map<string, string>();
@@ -18,11 +28,15 @@ function answer(body: BodyInit, status: number): void {
   vi.stubGlobal("fetch", vi.fn().mockResolvedValue(new Response(body, { status })));
 }
 
-const refusalOf = (url: string): Promise<Refusal> =>
-  file(url).then(
+const refusalOf = (): Promise<Refusal> =>
+  accuracy().then(
     () => expect.fail("no refusal"),
-    (error) => error,
+    (error: Refusal) => error,
   );
+
+/** The address and the body of the only request. */
+const request = (): [string, RequestInit & { body: FormData }] =>
+  vi.mocked(fetch).mock.calls[0] as [string, RequestInit & { body: FormData }];
 
 describe("the service", () => {
   it("is asked for a map by its parameters", () => {
@@ -42,27 +56,55 @@ describe("the service", () => {
   it("gets the photo as one field of a form, and the key where there is one", async () => {
     answer("{}", 200);
     stored.set("lighting-api-key", "secret");
-    await estimate(new Blob(["x"], { type: "image/jpeg" }), new AbortController().signal);
-    const [url, { body, headers }] = vi.mocked(fetch).mock.calls[0] as [string, { body: FormData; headers: object }];
+    const answers = await estimate([new Blob(["x"], { type: "image/jpeg" })], NOTHING, new AbortController().signal);
+    const [url, { body, headers }] = request();
+    expect(answers).toEqual([{}]);
     expect(url).toBe("v1/lighting?probability=true");
     expect([...body.keys()]).toEqual(["photo"]);
     expect(headers).toEqual({ Authorization: "Bearer secret" });
   });
 
+  it("gets several photos of one place in one form, with what is said of them", async () => {
+    answer(JSON.stringify({ lightings: [{ evidence: ["pixels"] }, { evidence: [] }] }), 200);
+    const photos = [new Blob(["x"]), new Blob(["y"])];
+    const given = { ...NOTHING, exif: false, headings: "0,45", heading: "7", fov: "50" };
+    const answers: Estimate[] = await estimate(photos, given, new AbortController().signal);
+    expect(answers.map(({ evidence }) => evidence.length)).toEqual([1, 0]);
+    expect(request()[0]).toBe("v1/lighting?exif=false&fov=50&headings=0%2C45&probability=true");
+    expect(request()[1].body.getAll("photo")).toHaveLength(2);
+  });
+
+  it("makes scenes of the photo, with the light on show where that was changed", async () => {
+    answer("PK", 200);
+    const sky = { sun_azimuth: 10, sun_elevation: 20, turbidity: 3, exposure: 1.5, ground_albedo: 0.3, sun: false };
+    await sceneFile(new Blob(["x"]), { ...NOTHING, heading: "87" }, "usd", sky);
+    expect(request()[0]).toBe(
+      "v1/scene?heading=87&tool=usd&sun_azimuth=10&sun_elevation=20&turbidity=3&exposure=1.5&sun=false",
+    );
+  });
+
+  it("renders records", async () => {
+    answer("map", 200);
+    await envmapFile({ warnings: [] } as unknown as Lighting, true, "hdr", 256);
+    const [url, { method, body }] = request();
+    expect([url, method]).toEqual(["v1/envmap?format=hdr&height=256&sun=true", "POST"]);
+    expect(await (body as unknown as Blob).text()).toBe('{"warnings":[]}');
+  });
+
   it("refuses in its own words", async () => {
     answer(JSON.stringify({ title: "Too large", detail: "Send less." }), 413);
-    const refusal = await refusalOf("any");
+    const refusal = await refusalOf();
     expect([refusal.status, refusal.title, refusal.message]).toEqual([413, "Too large", "Send less."]);
   });
 
   it("may stand behind a proxy that knows no problem documents", async () => {
     answer("<html>Bad gateway</html>", 502);
-    expect((await refusalOf("any")).title).toBe("The service answered 502");
+    expect((await refusalOf()).title).toBe("The service answered 502");
   });
 
   it("may not be there", async () => {
     vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("Failed to fetch")));
-    expect((await refusalOf("any")).title).toBe("The service did not answer");
+    expect((await refusalOf()).title).toBe("The service did not answer");
   });
 });
 

@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
 import type { Estimate, Lighting } from "../src/api";
 import { isSame, parametersOf, recordOf } from "../src/parameters";
-import { azimuthWords, factor, headline, numbers, percent, short } from "../src/pure/words";
+import { headline, sideOf } from "../src/pure/headline";
+import { azimuthWords, explained, factor, numbers, percent, short } from "../src/pure/words";
 
 const RECORD: Lighting = {
   model: { name: "outdoor", version: "1.0.0" },
@@ -49,12 +50,14 @@ describe("words", () => {
     expect([10.4567, 0.0213, 1234].map(factor)).toEqual(["10.5", "0.0213", "1230"]);
   });
 
-  it("head a sunny photo with the sun, another without", () => {
-    expect(headline(RECORD).title).toBe("Sun 54° right, 24° high");
-    expect(headline(RECORD).text).toContain("within 9.5°, 90\u00a0% within 25°");
-    const grey = headline({ ...RECORD, sun: { ...RECORD.sun, visibility: 0.2 } });
-    expect(grey.title).toBe("No direct sun");
-    expect(grey.text).toContain("54° right, 24° high");
+  it("explain why this photo's radius and the usual error differ", () => {
+    const words = explained(RECORD, { sun_azimuth_median: 24.8 });
+    expect(words).toContain("The 9.5° are of this photo alone");
+    expect(words).toContain("surer than most");
+    expect(explained({ ...RECORD, sun: { ...RECORD.sun, radius_50: 40 } }, { sun_azimuth_median: 24.8 })).toContain(
+      "no surer than most",
+    );
+    expect(explained(RECORD, {})).toBe("");
   });
 
   it("name the numbers, with their errors where these are known", () => {
@@ -65,6 +68,40 @@ describe("words", () => {
       note: "± 3.4°",
     });
     expect(rows.find(({ name }) => name === "Camera roll")).toEqual({ name: "Camera roll", value: "0.0°" });
+  });
+});
+
+describe("the headline", () => {
+  const titleOf = (sun: Partial<Lighting["sun"]>, rest: Partial<Lighting> = {}): string =>
+    headline({ ...RECORD, ...rest, sun: { ...RECORD.sun, ...sun } }).title;
+
+  it("is as soft as the answer", () => {
+    expect(titleOf({ radius_50: 6 })).toBe("Sun 54° right, 24° high");
+    expect(titleOf({ radius_50: 12 })).toBe("Sun about 54° right, 24° high");
+    expect(titleOf({ radius_50: 30, azimuth: 95 })).toBe("Sun probably right of the camera");
+    expect(titleOf({ radius_50: 60 })).toBe("The sun shines, but from where is hard to tell");
+    expect(headline(RECORD).text).toContain("within 9.5°, 90\u00a0% within 25°");
+  });
+
+  it("says when no sun is to be seen", () => {
+    expect(titleOf({ visibility: 0.2 })).toBe("No sun to be seen");
+    const { text } = headline({ ...RECORD, sun: { ...RECORD.sun, visibility: 0.2 } });
+    expect(text).toContain("by 80\u00a0%. If the sun shone, it would stand ahead, to the right, at half height.");
+  });
+
+  it("says when the photo is none of outdoor daylight, where the service tells", () => {
+    expect(titleOf({}, { suitable: 0.2 })).toBe("This does not look like an outdoor daylight photo");
+    expect(titleOf({ radius_50: 6 }, { suitable: 0.9 })).toBe("Sun 54° right, 24° high");
+  });
+
+  it("names every side", () => {
+    expect([0, 40, -90, 130, -179].map(sideOf)).toEqual([
+      "in front of the camera",
+      "ahead, to the right",
+      "left of the camera",
+      "behind the camera, to the right",
+      "behind the camera",
+    ]);
   });
 });
 
@@ -85,7 +122,9 @@ describe("the record on show", () => {
     expect(edited.evidence).toEqual([]);
   });
 
-  it("keeps the estimated visibility when only the sky is edited", () => {
-    expect(recordOf(ESTIMATE, { ...asked, turbidity: 2 }).sun.visibility).toBe(0.97);
+  it("carries no radii and no visibility of the estimate once it is edited", () => {
+    const { sun } = recordOf(ESTIMATE, { ...asked, sun_azimuth: 90 });
+    expect(Object.keys(sun).sort()).toEqual(["azimuth", "direction", "elevation", "visibility"]);
+    expect(sun.visibility).toBe(1);
   });
 });

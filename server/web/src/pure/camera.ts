@@ -1,6 +1,6 @@
 /** The pinhole camera of a photo: where directions lie in it. Pixels are continuous, (0, 0) is the top left corner. */
 
-import { clamp, combine, cross, direction, dot, radians, type Vector } from "./angles";
+import { combine, cross, direction, dot, radians, type Vector } from "./angles";
 
 /** As in the record: elevation positive looks up, roll positive turns the camera clockwise; degrees. */
 export interface Camera {
@@ -86,29 +86,4 @@ function isInside([x, y]: Point, { width, height }: Size): boolean {
 function unit([x, y]: Point): Point {
   const length = Math.max(Math.hypot(x, y), 1e-9);
   return [x / length, y / length];
-}
-
-/** Where an object stands: on the ground below the camera, or afloat where no ground is in view. */
-export interface Place {
-  position: Vector; // of the point where it touches the ground, metres from the camera
-  radius: number; // metres
-  grounded: boolean;
-}
-
-const EYE_HEIGHT = 1.6; // metres, of a camera in the hand; the photo itself does not tell the scale
-const SHARE_OF_FRAME = 0.24; // of half the photo's height, the object's radius
-const LEAST_DEPRESSION = 3; // degrees below the horizon, so that the object is not a kilometre away
-
-/** A place for an object in the lower middle of the photo. */
-export function placeFor(camera: Camera): Place {
-  const frame: Size = { width: 2, height: 2 };
-  const middle = horizon(camera, frame);
-  const horizonRow = middle ? (middle[0][1] + middle[1][1]) / 2 : camera.elevation < 0 ? -1 : 3;
-  const row = clamp(horizonRow + 0.62 * (2 - horizonRow), 1.1, 1.72);
-  const ray = rayThrough([1, row], camera, frame);
-  const grounded = -ray[1] > Math.hypot(...ray) * Math.sin(radians(LEAST_DEPRESSION));
-  const scale = grounded ? EYE_HEIGHT / -ray[1] : 4 / Math.hypot(...ray);
-  const position = combine([scale, ray]);
-  const depth = dot(position, cameraAxes(camera).forward);
-  return { position, radius: SHARE_OF_FRAME * depth * Math.tan(radians(camera.vertical_fov) / 2), grounded };
 }

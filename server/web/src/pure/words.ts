@@ -33,16 +33,6 @@ export const factor = (value: number): string => String(Number(value.toPrecision
 
 export const isSunny = (lighting: Lighting): boolean => lighting.sun.visibility >= 0.5;
 
-export function headline(lighting: Lighting): { title: string; text: string } {
-  const { azimuth, elevation, radius_50, radius_90 } = lighting.sun;
-  const where = `${azimuthWords(azimuth)}, ${elevation.toFixed(0)}° high`;
-  if (!isSunny(lighting)) {
-    return { title: "No direct sun", text: `An overcast or shaded scene; if the sun shone, it would stand ${where}.` };
-  }
-  const spread = `Half of the probability lies within ${short(radius_50)}°, 90\u00a0% within ${short(radius_90)}°.`;
-  return { title: `Sun ${where}`, text: spread };
-}
-
 /** The numbers of a record; `errors` are the median errors of the model card, where it states them. */
 export function numbers({ sun, sky, camera }: Lighting, errors: Record<string, number> = {}): Named[] {
   const note = (name: string, unit: string): { note: string } | undefined => {
@@ -52,7 +42,11 @@ export function numbers({ sun, sky, camera }: Lighting, errors: Record<string, n
   return [
     { name: "Sun azimuth", value: azimuthWords(sun.azimuth).replace(" (behind)", ""), ...note("sun_azimuth", "°") },
     { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°`, ...note("sun_elevation", "°") },
-    { name: "50\u00a0% / 90\u00a0% within", value: `${short(sun.radius_50)}° / ${short(sun.radius_90)}°` },
+    {
+      name: "Sun in this photo within",
+      value: `${short(sun.radius_50)}°`,
+      note: `90\u00a0%: ${short(sun.radius_90)}°`,
+    },
     { name: "Direct sun", value: percent(sun.visibility) },
     { name: "Turbidity", value: sky.turbidity.toFixed(1), ...note("turbidity", "") },
     { name: "Exposure", value: factor(sky.exposure), ...note("exposure", " stops") },
@@ -68,4 +62,15 @@ export function numbers({ sun, sky, camera }: Lighting, errors: Record<string, n
     },
     { name: "Vertical field of view", value: `${camera.vertical_fov.toFixed(1)}°`, ...note("vertical_fov", "°") },
   ];
+}
+
+/** Why a photo's own radius and the usual error differ; empty where the service states no errors. */
+export function explained({ sun }: Lighting, errors: Record<string, number>): string {
+  const usual = errors.sun_azimuth_median;
+  if (usual === undefined) return "";
+  const surer = sun.radius_50 < usual ? "surer than most" : "no surer than most";
+  return (
+    `± is the median error over all test photos, easy and hard. The ${short(sun.radius_50)}° are of this photo alone: ` +
+    `half of the sun's probability lies within them, so the network is ${surer} here. Half of such suns lie outside.`
+  );
 }

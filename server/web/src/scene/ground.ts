@@ -2,16 +2,20 @@
 
 import {
   CustomBlending,
+  DataTexture,
+  LinearFilter,
   Mesh,
   PlaneGeometry,
+  RedFormat,
   ShaderMaterial,
   SrcColorFactor,
   UniformsLib,
   UniformsUtils,
+  Vector2,
   Vector3,
   ZeroFactor,
 } from "three";
-import type { Rgb } from "../pure/colour";
+import type { Triple } from "../sky/model";
 
 const VERTEX = /* glsl */ `
 #include <common>
@@ -27,7 +31,8 @@ void main() {
   spot = (modelMatrix * vec4(transformed, 1.0)).xyz;
 }`;
 
-// The share of a uniform sky that a sphere hides from level ground is height x radius^2 / distance^3.
+// The share of a uniform sky that a sphere hides from level ground is height x radius^2 / distance^3. The sun that the
+// object takes away is only what the picture's ground has there: none in shade.
 const FRAGMENT = /* glsl */ `
 #include <common>
 #include <packing>
@@ -38,13 +43,24 @@ uniform vec3 sky;
 uniform vec3 sun;
 uniform vec3 object;
 uniform float radius;
+uniform sampler2D lit;
+uniform vec2 canvas;
 varying vec3 spot;
 void main() {
   float gap = distance(spot, object + vec3(0.0, radius, 0.0));
   float open = 1.0 - min(pow(radius / gap, 3.0), 1.0);
-  gl_FragColor = vec4((sky * open + sun * getShadowMask()) / max(sky + sun, vec3(1e-6)), 1.0);
+  vec2 at = gl_FragCoord.xy / canvas;
+  vec3 here = sun * texture2D(lit, vec2(at.x, 1.0 - at.y)).r;
+  gl_FragColor = vec4((sky * open + here * getShadowMask()) / max(sky + here, vec3(1e-6)), 1.0);
   #include <colorspace_fragment>
 }`;
+
+/** How much of the sun reaches the photo's ground, 0 to 255, rows from the top. */
+export interface Lit {
+  width: number;
+  height: number;
+  data: Uint8Array;
+}
 
 export class Ground extends Mesh<PlaneGeometry, ShaderMaterial> {
   constructor() {
@@ -53,7 +69,7 @@ export class Ground extends Mesh<PlaneGeometry, ShaderMaterial> {
   }
 
   /** Irradiance of the level ground by the sky and by the sun. */
-  light(sky: Rgb, sun: Rgb): void {
+  light(sky: Triple, sun: Triple): void {
     Object.assign(this.material.uniforms, { sky: { value: new Vector3(...sky) }, sun: { value: new Vector3(...sun) } });
   }
 
@@ -62,6 +78,26 @@ export class Ground extends Mesh<PlaneGeometry, ShaderMaterial> {
     this.position.copy(position);
     Object.assign(this.material.uniforms, { object: { value: position.clone() }, radius: { value: radius } });
   }
+
+  /** Where the picture's ground lies in the sun. */
+  shade({ width, height, data }: Lit): void {
+    this.material.uniforms.lit?.value?.dispose();
+    Object.assign(this.material.uniforms, { lit: { value: maskOf(data, width, height) } });
+  }
+
+  /** The size of what is drawn on, pixels. */
+  fit(canvas: Vector2): void {
+    Object.assign(this.material.uniforms, { canvas: { value: canvas } });
+  }
+}
+
+function maskOf(data: Uint8Array, width: number, height: number): DataTexture {
+  const texture = new DataTexture(new Uint8Array(data), width, height, RedFormat);
+  texture.unpackAlignment = 1;
+  texture.minFilter = LinearFilter;
+  texture.magFilter = LinearFilter;
+  texture.needsUpdate = true;
+  return texture;
 }
 
 function groundMaterial(): ShaderMaterial {
@@ -75,6 +111,8 @@ function groundMaterial(): ShaderMaterial {
         sun: { value: new Vector3() },
         object: { value: new Vector3() },
         radius: { value: 1 },
+        canvas: { value: new Vector2(1, 1) },
+        lit: { value: maskOf(Uint8Array.of(255), 1, 1) },
       },
     ]),
     lights: true,

@@ -1,10 +1,10 @@
-/** What one can put into the photo: geometries of radius about 1 that stand on y = 0, and materials. */
+/** What one can put into the photo: shapes of radius about 1 that stand on y = 0, and materials. */
 
 import {
   type BufferGeometry,
   Color,
   Float32BufferAttribute,
-  type Material,
+  Mesh,
   MeshPhysicalMaterial,
   MeshStandardMaterial,
   SphereGeometry,
@@ -14,34 +14,33 @@ import { RoundedBoxGeometry } from "three/addons/geometries/RoundedBoxGeometry.j
 import { TeapotGeometry } from "three/addons/geometries/TeapotGeometry.js";
 import type { Finish, Shape } from "../pure/objects";
 
-const GEOMETRIES: Record<Shape, () => BufferGeometry> = {
+const GEOMETRIES: Record<Exclude<Shape, "own">, () => BufferGeometry> = {
   sphere: () => new SphereGeometry(1, 96, 64),
   teapot: () => new TeapotGeometry(0.85, 20),
   knot: () => new TorusKnotGeometry(0.68, 0.24, 240, 32, 2, 3),
   box: () => new RoundedBoxGeometry(1.4, 1.4, 1.4, 12, 0.08).rotateY(Math.PI / 5),
 };
 
-const MATERIALS: Record<Finish, () => Material> = {
-  chrome: () =>
-    standing(new MeshStandardMaterial({ metalness: 1, roughness: 0.06, color: new Color(0.92, 0.92, 0.92) })),
-  paint: () =>
-    standing(new MeshPhysicalMaterial({ roughness: 0.45, color: 0xb3262e, clearcoat: 1, clearcoatRoughness: 0.06 })),
-  clay: () => standing(new MeshStandardMaterial({ roughness: 1, color: new Color(0.6, 0.6, 0.6) })),
+const MATERIALS: Record<Finish, () => MeshStandardMaterial> = {
+  mirror: () => new MeshStandardMaterial({ metalness: 1, roughness: 0.03, color: new Color(0.92, 0.92, 0.92) }),
+  glossy: () => new MeshPhysicalMaterial({ roughness: 0.45, color: 0xb3262e, clearcoat: 1, clearcoatRoughness: 0.06 }),
+  matte: () => new MeshStandardMaterial({ roughness: 1, color: new Color(0.6, 0.6, 0.6) }),
+  "file's own": () => new MeshStandardMaterial({ roughness: 0.7, color: new Color(0.6, 0.6, 0.6) }),
 };
 
-/** A shape of a radius in metres, standing on the origin. */
-export function geometryOf(shape: Shape, radius: number): BufferGeometry {
+/** A shape standing on the origin. */
+export function meshOf(shape: Exclude<Shape, "own">): Mesh {
   const geometry = GEOMETRIES[shape]();
   geometry.computeBoundingBox();
   geometry.translate(0, -(geometry.boundingBox?.min.y ?? 0), 0);
   darkenTowardsGround(geometry);
-  return geometry.scale(radius, radius, radius);
+  return new Mesh(geometry);
 }
 
-export const materialOf = (finish: Finish): Material => MATERIALS[finish]();
-
-function standing<T extends MeshStandardMaterial>(material: T): T {
-  material.vertexColors = true;
+/** A material; with `shaded`, it takes the darkening that a geometry carries as vertex colours. */
+export function materialOf(finish: Finish, shaded: boolean): MeshStandardMaterial {
+  const material = MATERIALS[finish]();
+  material.vertexColors = shaded;
   return material;
 }
 

@@ -1,33 +1,32 @@
 /** The photo with an object in it, in three.js. Its world is the frame of `pure/angles`, the camera at the origin, metres. */
 
 import {
-  BufferGeometry,
   CanvasTexture,
   CustomToneMapping,
-  DataTexture,
-  DataUtils,
   DirectionalLight,
-  EquirectangularReflectionMapping,
-  HalfFloatType,
-  LinearFilter,
+  Group,
   Matrix4,
   Mesh,
+  type Object3D,
   PCFShadowMap,
   PerspectiveCamera,
   Scene,
   ShaderChunk,
   SRGBColorSpace,
   Texture,
+  Vector2,
   Vector3,
   WebGLRenderer,
 } from "three";
 import type { Parameters } from "../api";
 import { direction, radians, type Vector } from "../pure/angles";
-import { type Camera, cameraAxes, placeFor } from "../pure/camera";
-import type { Latlong, SceneLight } from "../pure/light";
+import { type Camera, cameraAxes } from "../pure/camera";
 import type { Finish, Shape } from "../pure/objects";
-import { Ground } from "./ground";
-import { geometryOf, materialOf } from "./objects";
+import type { Place } from "../pure/place";
+import type { Light } from "../sky/light";
+import { environment } from "./environment";
+import { Ground, type Lit } from "./ground";
+import { materialOf, meshOf } from "./objects";
 
 // The shoulder of `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white.
 ShaderChunk.tonemapping_pars_fragment = ShaderChunk.tonemapping_pars_fragment.replace(
@@ -44,9 +43,10 @@ export class Stage {
   private readonly camera = new PerspectiveCamera();
   private readonly sun = new DirectionalLight();
   private readonly ground = new Ground();
-  private readonly object = new Mesh(new BufferGeometry(), materialOf("chrome"));
-  private radius = 1;
-  private shape: Shape = "sphere";
+  private readonly object = new Group();
+  private own: Object3D | undefined;
+  private dressed = ""; // the shape and finish that the object has
+  private towards = new Vector3(0, 1, 0);
   private scheduled = false;
 
   /** Throws where the browser has no WebGL. */
@@ -55,94 +55,99 @@ export class Stage {
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
-    this.object.castShadow = true;
-    this.object.receiveShadow = true;
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(1024, 1024);
     this.scene.environmentRotation.y = Math.PI / 2; // three.js has +X at a map's centre, here it is -Z
     this.scene.add(this.ground, this.object, this.sun, this.sun.target);
   }
 
-  /** The photo as the backdrop, seen by its own camera, with the object in its lower middle. */
-  setPhoto(photo: HTMLCanvasElement, camera: Camera): void {
-    this.replaceBackground(photo);
+  /** The photo as the backdrop, seen by its own camera; `lit` says where its ground lies in the sun. */
+  setPhoto(photo: HTMLCanvasElement, camera: Camera, lit: Lit): void {
+    if (this.scene.background instanceof Texture) this.scene.background.dispose();
+    const texture = new CanvasTexture(photo);
+    texture.colorSpace = SRGBColorSpace;
+    this.scene.background = texture;
+    this.ground.shade(lit);
     this.camera.fov = camera.vertical_fov;
     this.camera.aspect = photo.width / photo.height;
-    this.camera.near = 0.05;
+    this.camera.near = 0.02;
     this.camera.updateProjectionMatrix();
     const { right, up, forward } = cameraAxes(camera);
     const basis = new Matrix4().makeBasis(vector(right), vector(up), vector(forward).negate());
     this.camera.quaternion.setFromRotationMatrix(basis);
-    const place = placeFor(camera);
-    this.radius = place.radius;
-    this.ground.visible = place.grounded;
-    this.object.position.copy(vector(place.position));
-    this.object.rotation.y = 0;
-    this.ground.carry(this.object.position, place.radius);
-    this.setShape(this.shape);
   }
 
-  setShape(shape: Shape): void {
-    this.shape = shape;
-    this.object.geometry.dispose();
-    this.object.geometry = geometryOf(shape, this.radius);
+  /** Where the object stands, how large it is and how it is turned. */
+  setPlace({ position, radius, turn, grounded }: Place): void {
+    this.object.position.copy(vector(position));
+    this.object.scale.setScalar(radius);
+    this.object.rotation.y = radians(turn);
+    this.ground.visible = grounded;
+    this.ground.carry(this.object.position, radius);
+    this.aimSun();
     this.draw();
   }
 
-  setFinish(finish: Finish): void {
-    this.object.material.dispose();
-    this.object.material = materialOf(finish);
+  /** The user's own object, shown as the shape `own`. */
+  setOwn(model: Object3D): void {
+    this.own = model;
+    this.dressed = "";
+  }
+
+  setLook(shape: Shape, finish: Finish): void {
+    const wanted = `${shape} ${finish}`;
+    if (wanted === this.dressed) return;
+    this.dressed = wanted;
+    const model = shape === "own" ? this.own : meshOf(shape);
+    if (!model) return;
+    this.undress();
+    this.object.add(shape === "own" ? model.clone() : model);
+    const keep = shape === "own" && finish === "file's own";
+    const material = keep ? null : materialOf(finish, shape !== "own");
+    this.object.traverse((part) => {
+      if (!(part instanceof Mesh)) return;
+      part.castShadow = true;
+      part.receiveShadow = true;
+      if (material) part.material = material;
+    });
     this.draw();
   }
 
-  /** Turns the object about its vertical axis, to the right as its front is seen. */
-  turn(degrees: number): void {
-    this.object.rotation.y += radians(degrees);
-    this.draw();
+  /** Takes the object away; the user's own is kept for later. */
+  private undress(): void {
+    for (const part of this.object.children) if (part instanceof Mesh) part.geometry.dispose();
+    this.object.clear();
   }
 
-  setLight(light: SceneLight, parameters: Parameters): void {
+  setLight(light: Light, parameters: Parameters): void {
     this.scene.environment?.dispose();
     this.scene.environment = environment(light.map);
-    const towards = vector(direction(parameters.sun_azimuth, parameters.sun_elevation));
-    this.aimSun(towards);
+    this.towards = vector(direction(parameters.sun_azimuth, parameters.sun_elevation));
+    this.aimSun();
     this.sun.color.setRGB(...light.sun);
     this.sun.visible = Math.max(...light.sun) > 0;
     const [r, g, b] = light.sun;
-    this.ground.light(light.sky, [r * towards.y, g * towards.y, b * towards.y]);
+    this.ground.light(light.sky, [r * this.towards.y, g * this.towards.y, b * this.towards.y]);
     this.draw();
   }
 
   setSize(width: number, height: number): void {
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
+    this.ground.fit(this.renderer.getDrawingBufferSize(new Vector2()));
     this.draw();
   }
 
   /** The light's box follows the object alone: what it shades lies along the beam, however long the shadow. */
-  private aimSun(towards: Vector3): void {
-    const reach = 2.2 * this.radius;
-    const middle = this.object.position.clone().setY(this.object.position.y + this.radius);
+  private aimSun(): void {
+    const radius = this.object.scale.x;
+    const reach = 2.2 * radius;
+    const middle = this.object.position.clone().setY(this.object.position.y + radius);
     this.sun.target.position.copy(middle);
-    this.sun.position.copy(middle).addScaledVector(towards, 2 * reach);
-    const { camera, ...shadow } = this.sun.shadow;
-    Object.assign(camera, {
-      left: -reach,
-      right: reach,
-      top: reach,
-      bottom: -reach,
-      near: 0.1 * reach,
-      far: 80 * reach,
-    });
-    camera.updateProjectionMatrix();
-    shadow.normalBias = 0.01 * this.radius;
-  }
-
-  private replaceBackground(photo: HTMLCanvasElement): void {
-    if (this.scene.background instanceof Texture) this.scene.background.dispose();
-    const texture = new CanvasTexture(photo);
-    texture.colorSpace = SRGBColorSpace;
-    this.scene.background = texture;
+    this.sun.position.copy(middle).addScaledVector(this.towards, 2 * reach);
+    const box = { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * reach, far: 80 * reach };
+    Object.assign(this.sun.shadow.camera, box).updateProjectionMatrix();
+    this.sun.shadow.normalBias = 0.01 * radius;
   }
 
   /** One frame, however often it is asked for before the next. */
@@ -157,15 +162,3 @@ export class Stage {
 }
 
 const vector = ([x, y, z]: Vector): Vector3 => new Vector3(x, y, z);
-
-function environment({ width, height, data }: Latlong): DataTexture {
-  const half = Uint16Array.from(data, (value) => DataUtils.toHalfFloat(Math.min(value, 65000)));
-  const texture = new DataTexture(half, width, height);
-  texture.type = HalfFloatType;
-  texture.mapping = EquirectangularReflectionMapping;
-  texture.minFilter = LinearFilter;
-  texture.magFilter = LinearFilter;
-  texture.flipY = true;
-  texture.needsUpdate = true;
-  return texture;
-}

@@ -47,7 +47,7 @@ export class Dome {
     this.paint();
     const view = frameOf(estimate.camera, aspect).map(onDrawing);
     const around = regions(estimate, direction(estimate.sun.azimuth, estimate.sun.elevation));
-    const rings = around.map(({ line, kind }) => path(line.filter(([, y]) => y > -0.02).map(onDrawing), kind));
+    const rings = around.map(({ line, kind }) => path(line.map(onDrawing), kind));
     this.drawing.querySelector(".estimate")?.remove();
     this.marks.before(svg("g", { class: "estimate" }, path(view, "view"), ...rings));
     this.leave();
@@ -112,8 +112,7 @@ export class Dome {
     const towards = direction(at.azimuth, at.elevation);
     const share = percent(within(this.cells, towards, READ_RADIUS));
     this.readout.textContent = `${azimuthWords(at.azimuth)}, ${at.elevation.toFixed(0)}° high: ${share} within ${READ_RADIUS}°`;
-    const circle = rim(towards, READ_RADIUS).filter(([, y]) => y > -0.02);
-    this.cursor.replaceChildren(path(circle.map(onDrawing), "reading"));
+    this.cursor.replaceChildren(path(rim(towards, READ_RADIUS).map(onDrawing), "reading"));
   }
 
   private leave(): void {

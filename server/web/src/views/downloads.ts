@@ -1,38 +1,56 @@
-/** Links to the light on show, as files. */
+/** The light on show, as files. They are fetched: links carry no API key and say no errors. */
 
-import { type Estimate, envmapUrl, type Format, file, type Parameters } from "../api";
+import { envmapFile, type Format, previewFile, sceneFile, TOOLS, type Tool } from "../api";
 import { byId, make } from "../dom";
-import { recordOf } from "../parameters";
+import { isSame, parametersOf, recordOf } from "../parameters";
+import { lookOf, type Shown, type View } from "../studio";
+
+type Get = (view: View, shown: Shown) => Promise<Blob>;
 
 const FORMATS: Format[] = ["exr", "hdr", "png"];
 
-export function linkDownloads(lighting: Estimate, parameters: Parameters, photoName: string): void {
-  const stem = photoName.replace(/\.\w+$/, "") || "photo";
-  const height = Number(byId<HTMLSelectElement>("size").value);
-  for (const format of FORMATS) link(`get-${format}`, envmapUrl(parameters, format, height), `${stem}.${format}`);
-  const record = JSON.stringify(recordOf(lighting, parameters), null, 1);
-  const before = byId<HTMLAnchorElement>("get-json").href;
-  link("get-json", URL.createObjectURL(new Blob([record], { type: "application/json" })), `${stem}.json`);
-  if (before) URL.revokeObjectURL(before);
+/** Listens to the buttons; `on` gives what is shown when one is pressed. */
+export function listenForDownloads(on: () => Shown | undefined, failed: (error: unknown) => void): void {
+  const listen = (id: string, suffix: string, get: Get): void => {
+    const button = byId<HTMLButtonElement>(id);
+    button.addEventListener("click", async () => {
+      const shown = on();
+      const view = shown?.views[shown.at];
+      if (!shown || !view) return;
+      button.setAttribute("aria-busy", "true");
+      const stem = view.photo.file.name.replace(/\.\w+$/, "") || "photo";
+      await get(view, shown).then((blob) => save(blob, `${stem}${suffix}`), failed);
+      button.removeAttribute("aria-busy");
+    });
+  };
+  for (const format of FORMATS) listen(`get-${format}`, `.${format}`, (view) => mapOf(view, format));
+  for (const tool of TOOLS) listen(`get-${tool}`, `-${tool}.zip`, (view, shown) => sceneOf(view, shown, tool));
+  listen("get-json", ".json", recordFile);
+  listen("get-preview", "-preview.png", ({ photo }, { given }) => previewFile(photo.file, given));
 }
 
-/** Fetches what a link leads to: links carry no API key, say no errors, and save under the service's own name. */
-export function listenForDownloads(failed: (error: unknown) => void): void {
-  for (const format of FORMATS) {
-    byId(`get-${format}`).addEventListener("click", (event) => {
-      event.preventDefault();
-      const { href, download } = event.currentTarget as HTMLAnchorElement;
-      file(href).then((blob) => save(blob, download), failed);
-    });
-  }
+export const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").value);
+
+/** Whether the light on show is another than the service gives for this photo alone. */
+export const isChanged = (view: View): boolean => !isSame(lookOf(view).parameters, parametersOf(view.answer));
+
+function mapOf(view: View, format: Format): Promise<Blob> {
+  const { parameters } = lookOf(view);
+  return envmapFile(recordOf(view.answer, parameters), parameters.sun, format, mapHeight());
+}
+
+function sceneOf(view: View, { views, given }: Shown, tool: Tool): Promise<Blob> {
+  const own = !isChanged(view) && views.length === 1;
+  return sceneFile(view.photo.file, given, tool, own ? undefined : lookOf(view).parameters);
+}
+
+async function recordFile(view: View): Promise<Blob> {
+  const record = recordOf(view.answer, lookOf(view).parameters);
+  return new Blob([JSON.stringify(record, null, 1)], { type: "application/json" });
 }
 
 function save(blob: Blob, name: string): void {
   const url = URL.createObjectURL(blob);
   make("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
-}
-
-function link(id: string, href: string, name: string): void {
-  Object.assign(byId<HTMLAnchorElement>(id), { href, download: name });
 }

@@ -2,9 +2,7 @@
 
 import { accuracy, type Lighting } from "../api";
 import { byId, make } from "../dom";
-import { type Named, numbers } from "../pure/words";
-
-const NOTE = "± is the median error on photos that the network never saw.";
+import { explained, type Named, numbers } from "../pure/words";
 
 let errors: Promise<Record<string, number>> | undefined;
 
@@ -12,15 +10,22 @@ let errors: Promise<Record<string, number>> | undefined;
 export async function showNumbers(lighting: Lighting): Promise<void> {
   fill(numbers(lighting));
   errors ??= accuracy().catch(() => ({}));
-  const stated = numbers(lighting, await errors);
-  byId("numbers-note").textContent = stated.some(({ note }) => note) ? NOTE : "";
-  fill(stated);
+  const known = await errors;
+  byId("numbers-note").textContent = explained(lighting, known);
+  fill(numbers(lighting, known));
+}
+
+/** A row of the table. */
+function line(name: string, value: string, note: string): DocumentFragment {
+  const row = document.createDocumentFragment();
+  row.append(make("dt", { textContent: name }), make("dd", {}, value, make("small", { textContent: note })));
+  return row;
 }
 
 function fill(rows: Named[]): void {
+  const stated = rows.some(({ name, note }) => note && !name.startsWith("Sun in"));
   byId("numbers").replaceChildren(
-    ...rows.map(({ name, value, note = "" }) =>
-      make("div", {}, make("dt", { textContent: name }), make("dd", {}, value, make("small", { textContent: note }))),
-    ),
+    ...(stated ? [make("div", { className: "head" }, line("", "this photo", "usual error"))] : []),
+    ...rows.map(({ name, value, note = "" }) => make("div", {}, line(name, value, note))),
   );
 }

@@ -1,48 +1,100 @@
 /** The stage with its controls; three.js is fetched when the first photo has its answer. */
 
-import type { Parameters } from "../api";
-import { byId, choices } from "../dom";
-import type { Photo } from "../photo";
-import { type Camera, placeFor } from "../pure/camera";
-import { latest } from "../pure/latest";
+import { byId, choices, radio } from "../dom";
+import { aspectOf } from "../photo";
 import { FINISHES, SHAPES } from "../pure/objects";
+import { distance, footOf, moved, type Place, shifted, sized, turned } from "../pure/place";
+import { short } from "../pure/words";
 import type { Stage } from "../scene/stage";
+import type { Light } from "../sky/light";
+import { type Look, lookOf, type View } from "../studio";
 
-const TURN = "Drag to turn it, or use the arrow keys.";
-const AFLOAT = `The photo shows no ground, so the object floats. ${TURN}`;
+const KEYS = "Keys: arrows move it, < and > turn it, + and − scale it.";
+const HOW = `Click the ground to move it, drag to turn it. ${KEYS}`;
+const AFLOAT = `The photo shows no ground, so the object floats. ${HOW}`;
 const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
+const CLICK = 5; // pixels that a click may wander
+
+type Change = (part: Partial<Look>, kind: string) => void;
 
 export class ObjectView {
   private readonly canvas = byId<HTMLCanvasElement>("stage");
   private readonly note = byId("scene-note");
-  private readonly light: (parameters: Parameters) => void;
+  private readonly size = byId<HTMLInputElement>("object-size");
+  private readonly turn = byId<HTMLInputElement>("object-turn");
   private readonly stage: Promise<Stage | null>;
   private begin: () => void = () => {};
+  private view: View | undefined;
+  private dragged = 0;
 
-  constructor(failed: (error: unknown) => void) {
+  constructor(
+    private readonly change: Change,
+    private readonly failed: (error: unknown) => void,
+  ) {
     this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-label", "An object in the photo, in its light: the arrow keys turn it");
+    this.canvas.setAttribute("aria-label", `An object in the photo. ${KEYS}`);
     this.stage = new Promise<void>((resolve) => {
       this.begin = resolve;
     }).then(() => this.load());
-    this.light = latest((parameters, signal) => this.relight(parameters, signal), 40, failed);
-    choices(byId("shapes"), SHAPES, (shape) => this.with((stage) => stage.setShape(shape)));
-    choices(byId("finishes"), FINISHES, (finish) => this.with((stage) => stage.setFinish(finish)));
+    choices(byId("shapes"), SHAPES, (shape) => this.change({ shape }, "shape"));
+    choices(byId("finishes"), FINISHES, (finish) => this.change({ finish }, "finish"));
+    this.offerOwn(false);
     this.listen();
   }
 
   /** A new photo; the object appears with its first light. */
-  show(photo: Photo, camera: Camera): void {
+  open(view: View): void {
+    this.view = view;
     this.begin();
     this.canvas.hidden = true;
+    const { pixels, picture } = view.photo;
+    const lit = { width: pixels.width, height: pixels.height, data: view.lit };
+    this.with((stage) => stage.setPhoto(picture, view.answer.camera, lit));
+  }
+
+  /** The object as it is wanted now. */
+  show({ place, shape, finish }: Look): void {
     this.with((stage) => {
-      stage.setPhoto(photo.picture, camera);
-      this.note.textContent = placeFor(camera).grounded ? TURN : AFLOAT;
+      stage.setLook(shape, finish);
+      stage.setPlace(place);
+      this.note.textContent = place.grounded ? HOW : AFLOAT;
+    });
+    radio(byId("shapes"), shape).checked = true;
+    radio(byId("finishes"), finish).checked = true;
+    this.size.value = String(Math.log2(place.radius));
+    this.turn.value = String(Math.round(place.turn));
+    const words = `${metres(2 * place.radius)} high`;
+    const away = place.grounded ? `, ${metres(distance(place))} away` : "";
+    byId("object-where").textContent = `${words}${away}, if the camera was 1.6 m above the ground.`;
+    this.size.setAttribute("aria-valuetext", words);
+    this.canvas.dataset.foot = this.view ? JSON.stringify(footOf(place, this.view.answer.camera, this.aspect)) : "";
+  }
+
+  light(light: Light, view: View): void {
+    this.with((stage) => {
+      stage.setLight(light, lookOf(view).parameters);
+      this.canvas.hidden = false;
+      this.fit(stage);
     });
   }
 
-  mark(parameters: Parameters): void {
-    this.light(parameters);
+  /** Takes the user's own object. */
+  async take(file: File): Promise<void> {
+    try {
+      const { readModel } = await import("../scene/model");
+      const model = await readModel(file);
+      byId("own-name").textContent = file.name;
+      this.offerOwn(true);
+      this.with((stage) => stage.setOwn(model));
+      this.change({ shape: "own", finish: "file's own" }, `own ${file.name}`);
+    } catch (error) {
+      this.failed(error);
+    }
+  }
+
+  private offerOwn(there: boolean): void {
+    radio(byId("shapes"), "own").disabled = !there;
+    radio(byId("finishes"), "file's own").disabled = !there;
   }
 
   private async load(): Promise<Stage | null> {
@@ -57,17 +109,6 @@ export class ObjectView {
     }
   }
 
-  private async relight(parameters: Parameters, signal: AbortSignal): Promise<void> {
-    const stage = await this.stage;
-    if (!stage) return;
-    const { fetchLight } = await import("../scene/maps");
-    const light = await fetchLight(parameters, signal);
-    if (signal.aborted) return;
-    stage.setLight(light, parameters);
-    this.canvas.hidden = false;
-    this.fit(stage);
-  }
-
   private fit(stage: Stage): void {
     const { width, height } = byId("frame").getBoundingClientRect();
     if (width > 0 && height > 0) stage.setSize(width, height);
@@ -79,16 +120,65 @@ export class ObjectView {
     });
   }
 
+  private get aspect(): number {
+    return this.view ? aspectOf(this.view.photo) : 1;
+  }
+
+  private place(make: (place: Place) => Place | null, kind: string): void {
+    const place = this.view && make(lookOf(this.view).place);
+    if (place) this.change({ place }, kind);
+    else this.note.textContent = "There is no ground: click below the horizon.";
+  }
+
   private listen(): void {
-    this.canvas.addEventListener("pointerdown", (event) => this.canvas.setPointerCapture(event.pointerId));
+    this.canvas.addEventListener("pointerdown", (event) => {
+      this.canvas.setPointerCapture(event.pointerId);
+      this.dragged = 0;
+    });
     this.canvas.addEventListener("pointermove", (event) => {
-      if (event.buttons === 1) this.with((stage) => stage.turn(event.movementX * 0.6));
+      if (event.buttons !== 1) return;
+      this.dragged += Math.hypot(event.movementX, event.movementY);
+      if (this.dragged > CLICK) this.place((place) => turned(place, event.movementX * 0.6), "turn");
     });
-    this.canvas.addEventListener("keydown", (event) => {
-      const turn = { ArrowLeft: -10, ArrowRight: 10 }[event.key];
-      if (turn === undefined) return;
-      event.preventDefault();
-      this.with((stage) => stage.turn(turn));
+    this.canvas.addEventListener("click", (event) => {
+      if (this.dragged <= CLICK) this.moveTo(event);
     });
+    this.canvas.addEventListener("keydown", (event) => this.key(event));
+    this.size.addEventListener("input", () =>
+      this.place((place) => sized(place, 2 ** this.size.valueAsNumber), "size"),
+    );
+    this.turn.addEventListener("input", () =>
+      this.place((place) => ({ ...place, turn: this.turn.valueAsNumber }), "turn"),
+    );
+  }
+
+  private moveTo(event: MouseEvent): void {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const spot = [(event.clientX - left) / width, (event.clientY - top) / height] as const;
+    this.place((place) => (this.view ? moved(place, this.view.answer.camera, this.aspect, spot) : null), "move");
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const keys: Record<string, [string, (place: Place, step: number) => Place]> = {
+      ArrowLeft: ["move", (place, step) => shifted(place, -step, 0)],
+      ArrowRight: ["move", (place, step) => shifted(place, step, 0)],
+      ArrowUp: ["move", (place, step) => shifted(place, 0, step)],
+      ArrowDown: ["move", (place, step) => shifted(place, 0, -step)],
+      "<": ["turn", (place) => turned(place, -10)],
+      ",": ["turn", (place) => turned(place, -10)],
+      ">": ["turn", (place) => turned(place, 10)],
+      ".": ["turn", (place) => turned(place, 10)],
+      "+": ["size", (place) => sized(place, place.radius * 1.1)],
+      "=": ["size", (place) => sized(place, place.radius * 1.1)],
+      "-": ["size", (place) => sized(place, place.radius / 1.1)],
+    };
+    const found = keys[event.key];
+    if (!found) return;
+    event.preventDefault();
+    this.place((place) => found[1](place, 0.04 * distance(place)), found[0]);
   }
 }
+
+const metres = (value: number): string =>
+  value < 1 ? `${(100 * value).toFixed(0)}\u00a0cm` : `${short(value)}\u00a0m`;

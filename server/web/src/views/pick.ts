@@ -3,26 +3,33 @@
 import { byId, make } from "../dom";
 import { EXAMPLES, type Example } from "../examples";
 
-type Take = (file: File) => void;
+const MODEL = /\.(glb|gltf)$/i;
 
-export function listenForPhotos(take: Take): void {
-  const chooser = byId<HTMLInputElement>("file");
-  chooser.addEventListener("change", () => {
-    takeFirst(chooser.files, take);
-    chooser.value = ""; // so that the same file can be chosen again
-  });
-  document.addEventListener("paste", (event) => takeFirst(event.clipboardData?.files, take));
-  listenForDrops(take);
+type Take = (files: File[]) => void;
+
+/** `take` gets photos, `model` an object of the user's own. */
+export function listenForPhotos(take: Take, model: (file: File) => void): void {
+  const give = (files: Iterable<File> | null | undefined): void => {
+    const all = [...(files ?? [])];
+    const own = all.find(({ name }) => MODEL.test(name));
+    const photos = all.filter(({ name }) => !MODEL.test(name));
+    if (own) model(own);
+    if (photos.length) take(photos);
+  };
+  for (const id of ["file", "model-file"]) {
+    const chooser = byId<HTMLInputElement>(id);
+    chooser.addEventListener("change", () => {
+      give(chooser.files);
+      chooser.value = ""; // so that the same file can be chosen again
+    });
+  }
+  document.addEventListener("paste", (event) => give(event.clipboardData?.files));
+  listenForDrops(give);
   byId("examples").append(...EXAMPLES.map((example) => make("li", {}, exampleButton(example, take))));
 }
 
-function takeFirst(files: FileList | null | undefined, take: Take): void {
-  const file = files?.[0];
-  if (file) take(file);
-}
-
 /** The whole page takes drops, so that a photo that misses the field does not replace the page. */
-function listenForDrops(take: Take): void {
+function listenForDrops(give: (files: Iterable<File> | undefined) => void): void {
   const field = byId("drop");
   const over = (on: boolean) => (event: DragEvent) => {
     event.preventDefault();
@@ -32,15 +39,15 @@ function listenForDrops(take: Take): void {
   document.addEventListener("dragleave", over(false));
   document.addEventListener("drop", (event) => {
     over(false)(event);
-    takeFirst(event.dataTransfer?.files, take);
+    give(event.dataTransfer?.files);
   });
 }
 
-function exampleButton({ name, title, url }: Example, take: Take): HTMLButtonElement {
-  const picture = make("img", { src: url, alt: "", width: 120, height: 80 });
-  const button = make("button", { type: "button", title }, picture, make("span", { textContent: title }));
+function exampleButton({ name, title, url, thumb, credit }: Example, take: Take): HTMLButtonElement {
+  const picture = make("img", { src: thumb, alt: "", width: 120, height: 90 });
+  const button = make("button", { type: "button", title: credit }, picture, make("span", { textContent: title }));
   button.addEventListener("click", async () =>
-    take(new File([await (await fetch(url)).blob()], name, { type: "image/jpeg" })),
+    take([new File([await (await fetch(url)).blob()], name, { type: "image/jpeg" })]),
   );
   return button;
 }

@@ -17,17 +17,15 @@ const NAMES = Object.keys(WORDS) as Slider[];
 /** Exposure is set in stops, as powers of two of the estimate's. */
 export class Sliders {
   private readonly sun = byId<HTMLInputElement>("sun");
-  private shown: Parameters | undefined;
   private neutral = 1;
 
-  constructor(private readonly changed: (parameters: Parameters) => void) {
+  constructor(private readonly changed: (part: Partial<Parameters>, kind: string) => void) {
     for (const name of NAMES) this.input(name).addEventListener("input", () => this.moved(name));
-    this.sun.addEventListener("change", () => this.change({ sun: this.sun.checked }));
+    this.sun.addEventListener("change", () => this.changed({ sun: this.sun.checked }, "sun"));
   }
 
   /** Puts every control where `parameters` are; `estimate` is what the exposure counts from. */
   show(parameters: Parameters, estimate: Parameters): void {
-    this.shown = parameters;
     this.neutral = estimate.exposure;
     this.sun.checked = parameters.sun;
     for (const name of NAMES) {
@@ -45,11 +43,7 @@ export class Sliders {
 
   private moved(name: Slider): void {
     const at = this.input(name).valueAsNumber;
-    this.change({ [name]: name === "exposure" ? this.neutral * 2 ** at : at });
-  }
-
-  private change(part: Partial<Parameters>): void {
-    if (this.shown) this.changed({ ...this.shown, ...part });
+    this.changed({ [name]: name === "exposure" ? this.neutral * 2 ** at : at }, name);
   }
 
   private input(name: Slider): HTMLInputElement {

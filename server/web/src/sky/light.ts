@@ -1,0 +1,83 @@
+/** The light of parameters: sky, sun and ground in the photo's linear values, as a renderer needs them. */
+
+import type { Parameters } from "../api";
+import { radians } from "../pure/angles";
+import { type SkyTable, skyShape, sunPower, type Triple } from "./model";
+import { horizontalIrradiance, type Latlong, paintGround, paintSky } from "./paint";
+
+/** What a record may state of its light; whatever it leaves out follows from the model. */
+export interface Stated {
+  sun?: Triple; // irradiance of a plane that faces the sun
+  sky?: Triple; // irradiance of level ground
+  ground?: Triple; // reflectance
+  cover?: number; // 0 clear to 1 overcast
+}
+
+/** What is asked for: the light on show, and the estimate that it began as. */
+export interface Question {
+  parameters: Parameters;
+  asked: Parameters;
+  stated: Stated;
+  groundSeen?: Triple | undefined; // the photo's own ground, linear, as it is under the estimate's light
+}
+
+export interface Light {
+  map: Latlong; // the sky without the sun's disc above the ground
+  sky: Triple; // irradiance of level ground by the sky alone
+  sun: Triple; // irradiance of a plane that faces the sun; zero where it does not shine
+  ground: Triple; // radiance of the ground
+}
+
+const NEUTRAL: Triple = [1, 1, 1];
+const each = (make: (channel: 0 | 1 | 2) => number): Triple => [make(0), make(1), make(2)];
+
+/** The model's own light, its sky and its sun multiplied by gains. */
+function modelled(table: SkyTable, height: number, p: Parameters, cover: number, gains: Gains): Omit<Light, "ground"> {
+  const shape = skyShape(table, p.sun_elevation, p.turbidity, p.ground_albedo);
+  const gain = each(() => p.exposure);
+  const map = paintSky(height, shape, { azimuth: p.sun_azimuth, elevation: p.sun_elevation, gain, cover });
+  if (gains.sky !== NEUTRAL) scale(map, gains.sky);
+  const power = p.sun ? sunPower(table, p.sun_elevation, p.turbidity) : ([0, 0, 0] as Triple);
+  return { map, sky: horizontalIrradiance(map), sun: each((c) => power[c] * p.exposure * gains.sun[c]) };
+}
+
+/** What takes the model's light to the one that a record states. */
+interface Gains {
+  sky: Triple;
+  sun: Triple;
+}
+
+function gainsOf(table: SkyTable, asked: Parameters, stated: Stated): Gains {
+  if (!stated.sky && !stated.sun) return { sky: NEUTRAL, sun: NEUTRAL };
+  const model = modelled(table, 32, { ...asked, sun: true }, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
+  const ratio = (said: Triple | undefined, own: Triple): Triple =>
+    said ? each((c) => said[c] / Math.max(own[c], 1e-9)) : NEUTRAL;
+  return { sky: ratio(stated.sky, model.sky), sun: ratio(stated.sun, model.sun) };
+}
+
+/** The light of a question, its map `height` rows high. */
+export function lightOf(table: SkyTable, { parameters, asked, stated, groundSeen }: Question, height: number): Light {
+  const gains = gainsOf(table, asked, stated);
+  const cover = stated.cover ?? 0;
+  const light = modelled(table, height, parameters, cover, gains);
+  const onGround = level(light, parameters);
+  const before = groundSeen && level(modelled(table, 32, asked, cover, gains), asked);
+  const ground = each((c) => {
+    if (stated.ground) return (stated.ground[c] / Math.PI) * onGround[c];
+    if (groundSeen && before) return (groundSeen[c] * onGround[c]) / Math.max(before[c], 1e-9);
+    return (parameters.ground_albedo / Math.PI) * onGround[c];
+  });
+  paintGround(light.map, ground);
+  return { ...light, ground };
+}
+
+/** Irradiance of level ground by sky and sun. */
+function level({ sky, sun }: Pick<Light, "sky" | "sun">, { sun_elevation }: Parameters): Triple {
+  return each((c) => sky[c] + sun[c] * Math.sin(radians(sun_elevation)));
+}
+
+function scale({ data }: Latlong, gain: Triple): void {
+  for (let i = 0; i < data.length; i += 4) {
+    for (const c of [0, 1, 2] as const) data[i + c] = (data[i + c] as number) * gain[c];
+  }
+}

@@ -1,0 +1,46 @@
+/** The page's side of the worker: one question at a time, and of those that wait only the newest. */
+
+import type { Pixels } from "../picture/pixels";
+import type { Camera } from "../pure/camera";
+import type { Question } from "./light";
+import type { Answer, Message } from "./worker";
+
+export class SkyRenderer {
+  private readonly worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
+  private asked = 0;
+  private busy = false;
+  private waiting: Question | undefined;
+
+  constructor(
+    private readonly shown: (answer: Answer) => void,
+    private readonly failed: (error: unknown) => void,
+  ) {
+    this.worker.addEventListener("message", ({ data }: MessageEvent<Answer | { id: number; error: string }>) => {
+      this.busy = false;
+      const next = this.waiting;
+      this.waiting = undefined;
+      if (next) this.ask(next);
+      if ("error" in data) this.failed(new Error(data.error));
+      else this.shown(data);
+    });
+    this.worker.addEventListener("error", ({ message }) => this.failed(new Error(message)));
+  }
+
+  /** What stands around the camera from now on. */
+  setPhoto(photo: Pixels, camera: Camera): void {
+    this.post({ photo, camera });
+  }
+
+  ask(question: Question): void {
+    if (this.busy) {
+      this.waiting = question;
+      return;
+    }
+    this.busy = true;
+    this.post({ question, id: ++this.asked });
+  }
+
+  private post(message: Message): void {
+    this.worker.postMessage(message);
+  }
+}

@@ -1,0 +1,50 @@
+/** The worker that renders skies, so that sliders need no request and the page stays quick. */
+
+import tableUrl from "../../../../lighting/data/hosek_wilkie.npz?url";
+import type { Pixels } from "../picture/pixels";
+import { layAround, type Surroundings, withSurroundings } from "../picture/surroundings";
+import type { Camera } from "../pure/camera";
+import { readNpz } from "../pure/npz";
+import { type Light, lightOf, type Question } from "./light";
+import type { SkyTable } from "./model";
+import { type Picture, pictureOf } from "./picture";
+
+export type Message = { photo: Pixels; camera: Camera } | { question: Question; id: number };
+
+export interface Answer {
+  id: number;
+  light: Light; // its map holds the surroundings
+  picture: Picture; // of the bare map
+}
+
+const LIGHT_ROWS = 128; // finer maps take phones too long to prefilter
+const PICTURE_ROWS = 256;
+
+let table: Promise<SkyTable> | undefined;
+let around: Surroundings | undefined;
+
+self.addEventListener("message", async ({ data }: MessageEvent<Message>) => {
+  if ("photo" in data) around = layAround(data.photo, data.camera, LIGHT_ROWS);
+  else await answer(data.question, data.id);
+});
+
+async function answer(question: Question, id: number): Promise<void> {
+  try {
+    table ??= load();
+    const sky = await table;
+    const light = lightOf(sky, question, LIGHT_ROWS);
+    const picture = pictureOf(lightOf(sky, question, PICTURE_ROWS), question.parameters);
+    const gain = question.parameters.exposure / question.asked.exposure;
+    const map = around ? withSurroundings(light.map, around, gain) : light.map;
+    postMessage({ id, light: { ...light, map }, picture } satisfies Answer);
+  } catch (error) {
+    table = undefined;
+    postMessage({ id, error: String(error) });
+  }
+}
+
+async function load(): Promise<SkyTable> {
+  const response = await fetch(tableUrl);
+  if (!response.ok) throw new Error(`The sky's table could not be loaded (${response.status}).`);
+  return readNpz(await response.arrayBuffer());
+}

@@ -1,0 +1,143 @@
+import { describe, expect, it } from "vitest";
+import { evidenceWords, factsOf, formValues, givenBy, said } from "../src/pure/facts";
+import { givenQuery, NOTHING } from "../src/pure/given";
+import { History } from "../src/pure/history";
+import { distance, footOf, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
+import { curlOf, pythonOf, type Subject } from "../src/pure/snippets";
+
+const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
+const TAGS = {
+  DateTimeOriginal: "2024:08:10 17:27:34",
+  Make: "SONY",
+  Model: "ILCE-9M2",
+  FocalLengthIn35mmFormat: 20,
+  latitude: 41.90100555,
+  longitude: -12.4795,
+  GPSImgDirection: 87.4,
+  GPSImgDirectionRef: "M",
+  GPSTimeStamp: [15, 27, 34],
+  GPSDateStamp: "2024:08:10",
+};
+
+describe("what a photo says", () => {
+  const facts = factsOf(TAGS);
+
+  it("is told in words", () => {
+    expect(said(facts).map(({ value }) => value)).toEqual([
+      "2024-08-10 17:27:34 (time zone by GPS)",
+      "41.9010°\u00a0N, 12.4795°\u00a0W",
+      "87° from magnetic north",
+      "20 mm (as of a 35 mm camera)",
+      "SONY ILCE-9M2",
+    ]);
+    expect(new Set(said({}).map(({ value }) => value))).toEqual(new Set(["not in the file"]));
+  });
+
+  it("is left out where it cannot be read", () => {
+    const broken = { DateTimeOriginal: "    ", latitude: Number.NaN, longitude: 5, GPSImgDirection: "north", Make: 3 };
+    expect(factsOf({ ...broken, FocalLengthIn35mmFormat: 0 })).toEqual({});
+  });
+
+  it("fills the form, and only what was changed is given", () => {
+    const form = formValues(facts, NOTHING);
+    expect([form.time, form.lat, form.heading]).toEqual(["2024-08-10T17:27:34", "41.90101", "87.4"]);
+    expect(givenBy(form, facts)).toEqual(NOTHING);
+    expect(givenBy({ ...form, lat: "42" }, facts)).toEqual({ ...NOTHING, lat: "42", lon: "-12.4795" });
+    expect(givenBy({ ...form, exif: false }, facts).time).toBe("2024-08-10T17:27:34");
+  });
+
+  it("was used, in words", () => {
+    expect(evidenceWords(["pixels", "time+place", "heading"])).toBe(
+      "Used: the picture itself, time and place (where the sun stood then), the compass heading.",
+    );
+    expect(evidenceWords(["something new"])).toBe("Used: something new.");
+  });
+
+  it("goes to the service under its own names", () => {
+    const given = { ...NOTHING, time: "2024-06-01T14:30", utc_offset: "+02:00", headings: "0,45" };
+    expect(givenQuery(given, 1).toString()).toBe("time=2024-06-01T14%3A30&utc_offset=%2B02%3A00");
+  });
+});
+
+describe("undo", () => {
+  it("takes back what was done in one go, one by one otherwise", () => {
+    let time = 0;
+    const history = new History("a", () => time);
+    history.push("b", "slide");
+    time = 100;
+    history.push("c", "slide");
+    history.push("d", "click");
+    time = 2000;
+    history.push("e", "click");
+    expect([history.undo(), history.undo(), history.undo(), history.canUndo]).toEqual(["d", "c", "a", false]);
+    expect([history.undo(), history.redo(), history.redo()]).toEqual(["a", "c", "d"]);
+    history.push("f", "click");
+    expect([history.canRedo, history.undo()]).toEqual([false, "d"]);
+  });
+});
+
+describe("the object's place", () => {
+  const near = placeFor(CAMERA, 4 / 3, [0.5, 0.9]);
+
+  it("is on the ground that the photo shows there", () => {
+    expect(near.grounded).toBe(true);
+    expect(near.position[1]).toBeCloseTo(-1.6);
+    const foot = footOf(near, CAMERA, 4 / 3);
+    expect(foot?.[0]).toBeCloseTo(0.5);
+    expect(foot?.[1]).toBeCloseTo(0.9);
+  });
+
+  it("keeps its size in metres when it moves, so that it shrinks with distance", () => {
+    const far = moved(near, CAMERA, 4 / 3, [0.5, 0.7]);
+    expect(far?.radius).toBe(near.radius);
+    expect(distance(far as typeof near)).toBeGreaterThan(2 * distance(near));
+    expect(moved(near, CAMERA, 4 / 3, [0.5, 0.2])).toBeNull();
+    expect(onGround({ elevation: 0, roll: 0, vertical_fov: 50 }, 1, [0.5, 0.51])).toBeNull();
+  });
+
+  it("is afloat before a camera that sees no ground", () => {
+    const afloat = placeFor({ elevation: 50, roll: 0, vertical_fov: 40 }, 1, null);
+    expect(afloat.grounded).toBe(false);
+    expect(Math.hypot(...afloat.position)).toBeCloseTo(4);
+    expect(moved(afloat, CAMERA, 1, [0.5, 0.1])?.grounded).toBe(false);
+  });
+
+  it("is shifted, turned and scaled within bounds", () => {
+    expect(shifted(near, 0, -1000).position[2]).toBeCloseTo(-0.3);
+    expect(turned({ ...near, turn: 175 }, 10).turn).toBeCloseTo(-175);
+    expect(sized(near, 1e9).radius).toBe(20);
+  });
+});
+
+describe("the light on show as text", () => {
+  const subject: Subject = {
+    origin: "http://127.0.0.1:8000/",
+    photo: "it's.jpg",
+    photos: 1,
+    given: { ...NOTHING, time: "2024-06-01T14:30", utc_offset: "+02:00", lat: "48.14", lon: "11.58" },
+    lighting: { camera: CAMERA } as Subject["lighting"],
+    parameters: { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3, exposure: 5, ground_albedo: 0.3, sun: true },
+    changed: false,
+    height: 512,
+    keyed: false,
+  };
+
+  it("is a curl command", () => {
+    expect(curlOf(subject)).toBe(
+      `curl -f -F 'photo=@"it'\\''s.jpg"' 'http://127.0.0.1:8000/v1/envmap?time=2024-06-01T14%3A30&` +
+        `utc_offset=%2B02%3A00&lat=48.14&lon=11.58&height=512' -o 'it'\\''s.exr'`,
+    );
+    expect(curlOf({ ...subject, changed: true, keyed: true })).toContain("sun_azimuth=-41.2&sun_elevation=33");
+    expect(curlOf({ ...subject, keyed: true })).toContain("-H 'Authorization: Bearer YOUR_KEY'");
+  });
+
+  it("is a Python program", () => {
+    expect(pythonOf(subject)).toContain(
+      'Given(time=datetime.fromisoformat("2024-06-01T14:30+02:00"), latitude=48.14, longitude=11.58)',
+    );
+    expect(pythonOf({ ...subject, given: NOTHING })).not.toContain("Given");
+    const changed = pythonOf({ ...subject, changed: true });
+    expect(changed).toContain("    sun_visibility=1,\n");
+    expect(changed).not.toContain("Estimator");
+  });
+});

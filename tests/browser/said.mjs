@@ -1,0 +1,74 @@
+// What the photo says, given and corrected; several photos; HEIC; soft words for a poor answer.
+import { answering, faults, open, relit } from "./visit.mjs";
+
+export async function visitSaid(browser, url, seen, { dated, photo, heic }) {
+  const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
+  seen.faultsBefore = await faults(page);
+  await relit(page, () => page.setInputFiles("#file", dated));
+  seen.facts = await page.locator("#facts dd").allTextContents();
+  seen.evidence = [await page.textContent("#evidence")];
+  await correct(page, seen);
+  seen.faults = await faults(page);
+  await several(page, seen, [photo, dated]);
+  if (heic) await showHeic(page, seen, heic);
+  await soften(page, url, seen, photo);
+  await page.context().close();
+}
+
+async function correct(page, seen) {
+  await page.click("summary");
+  seen.form = await page.inputValue("#given-time");
+  await page.fill("#given-lat", "41.91");
+  await page.fill("#given-lon", "12.48");
+  await page.fill("#given-utc_offset", "+02:00");
+  page.asked = [];
+  await relit(page, () => page.click("#given button[type=submit]"));
+  seen.corrected = page.asked.filter((address) => address.includes("v1/lighting"));
+  seen.evidence.push(await page.textContent("#evidence"));
+  await page.fill("#given-time", "2024-08-10T02:00:00");
+  await page.click("#given button[type=submit]");
+  await page.waitForSelector("#error:not([hidden])");
+  seen.night = await page.textContent("#error");
+  seen.complaints = seen.complaints.filter((words) => !/status of 422/.test(words)); // that refusal, in the console
+  await relit(page, () => page.click("#forget"));
+  seen.evidence.push(await page.textContent("#evidence"));
+}
+
+async function several(page, seen, photos) {
+  await relit(page, () => page.setInputFiles("#file", photos));
+  seen.together = await page.locator("#photos button").allTextContents();
+  seen.togetherEvidence = await page.textContent("#evidence");
+  await relit(page, () => page.locator("#photos button").nth(1).click());
+  seen.second = [
+    await page.getAttribute("#photo", "alt"),
+    await page.getAttribute("#photos li:nth-child(2) button", "aria-pressed"),
+  ];
+}
+
+async function showHeic(page, seen, heic) {
+  await relit(page, () => page.setInputFiles("#file", heic));
+  seen.heic = await page.evaluate(() => {
+    const image = document.getElementById("photo");
+    return [image.naturalWidth, image.naturalHeight, document.getElementById("status").textContent];
+  });
+}
+
+/** Records with what newer networks say, and with an answer that is none. */
+async function soften(page, url, seen, photo) {
+  const parts = [
+    { sun: { visibility: 0.1 }, warnings: ["The clock and the pixels disagree."] },
+    { sun: { visibility: 0.9, radius_50: 30, radius_90: 80, azimuth: 92 }, sky: { cover: 0.4, irradiance: [1, 1.1, 1.4] } },
+    { suitable: 0.1, ground: { color: [0.2, 0.1, 0.05] }, sun: { irradiance: [2, 1.8, 1.5] } },
+  ];
+  await answering(page, url, photo, (record) => {
+    const { sun = {}, sky = {}, ...rest } = parts[0];
+    return { ...record, ...rest, sun: { ...record.sun, ...sun }, sky: { ...record.sky, ...sky } };
+  });
+  seen.titles = [];
+  while (parts.length) {
+    await relit(page, () => page.setInputFiles("#file", photo));
+    seen.titles.push(await page.textContent("#title"));
+    seen.warnings ??= await page.locator("#warnings li").allTextContents();
+    parts.shift();
+  }
+}

@@ -1,0 +1,136 @@
+"""Heads of requests on a real socket: too large is 431, too slow 408, nonsense 400, and each ends its connection."""
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import pytest
+import uvicorn
+from starlette.types import Receive, Scope, Send
+
+from server.protocol import HEADER_BYTES, BoundedProtocol
+from server.schemas import Problem
+
+SECONDS = 0.3
+
+
+async def app(scope: Scope, receive: Receive, send: Send) -> None:
+    """Answers with the number of bytes of the body, after reading it unless the path is /early."""
+    size = 0
+    while scope["path"] != "/early":
+        message = await receive()
+        size += len(message.get("body", b""))
+        if not message.get("more_body"):
+            break
+    await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"%d" % len(str(size)))]})
+    await send({"type": "http.response.body", "body": str(size).encode()})
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    protocol: Any = partial(BoundedProtocol, head_seconds=SECONDS)
+    config = uvicorn.Config(
+        app, port=0, http=protocol, h11_max_incomplete_event_size=HEADER_BYTES, log_level="error", lifespan="off"
+    )
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    yield server.servers[0].sockets[0].getsockname()[1]
+    server.should_exit = True
+    thread.join(30)
+
+
+def connected(port: int) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), timeout=30)
+
+
+def rest(connection: socket.socket) -> bytes:
+    """What the service still says until it closes the connection."""
+    parts = []
+    while part := connection.recv(1 << 16):
+        parts.append(part)
+    connection.close()
+    return b"".join(parts)
+
+
+def drip(connection: socket.socket) -> None:
+    """Send a byte now and then for 20 s, unless the connection ends."""
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        connection.sendall(b"a")
+        time.sleep(0.02)
+
+
+def refused(answer: bytes, status: int, name: str) -> None:
+    head, body = answer.split(b"\r\n\r\n", 1)
+    assert head.startswith(b"HTTP/1.1 %d" % status)
+    assert b"application/problem+json" in head
+    found = Problem.model_validate(json.loads(body))
+    assert (found.status, found.type) == (status, f"tag:outdoor-lighting,2026:{name}")
+
+
+def test_headers_that_are_too_large_are_431(port: int) -> None:
+    for headers in (b"X-A: " + b"a" * HEADER_BYTES + b"\r\n", b"X-A: a\r\n" * 2500):
+        connection = connected(port)
+        connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n" + headers)
+        refused(rest(connection), 431, "headers-too-large")
+
+
+def test_headers_that_come_at_once_have_no_larger_limit(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-A: " + b"a" * 3 * HEADER_BYTES + b"\r\n\r\n")
+    refused(rest(connection), 431, "headers-too-large")
+
+
+def test_headers_up_to_the_limit_are_taken(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\nX-A: " + b"a" * 15000 + b"\r\n\r\n")
+    assert rest(connection).endswith(b"\r\n\r\n0")
+
+
+def test_what_is_no_http_is_400(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"\x16\x03\x01 hello\r\n\r\n")
+    refused(rest(connection), 400, "malformed-request")
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: x\r\nX-A: "])
+def test_headers_that_do_not_come_end_the_connection(port: int, sent: bytes) -> None:
+    connection = connected(port)
+    connection.sendall(sent)
+    began = time.monotonic()
+    refused(rest(connection), 408, "too-slow")
+    assert time.monotonic() - began < 20
+
+
+def test_headers_that_drip_in_do_not_prolong_it(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-A: ")
+    with pytest.raises(OSError, match=r"."):
+        drip(connection)
+    connection.close()
+
+
+def test_a_body_has_its_own_time_and_the_next_request_comes_after_it(port: int) -> None:
+    connection = connected(port)
+    for _ in range(2):
+        connection.sendall(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 30000\r\n\r\n" + bytes(10000))
+        time.sleep(1.5 * SECONDS)
+        connection.sendall(bytes(20000))
+        assert connection.recv(1000).endswith(b"30000")
+    connection.close()
+
+
+def test_a_body_that_drips_in_after_its_answer_ends_the_connection(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"POST /early HTTP/1.1\r\nHost: x\r\nContent-Length: 30000\r\n\r\n" + bytes(10))
+    assert connection.recv(1000).endswith(b"0")
+    with pytest.raises(OSError, match=r"."):
+        drip(connection)
+    connection.close()
