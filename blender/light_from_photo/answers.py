@@ -1,0 +1,110 @@
+"""A photo's scene from the command or from the service; nothing here needs Blender.
+
+Either fills a folder with NEEDED: the numbers, the plate and the map of `lighting scene --for blender`. The script that
+comes with them is never run; this extension has its own copy.
+"""
+
+import io
+import os
+import shutil
+import subprocess
+import urllib.error
+import urllib.parse
+import urllib.request
+import zipfile
+from pathlib import Path
+from typing import Any
+
+NEEDED = ("scene.json", "plate.png", "environment.exr", "lighting.json")
+SECONDS = 120  # to wait for an answer
+MOST_BYTES = 1 << 28  # of an answer, packed or not
+_OF_THIS_PYTHON = ("PYTHONHOME", "PYTHONPATH")  # Blender's, which would mislead another
+
+
+class AnswerError(Exception):
+    """No scene came; the text is a sentence for the user."""
+
+
+def from_command(command: str, photo: Path, folder: Path) -> None:
+    """Have the command write the scene into a folder; raises AnswerError."""
+    program = shutil.which(os.path.expanduser(command))  # noqa: PTH111  # a name on the PATH is no path
+    if program is None:
+        raise AnswerError(f"There is no command {command!r}; give its whole path in the preferences.")
+    environment = {name: value for name, value in os.environ.items() if name not in _OF_THIS_PYTHON}
+    arguments = [program, "scene", str(photo), "--for", "blender", "-o", str(folder), "--quiet"]
+    try:
+        done = subprocess.run(
+            arguments, env=environment, capture_output=True, text=True, errors="replace", timeout=SECONDS, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise AnswerError(f"{command} took more than {SECONDS} seconds.") from error
+    except OSError as error:
+        raise AnswerError(f"{command} cannot be run: {error.strerror}.") from error
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or [f"{command} failed with status {done.returncode}."]
+        raise AnswerError(lines[-1].removeprefix("Error: "))
+    _check(folder)
+
+
+def from_service(address: str, key: str, photo: Path, folder: Path) -> None:
+    """Send the photo to a service and unpack its answer; raises AnswerError."""
+    url = urllib.parse.urlsplit(address.strip())
+    if url.scheme not in ("http", "https") or not url.hostname:
+        raise AnswerError("The service's address must begin with http:// or https://.")
+    try:
+        request = urllib.request.Request(
+            address.strip().rstrip("/") + "/v1/scene?tool=blender", photo.read_bytes(), _headers(photo, key)
+        )
+        with urllib.request.build_opener(_Stay).open(request, timeout=SECONDS) as answer:
+            data = answer.read(MOST_BYTES + 1)
+    except urllib.error.HTTPError as error:
+        raise AnswerError(_detail(error)) from error
+    except urllib.error.URLError as error:
+        raise AnswerError(f"{url.hostname} cannot be reached: {error.reason}.") from error
+    except OSError as error:
+        raise AnswerError(f"The photo was not answered: {error}.") from error
+    _unpack(data, folder)
+
+
+class _Stay(urllib.request.HTTPRedirectHandler):
+    """A photo and a key go to the address that was set, and nowhere else."""
+
+    def redirect_request(self, *_: Any) -> None:
+        return None
+
+
+def _headers(photo: Path, key: str) -> dict[str, str]:
+    kinds = {".png": "image/png", ".webp": "image/webp", ".heic": "image/heic", ".heif": "image/heic"}
+    headers = {"Content-Type": kinds.get(photo.suffix.lower(), "image/jpeg")}
+    return headers | {"Authorization": f"Bearer {key}"} if key else headers
+
+
+def _detail(error: urllib.error.HTTPError) -> str:
+    """The service's own sentence, if it has one."""
+    import json
+
+    try:
+        return str(json.loads(error.read(1 << 16))["detail"])
+    except (ValueError, KeyError, TypeError, OSError):
+        return f"The service answered {error.code} {error.reason}."
+
+
+def _unpack(data: bytes, folder: Path) -> None:
+    """Write the files that are needed, and no others."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            sizes = {info.filename: info.file_size for info in archive.infolist()}
+            if sum(sizes.get(name, 0) for name in NEEDED) > MOST_BYTES or len(data) > MOST_BYTES:
+                raise AnswerError("The service's answer is too large.")
+            for name in NEEDED:
+                if name in sizes:
+                    (folder / name).write_bytes(archive.read(name))
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise AnswerError("The service's answer is not a scene.") from error
+    _check(folder)
+
+
+def _check(folder: Path) -> None:
+    missing = [name for name in NEEDED if not (folder / name).is_file()]
+    if missing:
+        raise AnswerError(f"The answer has no {', '.join(missing)}.")

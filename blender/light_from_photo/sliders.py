@@ -1,0 +1,111 @@
+"""The sliders: sun, turbidity and exposure after the estimate, without the network.
+
+Where all of them stand as estimated, the world shows the photo's own map; elsewhere one that is painted here.
+"""
+
+from typing import Any
+
+import bpy
+
+from . import scene as script
+from . import skies
+from .furnish import environment_node, sky_node
+from .lighting.records import RANGES, Lighting
+
+IMAGE = "Sky of the sliders"
+_NAMES = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
+
+
+def _changed(settings: Any, _context: Any) -> None:
+    shine(settings)
+
+
+def _slider(name: str, label: str, description: str, **more: Any) -> Any:
+    low, high = RANGES[name]
+    return bpy.props.FloatProperty(
+        name=label, description=description, min=low, max=high, update=_changed, options=set(), **more
+    )
+
+
+class LightFromPhotoSettings(bpy.types.PropertyGroup):
+    """The light of a scene: what the sliders say, what was estimated, and where it shows."""
+
+    sun_azimuth: _slider("sun_azimuth", "Azimuth", "Degrees to the right of where the camera points")  # type: ignore
+    sun_elevation: _slider("sun_elevation", "Elevation", "Degrees above the horizon")  # type: ignore
+    turbidity: _slider("turbidity", "Turbidity", "2 is very clear, 10 is hazy", default=3.0)  # type: ignore
+    exposure: _slider(  # type: ignore
+        "exposure", "Exposure", "Factor of sun and sky", default=1.0, soft_min=0.01, soft_max=100.0, precision=3
+    )
+    estimate: bpy.props.FloatVectorProperty(size=4)  # type: ignore[valid-type]
+    ground_albedo: bpy.props.FloatProperty()  # type: ignore[valid-type]
+    shines: bpy.props.BoolProperty()  # type: ignore[valid-type]
+    environment: bpy.props.PointerProperty(type=bpy.types.Image)  # type: ignore[valid-type]
+    sun: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
+    world: bpy.props.PointerProperty(type=bpy.types.World)  # type: ignore[valid-type]
+    collection: bpy.props.PointerProperty(type=bpy.types.Collection)  # type: ignore[valid-type]
+
+
+def shine(settings: Any) -> None:
+    """Let sun and world show what the sliders say; nothing where no photo was picked or its sun was deleted."""
+    if settings.world is None or settings.sun is None:
+        return
+    said = [getattr(settings, name) for name in _NAMES]
+    light = Lighting(**dict(zip(_NAMES, said, strict=True)), ground_albedo=settings.ground_albedo)
+    numbers = skies.sun(light, settings.shines)
+    script.aim_sun(settings.sun, numbers)
+    node = environment_node(settings.world)
+    node.image = settings.environment if said == list(settings.estimate) else _painted(settings, light)
+    native = sky_node(settings.world)
+    native.sun_direction, native.turbidity = numbers["direction"], settings.turbidity
+    native.outputs[0].links[0].to_node.inputs["Strength"].default_value = settings.exposure
+
+
+def _painted(settings: Any, light: Lighting) -> Any:
+    """The picture of the sliders of this scene, painted anew."""
+    name = f"{IMAGE} {settings.id_data.name}"
+    image = bpy.data.images.get(name) or bpy.data.images.new(
+        name, 2 * skies.HEIGHT, skies.HEIGHT, float_buffer=True, is_data=False
+    )
+    image.colorspace_settings.name = "Linear Rec.709"
+    image.pixels.foreach_set(skies.pixels(light, settings.shines))
+    image.update()
+    return image
+
+
+def reset(settings: Any) -> None:
+    """All sliders back to the estimate."""
+    for name, value in zip(_NAMES, settings.estimate, strict=True):
+        setattr(settings, name, value)
+
+
+@bpy.app.handlers.persistent
+def _again(*_: Any) -> None:
+    """After undo and redo, which turn back the sliders and not the picture."""
+    for scene in bpy.data.scenes:
+        shine(scene.light_from_photo)
+
+
+@bpy.app.handlers.persistent
+def _pack(*_: Any) -> None:
+    """Before saving: painted pictures go into the file."""
+    for image in bpy.data.images:
+        if image.name.startswith(IMAGE) and image.is_dirty:
+            image.pack()
+
+
+def register() -> None:
+    bpy.utils.register_class(LightFromPhotoSettings)
+    bpy.types.Scene.light_from_photo = bpy.props.PointerProperty(type=LightFromPhotoSettings)
+    bpy.types.Scene.light_from_photo_compositor = bpy.props.BoolProperty()
+    bpy.app.handlers.undo_post.append(_again)
+    bpy.app.handlers.redo_post.append(_again)
+    bpy.app.handlers.save_pre.append(_pack)
+
+
+def unregister() -> None:
+    bpy.app.handlers.save_pre.remove(_pack)
+    bpy.app.handlers.redo_post.remove(_again)
+    bpy.app.handlers.undo_post.remove(_again)
+    del bpy.types.Scene.light_from_photo_compositor
+    del bpy.types.Scene.light_from_photo
+    bpy.utils.unregister_class(LightFromPhotoSettings)

@@ -1,0 +1,70 @@
+"""Build the Blender extension: python -m scripts.blender_extension [-o light_from_photo.zip]
+
+The zip holds blender/light_from_photo and, copied here so that they exist once, the script that builds scenes in
+Blender and the parts of `lighting` that paint a sky, their imports made relative as Blender's rules want it.
+"""
+
+import argparse
+import re
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+ROOT = Path(__file__).parent.parent
+SOURCE = ROOT / "blender" / "light_from_photo"
+SCRIPT = "lighting/scene/data/blender.py"
+SKY = (
+    "lighting/errors.py",
+    "lighting/geometry.py",
+    "lighting/records.py",
+    "lighting/colour.py",
+    *(f"lighting/envmap/{name}.py" for name in ("clear", "disc", "mixture", "render")),
+    *(f"lighting/sky/{path.name}" for path in sorted((ROOT / "lighting" / "sky").glob("*.py"))),
+    "lighting/scene/axes.py",
+)
+COEFFICIENTS = "lighting/data/hosek_wilkie.npz"
+_IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # so that the same files make the same zip
+
+
+def main() -> None:
+    """Build and say where."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("-o", "--output", type=Path, default=Path("light_from_photo.zip"))
+    print(build(parser.parse_args().output))
+
+
+def build(target: Path) -> Path:
+    """Write the zip; returns its path."""
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(members()):
+            info = zipfile.ZipInfo(name, _EPOCH)
+            info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            archive.writestr(info, data)
+    return target
+
+
+def members() -> Iterator[tuple[str, bytes]]:
+    """The name and the bytes of each file of the zip."""
+    for path in SOURCE.iterdir():
+        if path.suffix in (".py", ".toml"):
+            yield path.name, path.read_bytes()
+    for name in ("LICENSE", "NOTICE"):
+        yield name, (ROOT / name).read_bytes()
+    yield "scene.py", (ROOT / SCRIPT).read_bytes()
+    yield COEFFICIENTS, (ROOT / COEFFICIENTS).read_bytes()
+    yield "lighting/__init__.py", b'"""The parts of outdoor-lighting that paint a sky."""\n'
+    yield "lighting/envmap/__init__.py", b'"""Maps of the sky."""\n\nfrom .render import render, sun_irradiance\n'
+    yield "lighting/scene/__init__.py", b'"""The parts of it that know Blender\'s frame."""\n'
+    for name in SKY:
+        text = (ROOT / name).read_text(encoding="utf-8")
+        yield name, relative(text, len(PurePosixPath(name).parts) - 1).encode()
+
+
+def relative(text: str, depth: int) -> str:
+    """A module's text with its imports of `lighting` relative; it lies `depth` folders below the extension."""
+    return _IMPORT.sub(rf"\1from {'.' * depth}\2 import ", text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Run by a Python that has bpy: install the zip, pick a photo, move the sliders, undo; prints one line of JSON.
+
+BLENDER_USER_RESOURCES=FOLDER PYTHON try_extension.py EXTENSION.zip COMMAND PHOTO [PICTURE.png]
+"""
+
+import json
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+NAME = "bl_ext.user_default.light_from_photo"
+
+
+def main() -> None:
+    package, command, photo, *picture = sys.argv[1:]
+    bpy.ops.wm.read_factory_settings(use_empty=False)
+    folder = Path(bpy.utils.user_resource("EXTENSIONS", path="user_default/light_from_photo", create=True))
+    zipfile.ZipFile(package).extractall(folder)
+    bpy.ops.preferences.addon_enable(module=NAME)
+    bpy.context.preferences.addons[NAME].preferences.command = command
+    found: dict[str, Any] = {"blender": bpy.app.version_string}
+    scene = bpy.context.scene
+    kept = {thing.name for thing in scene.objects}
+    bpy.ops.ed.undo_push(message="before")
+    found["estimate"] = sorted(bpy.ops.light_from_photo.estimate(filepath=photo))
+    settings = scene.light_from_photo
+    found["made"] = sorted({thing.name for thing in scene.objects} - kept)
+    found["kept"] = kept <= {thing.name for thing in scene.objects}
+    found["first"] = state(scene)
+    settings.sun_azimuth, settings.sun_elevation = -90.0, 40.0
+    settings.turbidity, settings.exposure = 2.0, 2 * settings.exposure
+    found["moved"] = state(scene)
+    if picture:
+        render(scene, picture[0])
+    bpy.ops.light_from_photo.reset()
+    found["reset"] = state(scene)
+    bpy.ops.light_from_photo.estimate(filepath=photo)
+    found["again"] = sorted({thing.name.split(".")[0] for thing in scene.objects} - kept)
+    found["sun lamps"] = sum(thing.type == "LIGHT" and thing.data.type == "SUN" for thing in scene.objects)
+    found |= undone(photo)
+    scene = bpy.context.scene
+    settings = scene.light_from_photo
+    settings.sun_azimuth = 12.0
+    saved = folder.parent / "saved.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(saved))
+    bpy.ops.wm.open_mainfile(filepath=str(saved))
+    found["reopened"] = state(bpy.context.scene)
+    bpy.ops.preferences.addon_disable(module=NAME)
+    sys.stdout.write("FOUND " + json.dumps(found) + "\n")
+
+
+def undone(photo: str) -> dict[str, Any]:
+    """What one step of undo and one of redo leave of another estimate, in a scene that had none."""
+    empty = bpy.data.scenes.new("Empty")
+    bpy.context.window.scene = empty
+    bpy.ops.ed.undo_push(message="an empty scene")
+    bpy.ops.light_from_photo.estimate("EXEC_DEFAULT", True, filepath=photo)
+    things = [len(bpy.context.scene.objects)]
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.undo):
+        step()
+        things.append(len(bpy.context.scene.objects))
+    bpy.context.window.scene = bpy.data.scenes["Scene"]
+    return {"undone": things}
+
+
+def state(scene: Any) -> dict[str, Any]:
+    """What the light is, as numbers."""
+    settings = scene.light_from_photo
+    node = next(node for node in scene.world.node_tree.nodes if node.type == "TEX_ENVIRONMENT")
+    width, height = node.image.size
+    pixels = [0.0] * (width * height * 4)
+    node.image.pixels.foreach_get(pixels)
+    sun = settings.sun
+    return {
+        "sliders": [settings.sun_azimuth, settings.sun_elevation, settings.turbidity, settings.exposure],
+        "image": node.image.name,
+        "size": [width, height],
+        "zenith": pixels[-4 * (width // 2) :][:3],
+        "sun": list(sun.rotation_euler.to_matrix().col[2]),
+        "energy": sun.data.energy,
+        "camera": scene.camera.name,
+        "plate": scene.camera.data.background_images[0].image.name,
+        "catcher": [thing.name for thing in scene.objects if thing.is_shadow_catcher],
+        "packed": all(image.packed_file for image in bpy.data.images if image.source == "FILE"),
+    }
+
+
+def render(scene: Any, path: str) -> None:
+    """A quick picture of Blender's cube in that light."""
+    cube = bpy.data.objects["Cube"]
+    cube.location, cube.scale = scene.cursor.location, (0.3, 0.3, 0.3)
+    cube.location.z = 0.3
+    scene.cycles.samples, scene.render.resolution_percentage = 32, 50
+    scene.render.filepath = path
+    bpy.ops.render.render(write_still=True)
+
+
+main()

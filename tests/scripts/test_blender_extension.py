@@ -1,0 +1,258 @@
+"""The Blender extension: its zip, what it asks of command and service, and, where there is a bpy, all of it."""
+
+import ast
+import importlib
+import io
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from importlib.util import find_spec
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lighting.envmap import render, sun_irradiance
+from lighting.records import Lighting
+from lighting.scene import zip_scene
+from scripts.blender_extension import ROOT, build, relative
+from tests.scenes import known_scene
+
+BLENDER_PYTHON = sys.executable if find_spec("bpy") else os.environ.get("BLENDER_PYTHON")
+NEEDED = {"scene.json", "plate.png", "environment.exr", "lighting.json"}
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(tmp_path_factory.mktemp("zip") / "light_from_photo.zip")
+
+
+@pytest.fixture(scope="module")
+def unpacked(package: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The name of a package with the zip's files, without the beginning that needs Blender."""
+    folder = tmp_path_factory.mktemp("unpacked")
+    zipfile.ZipFile(package).extractall(folder / "unpacked_extension")
+    (folder / "unpacked_extension" / "__init__.py").write_text("")
+    sys.path.insert(0, str(folder))
+    yield "unpacked_extension"
+    sys.path.remove(str(folder))
+
+
+@pytest.fixture(scope="module")
+def answers(unpacked: str) -> Any:
+    return importlib.import_module(f"{unpacked}.answers")
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    (tmp_path / "photo.png").write_bytes(b"a photo")
+    return tmp_path / "photo.png"
+
+
+# The zip
+
+
+def test_the_manifest_is_one_of_blender_42(package: Path) -> None:
+    with zipfile.ZipFile(package) as archive:
+        manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+    assert manifest["schema_version"] == "1.0.0"
+    assert (manifest["id"], manifest["type"]) == ("light_from_photo", "add-on")
+    assert manifest["blender_version_min"] == "4.2.0"
+    assert "SPDX:Apache-2.0" in manifest["license"]
+    assert set(manifest["permissions"]) == {"network", "files"}
+    for line in (manifest["tagline"], *manifest["permissions"].values()):
+        assert len(line) <= 64
+        assert line[-1] not in ".!?"
+
+
+def test_nothing_is_imported_but_blender_numpy_and_itself(package: Path) -> None:
+    with zipfile.ZipFile(package) as archive:
+        for name in [name for name in archive.namelist() if name.endswith(".py")]:
+            tree = ast.parse(archive.read(name))
+            nodes = list(ast.walk(tree))
+            found = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+            found |= {str(n.module).split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
+            assert found - set(sys.stdlib_module_names) <= {"bpy", "bpy_extras", "mathutils", "numpy"}, name
+
+
+def test_the_same_files_make_the_same_zip(package: Path, tmp_path: Path) -> None:
+    assert build(tmp_path / "again.zip").read_bytes() == package.read_bytes()
+
+
+def test_imports_become_relative() -> None:
+    assert relative("from lighting.geometry import x\n", 1) == "from .geometry import x\n"
+    assert relative("    from lighting.sky.cie import x\n", 2) == "    from ..sky.cie import x\n"
+
+
+def test_its_sky_and_sun_are_those_of_the_library(unpacked: str) -> None:
+    skies = importlib.import_module(f"{unpacked}.skies")
+    numbers: dict[str, Any] = {"sun_azimuth": -40.0, "sun_elevation": 35.0, "turbidity": 3.0, "exposure": 2.0}
+    light = importlib.import_module(f"{unpacked}.lighting.records").Lighting(**numbers)
+    ours = Lighting(**numbers)
+    image = skies.pixels(light, shines=True).reshape(skies.HEIGHT, -1, 4)[::-1]
+    np.testing.assert_array_equal(image[..., :3], render(ours, skies.HEIGHT, sun=True, disc=False))
+    assert (image[..., 3] == 1).all()
+    sun = skies.sun(light, shines=True)
+    assert np.array(sun["colour"]) * sun["irradiance"] == pytest.approx(sun_irradiance(ours))
+    assert skies.sun(light, shines=False)["irradiance"] == 0
+
+
+# The command
+
+
+def command(folder: Path, text: str) -> str:
+    program = folder / "a command"
+    program.write_text(f"#!{sys.executable}\nimport sys, pathlib\n{text}\n")
+    program.chmod(0o755)
+    return str(program)
+
+
+def test_a_command_fills_the_folder(answers: Any, photo: Path, tmp_path: Path) -> None:
+    text = (
+        "assert sys.argv[1] == 'scene' and sys.argv[3:5] == ['--for', 'blender'], sys.argv\n"
+        f"for name in {sorted(NEEDED)}: (pathlib.Path(sys.argv[6]) / name).write_text('x')"
+    )
+    (tmp_path / "out").mkdir()
+    answers.from_command(command(tmp_path, text), photo, tmp_path / "out")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == NEEDED
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [("sys.exit('Error: p.png: no photo.')", "p.png: no photo."), ("", "The answer has no scene.json, plate.png")],
+)
+def test_a_command_that_fails_is_a_sentence(
+    answers: Any, photo: Path, tmp_path: Path, text: str, sentence: str
+) -> None:
+    with pytest.raises(answers.AnswerError, match=f"^{sentence}"):
+        answers.from_command(command(tmp_path, text), photo, tmp_path)
+
+
+def test_no_command_is_a_sentence(answers: Any, photo: Path, tmp_path: Path) -> None:
+    with pytest.raises(answers.AnswerError, match=r"^There is no command 'absent-command';"):
+        answers.from_command("absent-command", photo, tmp_path)
+
+
+# The service
+
+
+class _Service(BaseHTTPRequestHandler):
+    """Answers with what the test wants, and remembers what it was asked."""
+
+    answer: tuple[int, bytes, dict[str, str]]
+    asked: dict[str, Any]
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        type(self).asked = {"path": self.path, "body": body, **{k.lower(): v for k, v in self.headers.items()}}
+        status, data, headers = self.answer
+        self.send_response(status)
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(data)
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@pytest.fixture
+def address() -> Iterator[str]:
+    with HTTPServer(("127.0.0.1", 0), _Service) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_a_service_gets_photo_and_key_and_fills_the_folder(
+    answers: Any, photo: Path, tmp_path: Path, address: str
+) -> None:
+    _Service.answer = 200, zip_scene(known_scene(48, 36), "blender"), {}
+    (tmp_path / "out").mkdir()
+    answers.from_service(address + "/", "secret", photo, tmp_path / "out")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == NEEDED  # and no script
+    assert _Service.asked["path"] == "/v1/scene?tool=blender"
+    assert _Service.asked["body"] == b"a photo"
+    assert _Service.asked["content-type"] == "image/png"
+    assert _Service.asked["authorization"] == "Bearer secret"
+
+
+def _zip(**files: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("answer", "sentence"),
+    [
+        ((422, json.dumps({"detail": "It is night."}).encode(), {}), "It is night."),
+        ((500, b"<html>", {}), "The service answered 500 "),
+        ((302, b"", {"Location": "http://127.0.0.1:9/"}), "The service answered 302 "),
+        ((200, b"PK", {}), "The service's answer is not a scene."),
+        ((200, _zip(other=b""), {}), "The answer has no scene.json, "),
+    ],
+)
+def test_another_answer_is_a_sentence(
+    answers: Any, photo: Path, tmp_path: Path, address: str, answer: Any, sentence: str
+) -> None:
+    _Service.answer = answer
+    with pytest.raises(answers.AnswerError, match=f"^{sentence}"):
+        answers.from_service(address, "", photo, tmp_path)
+    assert "authorization" not in _Service.asked
+
+
+@pytest.mark.parametrize(
+    ("place", "sentence"),
+    [
+        ("file:///etc/passwd", "The service's address must begin with http"),
+        ("http://", "The service's address must begin"),
+        ("http://127.0.0.1:9", "127.0.0.1 cannot be reached: "),
+    ],
+)
+def test_no_service_is_a_sentence(answers: Any, photo: Path, tmp_path: Path, place: str, sentence: str) -> None:
+    with pytest.raises(answers.AnswerError, match=f"^{sentence}"):
+        answers.from_service(place, "", photo, tmp_path)
+
+
+# In Blender
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BLENDER_PYTHON is None, reason="no Python with Blender's module bpy; BLENDER_PYTHON names one")
+def test_in_blender(package: Path, tmp_path: Path) -> None:
+    program = tmp_path / "lighting"
+    program.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m lighting "$@"\n')
+    program.chmod(0o755)
+    arguments = [ROOT / "tests" / "blender" / "try_extension.py", package, program, ROOT / "examples/wide_street.jpg"]
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "user")}
+    done = subprocess.run(
+        [str(BLENDER_PYTHON), *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300
+    )
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")] or [done.stderr]
+    found = json.loads(line.removeprefix("FOUND "))
+    assert found["estimate"] == ["FINISHED"]
+    assert found["kept"]
+    assert {name.split(".")[0] for name in found["made"]} == {"Camera", "Ground", "Sun", "Your object here"}
+    first, moved, reset = found["first"], found["moved"], found["reset"]
+    assert first["image"] == "environment.exr"
+    assert first["packed"]
+    assert "Ground" in first["catcher"]
+    assert moved["sun"] == pytest.approx([-np.cos(np.radians(40)), 0, np.sin(np.radians(40))], abs=1e-5)
+    light = Lighting(*moved["sliders"])
+    assert moved["energy"] == pytest.approx(float(sun_irradiance(light).max()), rel=1e-4)
+    assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
+    assert reset == first
+    assert found["undone"] == [4, 0, 4, 0]
+    assert found["sun lamps"] == 1
+    assert found["reopened"]["sliders"][0] == 12.0
+    assert found["reopened"]["image"].startswith("Sky of the sliders")
