@@ -8,6 +8,7 @@ WORKDIR /build/server/web
 COPY server/web/package.json server/web/package-lock.json ./
 RUN npm ci --no-audit --no-fund
 COPY examples/ /build/examples/
+COPY lighting/data/hosek_wilkie.npz /build/lighting/data/hosek_wilkie.npz
 COPY server/web/ ./
 RUN npm run build
 
@@ -48,7 +49,7 @@ WORKDIR /work
 USER 10001:10001
 EXPOSE 8000
 # Without a proxy, whatever the environment says: the service is on this machine.
-HEALTHCHECK --interval=30s --timeout=5s --start-period=20s --retries=3 CMD ["python", "-c", "import os, urllib.request as u; u.build_opener(u.ProxyHandler({})).open(f\"http://127.0.0.1:{os.environ['LIGHTING_PORT']}/readyz\", timeout=4)"]
+HEALTHCHECK --interval=30s --timeout=5s --start-period=20s --retries=3 CMD ["python", "-c", "import os, urllib.request as u; u.build_opener(u.ProxyHandler({})).open(f\"http://127.0.0.1:{os.environ['LIGHTING_PORT']}/livez\", timeout=4)"]
 # `env` runs what follows it in its own place: no shell, and the program itself gets the signals.
 ENTRYPOINT ["/usr/bin/env"]
 CMD ["lighting-server"]

@@ -35,12 +35,20 @@ class Outcome:
     latencies: list[float] = field(default_factory=list)  # seconds from the first try to the right answer
     counts: Counter[str] = field(default_factory=Counter)  # "200", "503", "refused", "unanswered", "broken"
 
+    @property
+    def rate(self) -> float:
+        """Right answers per second."""
+        return len(self.latencies) / self.seconds
+
+    def percentile(self, share: int) -> float:
+        """Seconds within which so many per cent of the answers came."""
+        return statistics.quantiles(self.latencies, n=100, method="inclusive")[share - 1]
+
     def row(self) -> str:
         """Requests per second and percentiles for a table."""
-        cuts = statistics.quantiles(self.latencies, n=100, method="inclusive")
-        times = "".join(f"{1000 * cuts[share - 1]:9.0f}" for share in (50, 95, 99))
+        times = "".join(f"{1000 * self.percentile(share):9.0f}" for share in (50, 95, 99))
         others = ", ".join(f"{count} x {what}" for what, count in sorted(self.counts.items()) if what != "200")
-        return f"{len(self.latencies) / self.seconds:8.1f}{times}{self.counts['200']:9d}   {others}"
+        return f"{self.rate:8.1f}{times}{self.counts['200']:9d}   {others}"
 
 
 class Connection:

@@ -82,7 +82,7 @@ def peak_memory(*arguments: object) -> float:
 
 def machine() -> str:
     """One line that describes machine and versions."""
-    from lighting.model import available_cpus
+    from lighting.cpus import available_cpus
 
     return (
         f"{time.strftime('%Y-%m-%d')}, {_processor()}, {available_cpus()} CPUs, {platform.system()}, "

@@ -1,9 +1,10 @@
-"""Print the peak memory of reading one photo of each kind, in bytes per pixel.
+"""Print the peak memory of reading one photo of each kind, in bytes per pixel, and the processor time.
 
     python -m benchmarks.decoding
 
 Each photo is read in a process of its own, at the size that the network needs; what the process held before does not
-count. Needs Linux. `lighting/photo/memory.py` holds what this printed, rounded up.
+count. Needs Linux. `lighting/photo/memory.py` holds the memory that this printed, rounded up. The last column is the
+time of as many megapixels as that table admits of the kind, for `apart.SECONDS`.
 """
 
 import subprocess
@@ -18,21 +19,24 @@ import pillow_heif
 from PIL import Image
 
 from benchmarks.common import ROOT
-from lighting.photo import TARGET
+from lighting.photo import MAX_PIXELS, TARGET
+from lighting.photo.memory import admitted
 
 SIZES = ((2000, 1500), (4000, 3000))  # pixels
 READ = """
-import sys
+import sys, time
+from PIL import AvifImagePlugin
 from lighting.photo import read_photo
 from lighting.photo.read import _heif_format
+AvifImagePlugin.DEFAULT_MAX_THREADS = 1
 def peak():
     return int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1])
 _heif_format()
 data = open(sys.argv[1], "rb").read()
 read_photo(open(sys.argv[2], "rb").read())
-before = peak()
+before, began = peak(), time.process_time()
 read_photo(data, target=int(sys.argv[3]))
-print(peak() - before)
+print(peak() - before, time.process_time() - began)
 """
 
 
@@ -62,6 +66,13 @@ def _other(file_format: str, mode: str = "RGB", **options: object) -> Callable[[
     return lambda w, h: _saved(photo(w, h).convert(mode), file_format, **options)
 
 
+def _tiff(mode: str, compression: str) -> Callable[[int, int], bytes]:
+    """A picture that is one strip, which libtiff decodes at once."""
+    return lambda w, h: _saved(
+        photo(w, h).convert(mode), "TIFF", compression=compression, strip_size=w * h * len(mode), tiffinfo={278: h}
+    )
+
+
 def _flat(mode: str) -> Callable[[int, int], bytes]:
     threads = {"x265:pools": "none", "x265:frame-threads": "1"}  # its pool can hang on a busy machine
     return lambda w, h: _saved(Image.new(mode, (w, h), "skyblue"), "HEIF", quality=30, enc_params=threads)
@@ -84,31 +95,47 @@ KINDS: dict[str, Callable[[int, int], bytes]] = {
     "WebP, lossy": _other("WEBP", method=0),
     "WebP, lossy with alpha": _other("WEBP", "RGBA", method=0),
     "WebP, lossless": _other("WEBP", lossless=True, quality=0, method=0),
+    "TIFF, one strip": _tiff("RGB", "tiff_lzw"),
+    "TIFF, one strip, RGBA": _tiff("RGBA", "tiff_adobe_deflate"),
+    "TIFF, one strip, CMYK": _tiff("CMYK", "tiff_lzw"),
+    "TIFF, raw": _other("TIFF"),
+    "TIFF, JPEG inside": _other("TIFF", compression="jpeg"),
+    "AVIF": _other("AVIF", speed=10, max_threads=1),
+    "AVIF, 4:4:4 with alpha": _other("AVIF", "RGBA", speed=10, max_threads=1, subsampling="4:4:4"),
     "HEIC": _flat("RGB"),  # encoding noise would take minutes, and the decoder's memory depends on the size alone
     "HEIC, RGBA": _flat("RGBA"),
 }
 
 
-def peak(path: Path, small: Path, target: int = TARGET) -> int:
-    """Bytes by which reading the photo raises the peak of a process that has read a small one."""
+def cost(path: Path, small: Path, target: int = TARGET) -> tuple[int, float]:
+    """Bytes by which reading the photo raises the peak of a process that has read a small one, and CPU seconds."""
     command = [sys.executable, "-c", READ, str(path), str(small), str(target)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    return int(done.stdout) * 1024
+    peak, seconds = done.stdout.split()
+    return int(peak) * 1024, float(seconds)
 
 
-def measured(kind: str, size: tuple[int, int], target: int = TARGET) -> float:
-    """Bytes per pixel of reading a photo of that kind and size."""
+def measured(kind: str, size: tuple[int, int], target: int = TARGET) -> tuple[float, float, int]:
+    """Bytes and CPU microseconds per pixel of reading a photo of that kind and size, and the pixels admitted."""
     with tempfile.TemporaryDirectory() as folder:
         paths = Path(folder) / "large", Path(folder) / "small"
         for path, (width, height) in zip(paths, (size, (96, 64)), strict=True):
             path.write_bytes(KINDS[kind](width, height))
-        return peak(*paths, target) / (size[0] * size[1])
+        peak, seconds = cost(*paths, target)
+        data = paths[0].read_bytes()
+        with Image.open(paths[0]) as image:
+            most, _ = admitted(image, data, MAX_PIXELS)
+    pixels = size[0] * size[1]
+    return peak / pixels, 1e6 * seconds / pixels, most
 
 
 def _lines() -> Iterator[str]:
-    yield f"{'kind':26}" + "".join(f"{w * h / 1e6:10g} MP" for w, h in SIZES)
+    yield f"{'kind':26}" + "".join(f"{w * h / 1e6:10g} MP" for w, h in SIZES) + f"{'admitted':>13}{'takes':>10}"
     for kind in KINDS:
-        yield f"{kind:26}" + "".join(f"{measured(kind, size):13.2f}" for size in SIZES)
+        found = [measured(kind, size) for size in SIZES]
+        _, each, most = found[-1]
+        memory = "".join(f"{per_pixel:13.2f}" for per_pixel, _, _ in found)
+        yield f"{kind:26}{memory}{most / 1e6:10.0f} MP{each * most / 1e6:8.1f} s"
 
 
 if __name__ == "__main__":

@@ -31,9 +31,11 @@ from export.towns import find_llvm
 from lighting.decoding import lighting_from
 from lighting.envmap import render
 from lighting.files import write_exr
+from lighting.files.compression import packed_with
 from lighting.geometry import latlong_directions
 from lighting.model import Model
 from lighting.photo import TARGET, read_photo, to_tensor
+from lighting.photo.apart import read_apart
 from lighting.records import Lighting
 
 PARTS = ("decode", "network", "sky and sun", "EXR")
@@ -48,9 +50,10 @@ def decode_alone(path: Path) -> Image.Image:
 
 
 def write_alone(image: NDArray[np.float32]) -> None:
-    """OpenEXR's writing of the array, with the compression of write_exr, into memory."""
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {"RGB": image}).write(io.BytesIO())
+    """OpenEXR's writing of the array, rounded and packed as write_exr does, into memory."""
+    packing, pixels = packed_with(image, "zip")
+    header = {"compression": packing, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": pixels}).write(io.BytesIO())
 
 
 def mitsuba_sky(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callable[[], Any]] | None:
@@ -127,6 +130,8 @@ def measure_parts(
         "whole": whole,
         "decode": lambda: to_tensor(read_photo(jpeg), model.spec),
         "decode floor": lambda: decode_alone(jpeg),
+        "decode here": lambda: read_photo(jpeg.read_bytes()),
+        "decode apart": lambda: read_apart(jpeg.read_bytes()),
         "network": lambda: lighting_from(model.predict(tensor)[0]),
         "network floor": lambda: model.session.run(None, {"photo": tensor}),
         "sky and sun": lambda: render(light, height, sun=True),
@@ -146,6 +151,8 @@ def print_parts(took: dict[str, float], variant: str | None) -> None:
         print(f"{part:<14}{took[part]:9.1f}{took[f'{part} floor']:9.1f}")
     floors = sum(took[f"{part} floor"] for part in PARTS)
     print(f"{'whole':<14}{took['whole']:9.1f}{floors:9.1f}   {took['whole'] / floors:.2f} times the floors")
+    apart = took["decode apart"] - took["decode here"]
+    print(f"decoding in a process of its own, as the service does: {apart:+.1f} ms")
     if variant:
         for name, which in (("mitsuba", "all directions of the map"), ("mitsuba above", "those above the horizon")):
             ratio = took[name] / took["sky and sun"]

@@ -53,8 +53,11 @@ def main() -> None:
             run(job, max(LEVELS), share)
         before = memory(ours.pid)
         for clients in LEVELS:
-            for name, job in jobs.items():
-                report(name, clients, run(job, clients, share))
+            outcomes = {name: run(job, clients, share) for name, job in jobs.items()}
+            for name, outcome in outcomes.items():
+                report(name, clients, outcome)
+            if options.beside:
+                compare(*outcomes.values())
         for clients in LEVELS:
             report("POST /v1/lighting", clients, run(Job(port, "/v1/lighting", photo, RECORD), clients, share / 2))
         after = memory(ours.pid)
@@ -81,6 +84,7 @@ def started(command: list[str], ready: str, queue: int = 64) -> Iterator[tuple[i
     """Run a service in a process group of its own; yields its port and process once it is ready."""
     port = _free_port()
     settings = {"LIGHTING_PORT": str(port), "LIGHTING_QUEUE": str(queue), "LIGHTING_LOG_LEVEL": "warning"}
+    settings |= {"LIGHTING_UPLOADS": str(max(LEVELS)), "LIGHTING_UPLOADS_PER_CLIENT": str(max(LEVELS))}  # one address
     quiet = {"PYTHONPATH": str(ROOT), "ORT_DISABLE_TELEMETRY": "1"}
     arguments = command if "-m" in command else [*command, str(port)]
     environment = {**os.environ, **settings, **quiet}
@@ -118,6 +122,12 @@ def run(job: Job, clients: int, seconds: float) -> Outcome:
 def report(name: str, clients: int, outcome: Outcome) -> None:
     """One line of the table."""
     print(f"{name:<18}{clients:>8}{outcome.row()}", flush=True)
+
+
+def compare(ours: Outcome, other: Outcome) -> None:
+    """Our rate and our p99 as multiples of the other's."""
+    rate = ours.rate / other.rate
+    print(f"{'':<26}{rate:7.2f}x{'':18}{ours.percentile(99) / other.percentile(99):8.2f}x", flush=True)
 
 
 def memory(pid: int) -> float:

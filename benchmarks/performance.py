@@ -22,9 +22,9 @@ from common import ROOT, machine, make_photo, many_photos, milliseconds, remembe
 from load import RECORD, run, started
 from performance_page import SIZE, page
 
+from lighting.cpus import available_cpus
 from lighting.envmap import render
 from lighting.files import write_exr
-from lighting.model import available_cpus
 from lighting.records import Lighting
 
 DOCS = ROOT / "docs"

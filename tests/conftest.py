@@ -1,6 +1,7 @@
 """Pictures and a tiny network that several test modules share."""
 
 import signal
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import onnx
 import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
+from onnx import NodeProto, TensorProto, helper, numpy_helper
 from PIL import ExifTags, Image
 
 from lighting.records import ModelSpec
@@ -74,6 +75,14 @@ def munich(**other: Any) -> Image.Exif:
     )
 
 
+def _constant(name: str) -> list[NodeProto]:
+    """Nodes that give each photo the same values: nothing (N, 1, ...) plus the values."""
+    return [
+        helper.make_node("Reshape", ["nothing", f"{name}_shape"], [f"{name}_nothing"]),
+        helper.make_node("Add", [f"{name}_nothing", f"{name}_value"], [name]),
+    ]
+
+
 def write_network(
     path: Path,
     spec: ModelSpec = TINY,
@@ -81,9 +90,14 @@ def write_network(
     cells: int | None = None,
     metadata: dict[str, str] | None = None,
     bias: float = 0.0,
+    more: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> Path:
-    """An ONNX file of the real layout: a softmax and six numbers, both linear in the mean colour of the canvas."""
+    """An ONNX file of the real layout: a softmax and six numbers, both linear in the mean colour of the canvas.
+
+    `more` are further outputs by name, the same for every photo.
+    """
     count = len(grid_directions(spec.sun_grid)) if cells is None else cells
+    constant = dict(more or {})
     random = np.random.default_rng(7)
     parameters = np.array([3.0, 0.1, 4.0, -1.0, 50.0, 0.8]) + bias
     constants = {
@@ -98,14 +112,20 @@ def write_network(
             helper.make_node("Softmax", ["logits"], ["sun_probability"], axis=1),
             helper.make_node("MatMul", ["colour", "parameter_weight"], ["slope"]),
             helper.make_node("Add", ["slope", "parameter_bias"], ["parameters"]),
+            helper.make_node("ReduceMean", ["slope"], ["mean"], axes=[1], keepdims=1),
+            helper.make_node("Sub", ["mean", "mean"], ["nothing"]),
+            *(node for name in constant for node in _constant(name)),
         ],
         "tiny",
         [helper.make_tensor_value_info("photo", TensorProto.FLOAT, ["N", 3, spec.height, spec.width])],
         [
             helper.make_tensor_value_info("sun_probability", TensorProto.FLOAT, ["N", count]),
             helper.make_tensor_value_info("parameters", TensorProto.FLOAT, ["N", 6]),
+            *(helper.make_tensor_value_info(k, TensorProto.FLOAT, ["N", *v.shape]) for k, v in constant.items()),
         ],
-        [numpy_helper.from_array(v.astype(np.float32), k) for k, v in constants.items()],
+        [numpy_helper.from_array(v.astype(np.float32), k) for k, v in constants.items()]
+        + [numpy_helper.from_array(v[None].astype(np.float32), f"{k}_value") for k, v in constant.items()]
+        + [numpy_helper.from_array(np.array([-1] + [1] * v.ndim, np.int64), f"{k}_shape") for k, v in constant.items()],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
     helper.set_model_props(model, {"spec": spec.to_json()} if metadata is None else metadata)
@@ -118,6 +138,19 @@ def write_network(
 def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The path of a tiny network that is valid in every respect."""
     return write_network(tmp_path_factory.mktemp("network") / "outdoor-0.0.1.onnx")
+
+
+AROUND = np.random.default_rng(5).uniform(0.01, 0.8, (12, 24, 3))
+LIT = {  # outputs of a network that says how strong the light is
+    "light": np.array([1.9, 1.5, 0.9, 0.4, 0.5, 0.8, 0.2, 0.97]),
+    "around": AROUND,
+}
+
+
+@pytest.fixture(scope="session")
+def lit_network(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The path of a tiny network that also says how strong the light is and what lies around."""
+    return write_network(tmp_path_factory.mktemp("lit") / "outdoor-0.0.2.onnx", more=LIT)
 
 
 @pytest.fixture

@@ -1,0 +1,52 @@
+"""Reduce photographs that were given for the project, and make the small pictures that the page shows of examples.
+
+    python examples/reduce_photos.py FOLDER
+
+FOLDER holds the photographs of `PHOTOS` under their own names. Writes `rome/` and `thumbs/` beside this script; the
+photographs keep their EXIF.
+"""
+
+import argparse
+from pathlib import Path
+
+from PIL import Image, ImageOps
+
+HERE = Path(__file__).parent
+PHOTOS = {  # name here: name there
+    "noon_square.jpg": "rome_0163.jpg",
+    "golden_hour.jpg": "rome_0651.jpg",
+    "street_in_shade.jpg": "rome_0511.jpg",
+    "afternoon_square.jpg": "rome_0477.jpg",
+    "after_sunset.jpg": "rome_0732.jpg",
+}
+QUALITY = 82
+THUMB = (240, 180)
+THUMB_QUALITY = 75
+SHOWN = ("overcast_street.jpg", "park_evening.jpg", *(f"rome/{name}" for name in PHOTOS if "afternoon" not in name))
+
+
+def reduce_photo(source: Path, target: Path) -> None:
+    """The same pixels at a lower quality, with the EXIF as it was."""
+    with Image.open(source) as photo:
+        photo.save(target, "JPEG", quality=QUALITY, optimize=True, exif=photo.getexif())
+
+
+def thumbnail(source: Path, target: Path) -> None:
+    """A cut of 240 x 180 pixels from the photo's middle, without metadata."""
+    with Image.open(source) as photo:
+        small = ImageOps.fit(ImageOps.exif_transpose(photo).convert("RGB"), THUMB, Image.Resampling.LANCZOS)
+    small.save(target, "JPEG", quality=THUMB_QUALITY, optimize=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folder", type=Path)
+    folder = parser.parse_args().folder
+    for name, original in PHOTOS.items():
+        reduce_photo(folder / original, HERE / "rome" / name)
+    for shown in SHOWN:
+        thumbnail(HERE / shown, HERE / "thumbs" / Path(shown).name)
+
+
+if __name__ == "__main__":
+    main()

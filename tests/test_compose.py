@@ -1,0 +1,57 @@
+"""compose.yaml: images by digest, the proxy's limits those of the service, and memory for what its limits admit."""
+
+import re
+from typing import Any
+
+import pytest
+
+from lighting.photo.memory import allowance
+from lighting.scene import PLATE_SIDE
+from server.protocol import HEADER_BYTES
+from server.settings import PREFIX, Settings
+from tests.pages import ROOT
+
+yaml = pytest.importorskip("yaml", reason="needs PyYAML, which schemathesis brings")
+IDLE, DECODER = 300_000_000, 50_000_000  # bytes of the process, and of each that decodes
+
+
+@pytest.fixture(scope="module")
+def services() -> Any:
+    return yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
+
+
+def settings_of(services: Any) -> Settings:
+    said = services["lighting"]["environment"].items()
+    given: dict[str, Any] = {name.removeprefix(PREFIX).lower(): str(value) for name, value in said}
+    return Settings(**given)
+
+
+def test_every_setting_is_one_and_the_images_are_pinned(services: Any) -> None:
+    settings_of(services)
+    assert re.fullmatch(r"caddy:[\d.]+-alpine@sha256:[0-9a-f]{64}", services["proxy"]["image"])
+
+
+def test_the_proxy_s_limits_are_the_service_s(services: Any) -> None:
+    settings, proxy = settings_of(services), services["proxy"]["environment"]
+    assert (proxy["MAX_BYTES"], proxy["UPLOAD_SECONDS"], proxy["HEADER_SECONDS"]) == (
+        settings.max_bytes,
+        settings.upload_seconds,
+        settings.header_seconds,
+    )
+    caddy = (ROOT / "Caddyfile").read_text()
+    for line in (
+        "max_size {$MAX_BYTES}",
+        "read_body {$UPLOAD_SECONDS}s",
+        "read_header {$HEADER_SECONDS}s",
+        f"max_header_size {HEADER_BYTES}",
+    ):
+        assert line in caddy
+
+
+def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
+    """The sum that docs/service.md states."""
+    s = settings_of(services)
+    bodies = (s.places + s.queue + s.uploads) * s.max_bytes
+    decoding = s.places * (DECODER + allowance(s.max_bytes, s.max_pixels, PLATE_SIDE))
+    limit = services["lighting"]["deploy"]["resources"]["limits"]["memory"]
+    assert IDLE + decoding + bodies < int(limit.removesuffix("g")) * 2**30
