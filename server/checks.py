@@ -3,7 +3,7 @@
 from lighting.errors import ParameterError
 from lighting.evidence import check_heading, check_headings
 from server.problems import invalid
-from server.queries import EnvmapQuery, GivenQuery, LightingQuery
+from server.queries import ChangeQuery, EnvmapQuery, GivenQuery, LightingQuery
 
 
 def check_photos(photos: int, query: LightingQuery) -> None:
@@ -19,6 +19,6 @@ def check_photos(photos: int, query: LightingQuery) -> None:
 
 def refuse_given(query: EnvmapQuery) -> None:
     """Raise ProblemError where a lighting record comes with parameters that describe or need a photo."""
-    for name in (*GivenQuery.model_fields, "surroundings"):
+    for name in (*GivenQuery.model_fields, *ChangeQuery.model_fields, "surroundings"):
         if name in query.stated():
             raise invalid(name, "It goes with a photo; a lighting record is rendered as it is.")

@@ -170,7 +170,24 @@ class MapQuery(Query):
         return self
 
 
-class EnvmapQuery(MapQuery, GivenQuery):
+class ChangeQuery(Query):
+    """Parameters of a sky that replace what is estimated; the sky's and the sun's power follow them."""
+
+    sun_azimuth: Annotated[
+        float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
+    ] = None
+    sun_elevation: Annotated[float | None, named("sun_elevation", "deg above the horizon", 33.0)] = None
+    turbidity: Annotated[float | None, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)] = None
+    exposure: Annotated[
+        float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
+    ] = None
+
+    def changes(self) -> dict[str, float]:
+        """The fields of Lighting that the client replaces."""
+        return self.model_dump(include=set(ChangeQuery.model_fields), exclude_none=True)
+
+
+class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery):
     """The map of a photo."""
 
     surroundings: FlagOrAuto = Field(
@@ -228,22 +245,8 @@ class SceneQuery(Query):
         return self.model_dump(include={name for name, tool in TOOL_OF_OPTION.items() if tool == self.tool})
 
 
-class PhotoSceneQuery(SceneQuery, GivenQuery):
-    """The scene of a photo; the parameters of a sky replace what is estimated."""
-
-    sun_azimuth: Annotated[
-        float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
-    ] = None
-    sun_elevation: Annotated[float | None, named("sun_elevation", "deg above the horizon", 33.0)] = None
-    turbidity: Annotated[float | None, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)] = None
-    exposure: Annotated[
-        float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
-    ] = None
-
-    def changes(self) -> dict[str, float]:
-        """The fields of Lighting that the client replaces."""
-        names = {"sun_azimuth", "sun_elevation", "turbidity", "exposure"}
-        return self.model_dump(include=names, exclude_none=True)
+class PhotoSceneQuery(SceneQuery, GivenQuery, ChangeQuery):
+    """The scene of a photo."""
 
 
 class SkySceneQuery(SceneQuery, SkyParameters):

@@ -1,7 +1,6 @@
 """The CPU work of requests, in steps; between two steps a request stops if its client has disconnected."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from datetime import date
 from time import monotonic
 from typing import Any
@@ -11,7 +10,7 @@ from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
 from lighting import stereo
-from lighting.envmap import Place, view
+from lighting.envmap import Place, change, view
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
 from lighting.photo import Photo
@@ -61,7 +60,7 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     check_cancelled()
     wanted = estimate.around is not None if query.surroundings is None else query.surroundings
     place = Place(service.read_finer(data, PHOTO_SIDE).pixels, estimate.around) if wanted else None
-    return envmap_file(estimate.lighting, query, place)
+    return envmap_file(change(estimate.lighting, query.changes()), query, place)
 
 
 def upright_file(service: Service, data: bytes) -> bytes:
@@ -91,8 +90,7 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     check_cancelled()
     (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    changes: dict[str, Any] = dict(query.changes())
-    lighting = replace(estimate.lighting, **changes)
+    lighting = change(estimate.lighting, query.changes())
     return scene_file(service.read_finer(data, PLATE_SIDE), lighting, query, estimate.around)
 
 

@@ -33,9 +33,9 @@ def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     model = onnx.load(str(file))
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     spec = ModelSpec.from_json(metadata["spec"])
-    network = build(spec)
-    assert isinstance(network, Outdoor)
     tensors = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
+    network = build(spec, around=any(name.startswith(f"networks.{number}.around.") for name in tensors))
+    assert isinstance(network, Outdoor)
     weights = _weights(network, tensors, f"networks.{number}.")
     if not any(name.startswith("sun.") for name in weights):
         raise DataError(f"{file} holds no network number {number}.")
@@ -77,9 +77,11 @@ def _before(name: str) -> str:
 def _tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
     """A tensor of the file in single precision, stored as it is, in half precision, or as bytes with a scale.
 
-    Networks that share their first layers have them under the first one's name.
+    Networks that share first layers, which training leaves as they are, have them under the name of one of them.
     """
-    for known in (name, "networks.0." + name.split(".", 2)[2] if ".stem." in name or _shared(name) else name):
+    layer = name.split(".", 2)[2]
+    others = [f"{group}.0.{layer}" for group in ("networks", "cameras")] if _shared(name) else []
+    for known in (name, *others):
         if known in tensors:
             return torch.from_numpy(np.array(tensors[known], dtype=np.float32))
         if f"{known}.half" in tensors:
@@ -90,7 +92,7 @@ def _tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
 
 
 def _shared(name: str) -> bool:
-    return any(f".backbone.blocks.{block}." in name for block in range(3))
+    return any(f".backbone.{part}." in name for part in ("stem", "blocks.0", "blocks.1", "blocks.2"))
 
 
 def recalibrate(network: nn.Module, photos: Iterable[Tensor]) -> None:

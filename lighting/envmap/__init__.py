@@ -1,5 +1,6 @@
 """Environment maps of a light: rendered, turned, and with the place around."""
 
+from lighting.envmap.changing import change
 from lighting.envmap.clear import Image, row_levels
 from lighting.envmap.ground import photo_ground
 from lighting.envmap.render import (
@@ -21,6 +22,7 @@ __all__ = [
     "Image",
     "Place",
     "brighten",
+    "change",
     "ground_reflectance",
     "photo_ground",
     "render",

@@ -40,7 +40,7 @@ async function pressKeys(page, seen) {
     for (let i = 0; i < 60; i++) await page.keyboard.press(i % 2 ? "ArrowRight" : "ArrowUp");
   });
   await page.waitForTimeout(300);
-  seen.pressed = page.asked;
+  seen.pressed = [...page.asked];
 }
 
 async function undo(page, seen) {

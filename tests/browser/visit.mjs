@@ -61,6 +61,7 @@ export async function saved(page, button, folder, name) {
 /** The photo with its object, as a file and as a digest; waits until it differs from another digest. */
 export async function lookOf(page, file, other) {
   const began = Date.now();
+  await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
   const clip = await page.locator("#frame").boundingBox();
   let look;
   do {

@@ -169,13 +169,15 @@ class TestTheLight:
         _, column, _ = np.unravel_index(int(image.argmax()), image.shape)
         assert min(column, 1023 - column) <= 2
         assert read_hdr(visit["folder"] / "map.hdr").shape == (256, 512, 3)
-        assert Image.open(visit["folder"] / "map.png").size == (512, 256)
+        with Image.open(visit["folder"] / "map.png") as picture:
+            assert picture.size == (512, 256)
 
     def test_every_scene_and_the_preview_are_downloaded(self, visit: dict[str, Any]) -> None:
         for tool in TOOLS:
             with zipfile.ZipFile(visit["folder"] / f"{tool}.zip") as scene:
-                assert any(name.endswith((".jpg", ".png")) for name in scene.namelist())
-        assert Image.open(visit["folder"] / "preview.png").width == 1600
+                assert any(name.endswith((".png", ".glb", ".html")) for name in scene.namelist())
+        with Image.open(visit["folder"] / "preview.png") as picture:
+            assert picture.width == 1600
 
     def test_what_is_copied_runs(self, visit: dict[str, Any]) -> None:
         """The commands as curl, the programs in Python, for the estimate and for the light that was changed."""

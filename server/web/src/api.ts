@@ -42,6 +42,12 @@ export interface Estimate extends Lighting {
   probability: Distribution;
 }
 
+/** The strength of a light, in the photo's linear values. */
+export interface Power {
+  sun: Triple; // irradiance of a plane that faces the sun
+  sky: Triple; // irradiance of level ground
+}
+
 /** What an environment map is rendered from. */
 export interface Parameters {
   sun_azimuth: number;
@@ -85,30 +91,39 @@ export const uprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =
 export const previewFile = (photo: Blob, given: Given): Promise<Blob> =>
   send(`v1/preview?${givenQuery(given, 1)}`, formOf([photo]));
 
-/** A scene with the photo in it, as ZIP; `changed` replaces the estimated light. */
-export function sceneFile(photo: Blob, given: Given, tool: Tool, changed?: Parameters): Promise<Blob> {
+/** The parameters of a photo's URL: what the user said of it, and the light that replaces the estimated one. */
+export function photoQuery(given: Given, changed?: Parameters): URLSearchParams {
   const query = givenQuery(given, 1);
-  query.set("tool", tool);
   for (const [name, value] of Object.entries(changed ?? {})) {
     if (name !== "ground_albedo") query.set(name, numberText(value));
   }
+  return query;
+}
+
+/** A scene with the photo in it, as ZIP; `changed` replaces the estimated light. */
+export function sceneFile(photo: Blob, given: Given, tool: Tool, changed?: Parameters): Promise<Blob> {
+  const query = photoQuery(given, changed);
+  query.set("tool", tool);
   return send(`v1/scene?${query}`, formOf([photo]));
 }
 
-/** The environment map of a record. */
-export function envmapFile(record: Lighting | Edited, sun: boolean, format: Format, height: number): Promise<Blob> {
-  const query = new URLSearchParams({ format, height: String(height), sun: String(sun) });
-  return send(`v1/envmap?${query}`, new Blob([JSON.stringify(record)], { type: "application/json" }));
+/** How a map is wanted. */
+export interface MapOptions {
+  format: Format;
+  height: number;
 }
 
-export function envmapUrl(parameters: Parameters, format: Format, height: number): string {
-  const query = new URLSearchParams();
-  for (const [name, value] of Object.entries(parameters)) {
-    query.set(name, numberText(value));
-  }
-  query.set("height", String(height));
+/** The environment map of a photo, with the place; `changed` replaces the estimated light. */
+export function envmapFile(
+  photo: Blob,
+  given: Given,
+  { format, height }: MapOptions,
+  changed?: Parameters,
+): Promise<Blob> {
+  const query = photoQuery(given, changed);
   query.set("format", format);
-  return `v1/envmap?${query}`;
+  query.set("height", String(height));
+  return send(`v1/envmap?${query}`, formOf([photo]));
 }
 
 async function send(url: string, body: BodyInit, signal?: AbortSignal): Promise<Blob> {

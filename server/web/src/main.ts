@@ -12,7 +12,7 @@ import type { Subject } from "./pure/snippets";
 import { SkyRenderer } from "./sky/renderer";
 import { type Look, lookOf, questionOf, type Shown, type View, viewOf } from "./studio";
 import { Dome } from "./views/dome";
-import { isChanged, listenForDownloads, mapHeight } from "./views/downloads";
+import { changedLight, isChanged, listenForDownloads, mapHeight } from "./views/downloads";
 import { FactsView } from "./views/facts";
 import { listenForUndo, showUndo } from "./views/history";
 import { mapMarks, photoMarks } from "./views/marks";
@@ -53,6 +53,7 @@ const sky = new SkyRenderer(({ light, picture }) => {
   const canvas = byId<HTMLCanvasElement>("envmap");
   canvas.getContext("2d")?.putImageData(new ImageData(picture.data, picture.width, picture.height), 0, 0);
   canvas.dataset.lights = String(Number(canvas.dataset.lights ?? 0) + 1); // how often the light has changed, for tests
+  view.power = { sun: light.sun, sky: light.sky };
   object.light(light, view);
 }, fail);
 
@@ -67,7 +68,7 @@ const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) =>
 });
 
 listenForPhotos((files) => take(files, NOTHING), withPhoto);
-listenForDownloads(() => shown, fail);
+listenForDownloads(settled, fail);
 listenForUndo(() => current()?.history, refresh);
 listenForCopies(subject);
 byId("key-form").addEventListener("submit", (event) => {
@@ -166,17 +167,20 @@ function refresh(): void {
   sky.ask(questionOf(view));
 }
 
+/** What is shown, once its light is known. */
+async function settled(): Promise<Shown | undefined> {
+  await sky.settled();
+  return shown;
+}
+
 function subject(): Subject | undefined {
   const view = current();
   if (!view || !shown) return undefined;
   return {
     origin: new URL(".", location.href).href,
     photo: view.photo.file.name,
-    photos: shown.views.length,
     given: shown.given,
-    lighting: view.answer,
-    parameters: lookOf(view).parameters,
-    changed: isChanged(view),
+    changed: changedLight(view, shown),
     height: mapHeight(),
     keyed: apiKey() !== null,
   };

@@ -1,6 +1,6 @@
 /** The light that is on show: the estimate until a slider moves. */
 
-import type { Edited, Estimate, Lighting, Parameters } from "./api";
+import type { Edited, Estimate, Lighting, Parameters, Power } from "./api";
 import { direction } from "./pure/angles";
 import { isSunny } from "./pure/words";
 
@@ -19,22 +19,31 @@ export function isSame(a: Parameters, b: Parameters): boolean {
   return JSON.stringify(a) === JSON.stringify(b);
 }
 
-/** The record as a file: the estimate's own, or an edited one without what no longer follows from it. */
-export function recordOf(estimate: Estimate, shown: Parameters): Lighting | Edited {
+/**
+ * The record as a file: the estimate's own, or an edited one without what no longer follows from it. `power` is that of
+ * the light on show; it replaces the one that the estimate states.
+ */
+export function recordOf(estimate: Estimate, shown: Parameters, power: Power): Lighting | Edited {
   const { links: _, probability: __, ...record } = estimate;
   if (isSame(parametersOf(record), shown)) return record;
   const { azimuth, elevation } = { azimuth: shown.sun_azimuth, elevation: shown.sun_elevation };
+  const { cover } = record.sky;
+  const stated = record.sky.irradiance !== undefined;
   return {
     ...record,
     evidence: [],
     warnings: [],
-    sun: { azimuth, elevation, direction: [...direction(azimuth, elevation)], visibility: Number(shown.sun) },
+    sun: {
+      ...{ azimuth, elevation, direction: [...direction(azimuth, elevation)], visibility: Number(shown.sun) },
+      ...(stated ? { irradiance: power.sun } : {}),
+    },
     sky: {
       model: record.sky.model,
       turbidity: shown.turbidity,
       ground_albedo: shown.ground_albedo,
       exposure: shown.exposure,
-      ...(record.sky.cover === undefined ? {} : { cover: record.sky.cover }),
+      ...(cover === undefined ? {} : { cover }),
+      ...(stated ? { irradiance: power.sky } : {}),
     },
   };
 }

@@ -1,6 +1,6 @@
 /** What the page shows: photos with their estimates, and for each what the user has done to its light and object. */
 
-import type { Estimate, Parameters } from "./api";
+import type { Estimate, Parameters, Power } from "./api";
 import { parametersOf } from "./parameters";
 import { aspectOf, type Photo } from "./photo";
 import { groundColour, litGround } from "./picture/ground";
@@ -25,6 +25,7 @@ export interface View {
   photo: Photo;
   answer: Estimate;
   history: History<Look>;
+  power: Power; // of the light on show
   ground: Triple | undefined; // the photo's own, linear
   lit: Uint8Array; // where it lies in the sun
 }
@@ -41,7 +42,7 @@ export function viewOf(photo: Photo, answer: Estimate): View {
   const place = placeFor(camera, aspectOf(photo), quietSpot(photo.pixels, camera));
   const look: Look = { parameters: parametersOf(answer), place, shape: "sphere", finish: "mirror" };
   return {
-    ...{ photo, answer, history: new History(look) },
+    ...{ photo, answer, history: new History(look), power: { sun: [0, 0, 0], sky: [0, 0, 0] } },
     ground: groundColour(photo.pixels, camera),
     lit: litGround(photo.pixels, camera),
   };

@@ -113,22 +113,24 @@ describe("the light on show as text", () => {
   const subject: Subject = {
     origin: "http://127.0.0.1:8000/",
     photo: "it's.jpg",
-    photos: 1,
     given: { ...NOTHING, time: "2024-06-01T14:30", utc_offset: "+02:00", lat: "48.14", lon: "11.58" },
-    lighting: { camera: CAMERA } as Subject["lighting"],
-    parameters: { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3, exposure: 5, ground_albedo: 0.3, sun: true },
-    changed: false,
+    changed: undefined,
     height: 512,
     keyed: false,
   };
+  const light = { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3, exposure: 5, ground_albedo: 0.3, sun: false };
+  const moved = { ...subject, changed: light };
 
   it("is a curl command", () => {
     expect(curlOf(subject)).toBe(
       `curl -f -F 'photo=@"it'\\''s.jpg"' 'http://127.0.0.1:8000/v1/envmap?time=2024-06-01T14%3A30&` +
         `utc_offset=%2B02%3A00&lat=48.14&lon=11.58&height=512' -o 'it'\\''s.exr'`,
     );
-    expect(curlOf({ ...subject, changed: true, keyed: true })).toContain("sun_azimuth=-41.2&sun_elevation=33");
     expect(curlOf({ ...subject, keyed: true })).toContain("-H 'Authorization: Bearer YOUR_KEY'");
+  });
+
+  it("replaces the light in the curl command", () => {
+    expect(curlOf(moved)).toContain("&sun_azimuth=-41.2&sun_elevation=33&turbidity=3&exposure=5&sun=false&");
   });
 
   it("is a Python program", () => {
@@ -136,8 +138,11 @@ describe("the light on show as text", () => {
       'Given(time=datetime.fromisoformat("2024-06-01T14:30+02:00"), latitude=48.14, longitude=11.58)',
     );
     expect(pythonOf({ ...subject, given: NOTHING })).not.toContain("Given");
-    const changed = pythonOf({ ...subject, changed: true });
-    expect(changed).toContain("    sun_visibility=1,\n");
-    expect(changed).not.toContain("Estimator");
+  });
+
+  it("replaces the light in the Python program", () => {
+    expect(pythonOf(subject)).not.toContain("change");
+    expect(pythonOf(moved)).toContain('    "sun_azimuth": -41.2,\n');
+    expect(pythonOf(moved)).toContain("sun=False, place=place");
   });
 });

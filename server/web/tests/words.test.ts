@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import type { Estimate, Lighting } from "../src/api";
+import type { Estimate, Lighting, Power } from "../src/api";
 import { isSame, parametersOf, recordOf } from "../src/parameters";
 import { headline, sideOf } from "../src/pure/headline";
 import { azimuthWords, explained, factor, numbers, percent, short } from "../src/pure/words";
@@ -107,14 +107,15 @@ describe("the headline", () => {
 
 describe("the record on show", () => {
   const asked = parametersOf(RECORD);
+  const power: Power = { sun: [3, 2, 1], sky: [1, 2, 3] };
 
   it("is the estimate's own until something is changed", () => {
     expect(isSame(asked, parametersOf(RECORD))).toBe(true);
-    expect(recordOf(ESTIMATE, asked)).toEqual(RECORD);
+    expect(recordOf(ESTIMATE, asked, power)).toEqual(RECORD);
   });
 
   it("leaves out what no longer follows when it is edited", () => {
-    const edited = recordOf(ESTIMATE, { ...asked, sun_azimuth: 90, sun_elevation: 0, sun: false });
+    const edited = recordOf(ESTIMATE, { ...asked, sun_azimuth: 90, sun_elevation: 0, sun: false }, power);
     expect(edited.sky).not.toHaveProperty("coefficients");
     expect(edited.sun.visibility).toBe(0);
     expect(edited.sun.direction.map(Math.round)).toEqual([1, 0, -0]);
@@ -123,8 +124,15 @@ describe("the record on show", () => {
   });
 
   it("carries no radii and no visibility of the estimate once it is edited", () => {
-    const { sun } = recordOf(ESTIMATE, { ...asked, sun_azimuth: 90 });
+    const { sun } = recordOf(ESTIMATE, { ...asked, sun_azimuth: 90 }, power);
     expect(Object.keys(sun).sort()).toEqual(["azimuth", "direction", "elevation", "visibility"]);
     expect(sun.visibility).toBe(1);
+  });
+
+  it("states the power of the light on show where the estimate states one", () => {
+    const sky = { ...RECORD.sky, cover: 0.3, irradiance: [9, 9, 9] as [number, number, number] };
+    const edited = recordOf({ ...ESTIMATE, sky }, { ...asked, turbidity: 5 }, power);
+    expect([edited.sun.irradiance, edited.sky.irradiance, edited.sky.cover]).toEqual([power.sun, power.sky, 0.3]);
+    expect(recordOf(ESTIMATE, { ...asked, turbidity: 5 }, power).sky).not.toHaveProperty("irradiance");
   });
 });

@@ -7,11 +7,49 @@ import torch
 from torch import nn
 
 from export.data import DataError
-from export.networks.checkpoints import read_network
+from export.networks.checkpoints import CHECKPOINT, read_network
+from export.networks.network import build
 from export.networks.onnx import write_onnx
 from export.networks.outdoor import Outdoor
-from export.networks.runs import history, read_record
+from export.networks.runs import RECORD, history, read_record
 from export.networks.unpack import read_shipped, recalibrate, write_run
+from lighting.records import ModelSpec
+
+
+def test_shared_first_layers_are_found_under_the_other_networks_names(trained: Path, tmp_path: Path) -> None:
+    """A network beside a camera's network whose first layers are the same."""
+    file = tmp_path / "outdoor.onnx"
+    checkpoint = torch.load(trained / CHECKPOINT, weights_only=True)
+    kept = (".stem.", ".blocks.0.", ".blocks.1.", ".blocks.2.")
+    weights = checkpoint["average"].items()
+    changed = {name: value if any(part in name for part in kept) else value * 1.125 for name, value in weights}
+    camera = tmp_path / "camera"
+    camera.mkdir()
+    (camera / RECORD).write_text((trained / RECORD).read_text())
+    torch.save({"average": changed}, camera / CHECKPOINT)
+    write_onnx([trained], file, cameras=[camera])
+    network, _ = read_shipped(file, 0)
+    photo = torch.randn(1, 3, 224, 224)
+    with torch.inference_mode():
+        expected, found = read_network(trained)(photo), network.eval()(photo)
+    assert (found.sun - expected.sun).abs().max() < 0.03 * expected.sun.abs().max()
+
+
+def test_what_lies_around_is_read_back(trained: Path, tmp_path: Path) -> None:
+    file, folder = tmp_path / "outdoor.onnx", tmp_path / "run"
+    write_onnx([trained], file)
+    _, metadata = read_shipped(file, 0)
+    network = build(ModelSpec.from_json(metadata["spec"]), around=True)
+    assert isinstance(network, Outdoor)
+    photo = torch.randn(2, 3, 224, 224)
+    recalibrate(network, [photo])
+    write_run(network, metadata, file, 0, folder)
+    write_onnx([folder], file)
+    again, _ = read_shipped(file, 0)
+    with torch.inference_mode():
+        expected, found = network.eval()(photo), again.eval()(photo)
+    for part in ("around", "light", "suitable"):
+        assert (getattr(found, part) - getattr(expected, part)).abs().max() < 0.02
 
 
 def test_a_network_read_back_answers_as_before(trained: Path, tmp_path: Path) -> None:

@@ -1,74 +1,54 @@
 /** The light on show as a command and as a program, to be copied. */
 
-import { type Lighting, numberText, type Parameters } from "../api";
+import { numberText, type Parameters, photoQuery } from "../api";
 import type { Given } from "./given";
-import { givenQuery } from "./given";
 
 export interface Subject {
   origin: string; // of the service, with a slash at its end
   photo: string; // its file name
-  photos: number; // how many were taken together
   given: Given;
-  lighting: Lighting;
-  parameters: Parameters;
-  changed: boolean; // whether the light on show is another than the estimate
+  changed: Parameters | undefined; // the light on show where it is another than the estimate
   height: number;
   keyed: boolean; // whether the service asks for an API key
 }
 
 const quoted = (text: string): string => `'${text.replaceAll("'", "'\\''")}'`;
+const text = (value: string): string => JSON.stringify(value);
 const stem = (photo: string): string => photo.replace(/\.\w+$/, "") || "photo";
 
 /** A curl command that writes the environment map. */
-export function curlOf(subject: Subject): string {
-  const { origin, photo, photos, given, parameters, changed, height, keyed } = subject;
+export function curlOf({ origin, photo, given, changed, height, keyed }: Subject): string {
   const key = keyed ? " -H 'Authorization: Bearer YOUR_KEY'" : "";
-  const file = quoted(`${stem(photo)}.exr`);
-  if (!changed && photos === 1) {
-    const query = givenQuery(given, 1);
-    query.set("height", String(height));
-    return `curl -f${key} -F ${quoted(`photo=@"${photo}"`)} ${quoted(`${origin}v1/envmap?${query}`)} -o ${file}`;
-  }
-  const query = new URLSearchParams();
-  for (const [name, value] of Object.entries(parameters)) query.set(name, numberText(value));
+  const query = photoQuery(given, changed);
   query.set("height", String(height));
-  return `curl -f${key} ${quoted(`${origin}v1/envmap?${query}`)} -o ${file}`;
+  const parts = [`photo=@"${photo}"`, `${origin}v1/envmap?${query}`, `${stem(photo)}.exr`].map(quoted);
+  return `curl -f${key} -F ${parts[0]} ${parts[1]} -o ${parts[2]}`;
 }
 
 /** A Python program that writes the same map with the library alone. */
-export function pythonOf(subject: Subject): string {
-  const { photo, photos, changed, height } = subject;
-  const write = `write_exr(${text(`${stem(photo)}.exr`)}, render(lighting, height=${height}), lighting)\n`;
-  if (changed || photos > 1) {
-    return `from lighting import Lighting, render, write_exr\n\nlighting = Lighting(\n${fields(subject)})\n${write}`;
-  }
-  const given = givenFields(subject.given);
-  const names = given ? "Estimator, Given, render, write_exr" : "Estimator, render, write_exr";
-  const call = given ? `Estimator()(photo, Given(${given}))` : "Estimator()(photo)";
-  return (
-    `${given.includes("datetime") ? "from datetime import datetime\n\n" : ""}from lighting import ${names}\n` +
-    `from lighting.photo import read_photo\n\nphoto = read_photo(${text(photo)})\n` +
-    `lighting = ${call}.lighting\n${write}`
-  );
+export function pythonOf({ photo, given, changed, height }: Subject): string {
+  const said = givenFields(given);
+  const lines = [
+    ...(said.includes("datetime") ? ["from datetime import datetime", ""] : []),
+    `from lighting import Estimator, ${said ? "Given, " : ""}write_exr`,
+    `from lighting.envmap import Place, ${changed ? "change, " : ""}view`,
+    "from lighting.photo import read_photo",
+    "",
+    `photo = read_photo(${text(photo)}, target=1000)`,
+    `estimate = Estimator()(photo${said && `, Given(${said})`})`,
+    ...(changed ? ["changes = {", ...changes(changed), "}"] : []),
+    `lighting = ${changed ? "change(estimate.lighting, changes)" : "estimate.lighting"}`,
+    "place = Place(photo.pixels, estimate.around)",
+    `image, lighting = view(lighting, ${height}, ${changed ? `sun=${changed.sun ? "True" : "False"}, ` : ""}place=place)`,
+    `write_exr(${text(`${stem(photo)}.exr`)}, image, lighting)`,
+  ];
+  return `${lines.join("\n")}\n`;
 }
 
-const text = (value: string): string => JSON.stringify(value);
-
-function fields({ lighting: { camera }, parameters: p }: Subject): string {
-  const values: Record<string, number> = {
-    sun_azimuth: p.sun_azimuth,
-    sun_elevation: p.sun_elevation,
-    sun_visibility: Number(p.sun),
-    turbidity: p.turbidity,
-    exposure: p.exposure,
-    ground_albedo: p.ground_albedo,
-    camera_elevation: camera.elevation,
-    camera_roll: camera.roll,
-    vertical_fov: camera.vertical_fov,
-  };
-  return Object.entries(values)
-    .map(([name, value]) => `    ${name}=${numberText(value)},\n`)
-    .join("");
+/** The entries of the dictionary of changes. */
+function changes(light: Parameters): string[] {
+  const names = ["sun_azimuth", "sun_elevation", "turbidity", "exposure"] as const;
+  return names.map((name) => `    "${name}": ${numberText(light[name])},`);
 }
 
 /** The arguments of `Given` for what the user said; empty where nothing was. */

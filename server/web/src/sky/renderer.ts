@@ -10,6 +10,7 @@ export class SkyRenderer {
   private asked = 0;
   private busy = false;
   private waiting: Question | undefined;
+  private idle: (() => void)[] = [];
 
   constructor(
     private readonly shown: (answer: Answer) => void,
@@ -22,6 +23,7 @@ export class SkyRenderer {
       if (next) this.ask(next);
       if ("error" in data) this.failed(new Error(data.error));
       else this.shown(data);
+      if (!this.busy) for (const tell of this.idle.splice(0)) tell();
     });
     this.worker.addEventListener("error", ({ message }) => this.failed(new Error(message)));
   }
@@ -38,6 +40,11 @@ export class SkyRenderer {
     }
     this.busy = true;
     this.post({ question, id: ++this.asked });
+  }
+
+  /** Waits until the newest question is answered. */
+  settled(): Promise<void> {
+    return this.busy ? new Promise((resolve) => this.idle.push(resolve)) : Promise.resolve();
   }
 
   private post(message: Message): void {

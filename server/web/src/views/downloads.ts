@@ -1,6 +1,6 @@
 /** The light on show, as files. They are fetched: links carry no API key and say no errors. */
 
-import { envmapFile, type Format, previewFile, sceneFile, TOOLS, type Tool } from "../api";
+import { envmapFile, type Format, type Parameters, previewFile, sceneFile, TOOLS, type Tool } from "../api";
 import { byId, make } from "../dom";
 import { isSame, parametersOf, recordOf } from "../parameters";
 import { lookOf, type Shown, type View } from "../studio";
@@ -10,11 +10,11 @@ type Get = (view: View, shown: Shown) => Promise<Blob>;
 const FORMATS: Format[] = ["exr", "hdr", "png"];
 
 /** Listens to the buttons; `on` gives what is shown when one is pressed. */
-export function listenForDownloads(on: () => Shown | undefined, failed: (error: unknown) => void): void {
+export function listenForDownloads(on: () => Promise<Shown | undefined>, failed: (error: unknown) => void): void {
   const listen = (id: string, suffix: string, get: Get): void => {
     const button = byId<HTMLButtonElement>(id);
     button.addEventListener("click", async () => {
-      const shown = on();
+      const shown = await on();
       const view = shown?.views[shown.at];
       if (!shown || !view) return;
       button.setAttribute("aria-busy", "true");
@@ -23,7 +23,7 @@ export function listenForDownloads(on: () => Shown | undefined, failed: (error: 
       button.removeAttribute("aria-busy");
     });
   };
-  for (const format of FORMATS) listen(`get-${format}`, `.${format}`, (view) => mapOf(view, format));
+  for (const format of FORMATS) listen(`get-${format}`, `.${format}`, (view, shown) => mapOf(view, shown, format));
   for (const tool of TOOLS) listen(`get-${tool}`, `-${tool}.zip`, (view, shown) => sceneOf(view, shown, tool));
   listen("get-json", ".json", recordFile);
   listen("get-preview", "-preview.png", ({ photo }, { given }) => previewFile(photo.file, given));
@@ -34,18 +34,21 @@ export const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").va
 /** Whether the light on show is another than the service gives for this photo alone. */
 export const isChanged = (view: View): boolean => !isSame(lookOf(view).parameters, parametersOf(view.answer));
 
-function mapOf(view: View, format: Format): Promise<Blob> {
-  const { parameters } = lookOf(view);
-  return envmapFile(recordOf(view.answer, parameters), parameters.sun, format, mapHeight());
+function mapOf(view: View, shown: Shown, format: Format): Promise<Blob> {
+  return envmapFile(view.photo.file, shown.given, { format, height: mapHeight() }, changedLight(view, shown));
 }
 
-function sceneOf(view: View, { views, given }: Shown, tool: Tool): Promise<Blob> {
-  const own = !isChanged(view) && views.length === 1;
-  return sceneFile(view.photo.file, given, tool, own ? undefined : lookOf(view).parameters);
+function sceneOf(view: View, shown: Shown, tool: Tool): Promise<Blob> {
+  return sceneFile(view.photo.file, shown.given, tool, changedLight(view, shown));
+}
+
+/** The light on show where the service would not give the same for this photo alone. */
+export function changedLight(view: View, { views }: Shown): Parameters | undefined {
+  return isChanged(view) || views.length > 1 ? lookOf(view).parameters : undefined;
 }
 
 async function recordFile(view: View): Promise<Blob> {
-  const record = recordOf(view.answer, lookOf(view).parameters);
+  const record = recordOf(view.answer, lookOf(view).parameters, view.power);
   return new Blob([JSON.stringify(record, null, 1)], { type: "application/json" });
 }
 

@@ -1,0 +1,48 @@
+"""A light with another sun, turbidity or exposure, as a user sets them by hand."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lighting.colour import luminance
+from lighting.envmap.clear import clear_irradiance, lobe_table
+from lighting.envmap.disc import disc_power
+from lighting.geometry import Floats
+from lighting.records import COLOUR_RANGES, Colour, Lighting
+
+_LEAST = 1e-9  # irradiance that stands for none
+
+
+def change(lighting: Lighting, changes: Mapping[str, float]) -> Lighting:
+    """The light with other values of `sun_azimuth`, `sun_elevation`, `turbidity` or `exposure`.
+
+    Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were. Raises
+    ParameterError for a value out of range.
+    """
+    changed = replace(lighting, **dict(changes))
+    if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
+        return changed
+    return replace(
+        changed,
+        sun_irradiance=_followed(lighting.sun_irradiance, _sun(lighting), _sun(changed)),
+        sky_irradiance=_followed(lighting.sky_irradiance, _sky(lighting), _sky(changed)),
+    )
+
+
+def _sun(lighting: Lighting) -> Floats:
+    return disc_power(lighting)[0]
+
+
+def _sky(lighting: Lighting) -> Floats:
+    """Irradiance (3,) by the model, the share of its overcast part grey."""
+    clear = clear_irradiance(lighting, lobe_table(lighting))
+    cover = lighting.sky_cover or 0.0
+    return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
+
+
+def _followed(stated: Colour, before: Floats, after: Floats) -> Colour:
+    """The stated colour times what the model's has changed by."""
+    values = np.array(stated) * after / np.maximum(before, _LEAST)
+    red, green, blue = np.clip(values, *COLOUR_RANGES["sky_irradiance"]).tolist()
+    return red, green, blue

@@ -1,0 +1,48 @@
+"""A light changed by hand: stated irradiances follow the model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.envmap import change, sky_irradiance, sun_irradiance
+from lighting.errors import ParameterError
+from lighting.records import Lighting
+
+PLAIN = Lighting(sun_azimuth=30.0, sun_elevation=40.0, turbidity=3.0, exposure=4.0)
+STATED = replace(PLAIN, sun_irradiance=(6.0, 4.0, 2.0), sky_irradiance=(1.0, 2.0, 3.0), sky_cover=0.25)
+CHANGES = {"sun_elevation": 8.0, "turbidity": 6.0, "exposure": 9.0}
+
+
+def test_a_light_without_irradiances_is_only_replaced() -> None:
+    assert change(PLAIN, CHANGES) == replace(PLAIN, sun_elevation=8.0, turbidity=6.0, exposure=9.0)
+
+
+def test_no_change_changes_nothing() -> None:
+    same = change(STATED, {})
+    np.testing.assert_allclose([same.sun_irradiance, same.sky_irradiance], [(6, 4, 2), (1, 2, 3)], rtol=1e-12)
+
+
+def test_exposure_scales_both() -> None:
+    twice = change(STATED, {"exposure": 8.0})
+    np.testing.assert_allclose([twice.sun_irradiance, twice.sky_irradiance], [(12, 8, 4), (2, 4, 6)], rtol=1e-9)
+
+
+def test_the_sun_keeps_its_ratio_to_the_models() -> None:
+    changed, model = change(STATED, CHANGES), change(PLAIN, CHANGES)
+    before = sun_irradiance(STATED) / sun_irradiance(PLAIN)
+    np.testing.assert_allclose(sun_irradiance(changed) / sun_irradiance(model), before, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("cover", "spread"), [(0.0, 0.0), (1.0, 1.0)])
+def test_an_overcast_sky_changes_in_grey_alone(cover: float, spread: float) -> None:
+    """A clear sky's colour follows the model; the ratio of an overcast one's channels stays."""
+    stated = replace(STATED, sky_cover=cover)
+    gain = sky_irradiance(change(stated, CHANGES)) / sky_irradiance(stated)
+    model = sky_irradiance(change(PLAIN, CHANGES)) / sky_irradiance(PLAIN)
+    np.testing.assert_allclose(np.ptp(gain) / np.ptp(model), 1 - spread, atol=1e-9)
+
+
+def test_a_value_out_of_range_is_refused() -> None:
+    with pytest.raises(ParameterError, match="turbidity"):
+        change(STATED, {"turbidity": 30.0})
