@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lighting.decoding import colour
 from lighting.envmap import photo_ground
-from lighting.evidence import Fit, Given, estimate_of, fit, fuse, fuse_together, known, known_together, series_of
+from lighting.evidence import Fit, Given, estimate_of, fit, fuse_photo, fuse_together, known, known_together, series_of
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo, to_tensor
 from lighting.records import Estimate, Prediction
@@ -35,7 +35,7 @@ class Estimator:
         Raises ModelError, and ParameterError where the user's own time and place are of night.
         """
         facts = known(photo.facts, given)
-        return with_ground(photo, estimate_of(fuse(self.predict(photo), facts.evidence), facts))
+        return with_ground(photo, estimate_of(fuse_photo(self.predict(photo), facts.evidence), facts))
 
     def together(
         self,

@@ -11,7 +11,7 @@ from export.data import Label, labels_of, read_index, write_table
 from export.evaluation import suncompass
 from export.evaluation.baselines import sun_elevations, without_network
 from export.evaluation.diagnostics import Judged, diagnostic_sections
-from export.evaluation.evidence import evidence_report
+from export.evaluation.evidence import evidence_report, in_view_evidence
 from export.evaluation.figures import Figures, stated_figures
 from export.evaluation.groups import groups_report
 from export.evaluation.metrics import median, sun_error
@@ -120,7 +120,11 @@ def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str
     truth = next(iter(seen.values()))[0]
     chosen = truth.scored & (truth.in_view == "sun in view")
     said = {name: select(interpret(predictions, truth.sun), chosen) for name, (_, predictions) in seen.items()}
-    return [in_view_report(select(truth, chosen), said)] if chosen.any() else []
+    if not chosen.any():
+        return []
+    ours = next(iter(seen.values()))[1]
+    known = in_view_evidence(select(truth, chosen), [ours[i] for i in np.flatnonzero(chosen)])
+    return [in_view_report(select(truth, chosen), said, known)]
 
 
 def metadata_sections(protocol: str, judged: Judged) -> list[str]:

@@ -12,7 +12,7 @@ from export.evaluation.records import Truth, select
 from export.evaluation.records import answers as answers_of
 from export.evaluation.simulated_metadata import COMPASS_MEDIAN, GROSS, Taken, only
 from export.evaluation.tables import figures_table, interval
-from lighting.evidence import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO, Fused, Given, fuse, known
+from lighting.evidence import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO, Evidence, Fused, Given, fuse_photo, known
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
@@ -62,7 +62,29 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], tak
 
 
 def _fuse(prediction: Prediction, taken: Taken, parts: tuple[str, ...]) -> Fused:
-    return fuse(prediction, known(only(taken.facts, parts), Given()).evidence)
+    return fuse_photo(prediction, known(only(taken.facts, parts), Given()).evidence)
+
+
+def in_view_evidence(truth: Truth, said: Sequence[Prediction]) -> str:
+    """What the lens, and the sun's elevation by time and place, add for crops that show the sun: sun and camera."""
+    _, elevation = angles(truth.sun)
+    lens = truth.camera[:, 2].tolist()
+    sun = [((height, 0.0),) for height in elevation.tolist()]
+    known_parts = {
+        "pixels": [Evidence()] * len(said),
+        "pixels + focal length": [Evidence(vertical_fov=fov) for fov in lens],
+        "pixels + time+place": [Evidence(candidates) for candidates in sun],
+        "pixels + time+place + focal length": [Evidence(c, vertical_fov=fov) for c, fov in zip(sun, lens, strict=True)],
+    }
+    rows = {}
+    for name, evidence in known_parts.items():
+        fused = [fuse_photo(p, e) for p, e in zip(said, evidence, strict=True)]
+        error = sun_error(
+            truth, answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
+        )
+        tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
+        rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": share(tilt < 5)}
+    return figures_table(rows)
 
 
 def _name(parts: tuple[str, ...]) -> str:
@@ -141,5 +163,5 @@ def _shares(
 def _share(said: Sequence[Prediction], facts: Sequence[PhotoFacts], parts: tuple[str, ...], word: str = "") -> float:
     """Percentage of photos with a warning that contains a word."""
     evidence = [known(only(f, parts), Given()).evidence for f in facts]
-    warned = [any(word in w for w in fuse(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
+    warned = [any(word in w for w in fuse_photo(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
     return share(np.array(warned))

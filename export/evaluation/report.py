@@ -38,8 +38,11 @@ def report(protocol: str, truth: Truth, said: dict[str, Answers], ours: str) -> 
     )
 
 
-def in_view_report(truth: Truth, said: dict[str, Answers]) -> str:
-    """The tables of crops that show the sun: each method, then the first one, ours, by true elevation."""
+def in_view_report(truth: Truth, said: dict[str, Answers], known: str) -> str:
+    """The tables of crops that show the sun: each method, then the first one, ours, by true elevation and as `known`.
+
+    `known` is the table of what metadata add.
+    """
     ours = next(iter(said))
     counts = f"{len(truth.sun)} crops of {len(np.unique(truth.panorama))} panoramas"
     rows = {name: sun_figures(truth, a) for name, a in said.items()}
@@ -51,6 +54,8 @@ def in_view_report(truth: Truth, said: dict[str, Answers]) -> str:
             figures_table(rows),
             f"`{ours}` by true sun elevation",
             figures_table(heights),
+            f"`{ours}` with metadata: the sun keeps its pixel through the lens, and its elevation tilts the camera",
+            known,
         ]
     )
 

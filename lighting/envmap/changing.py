@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,8 @@ def change(lighting: Lighting, changes: Mapping[str, float]) -> Lighting:
     Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were. Raises
     ParameterError for a value out of range.
     """
-    changed = replace(lighting, **dict(changes))
+    values: dict[str, Any] = dict(changes)
+    changed = replace(lighting, **values)
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return changed
     return replace(

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Picture
 
 from lighting.colour import SRGB_LINEAR
 from lighting.envmap.clear import Image
@@ -62,6 +61,8 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown |
 
 def _fitted(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
     """The photo at about the map's resolution, so that single pixels may be taken from it."""
+    from PIL import Image as Picture
+
     camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
     scale = min(height / np.pi / camera.focal_length * 1.2, _LARGEST / max(photo.shape[:2]))
     size = (max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))

@@ -10,6 +10,7 @@ from lighting.evidence.frames import check_heading, check_headings
 from lighting.evidence.fusion import Evidence, Fused, fuse
 from lighting.evidence.given import SHORT_NAMES, Given
 from lighting.evidence.metadata import Known, known, known_together
+from lighting.evidence.seen import fuse_photo
 from lighting.evidence.together import (
     elevation_density,
     fuse_together,
@@ -38,6 +39,7 @@ __all__ = [
     "estimate_of",
     "fit",
     "fuse",
+    "fuse_photo",
     "fuse_together",
     "known",
     "known_together",

@@ -1,0 +1,81 @@
+"""A sun that the picture shows stays on its pixel when more is known of the camera.
+
+The network's distribution is in directions, by the camera that the network estimates. Where the picture shows the sun,
+the evidence is a pixel: another field of view moves its direction, and the ephemeris's elevation says how the camera is
+tilted.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from lighting.decoding import best_guess
+from lighting.evidence.fusion import Evidence, Fused, fuse
+from lighting.geometry import Floats, angles, camera_axes, wrap_azimuth
+from lighting.records import RANGES, Prediction
+from lighting.sun_grid import grid_directions, over_cells
+
+CAMERA_SPREAD = 3.5  # deg, of the network's camera elevation: 87 % lie within 5 deg
+PIXEL_SPREAD = 2.0  # deg, of the seen sun's pixel: the network says its cell, 16 of 224 pixels
+_SHOWN = 0.6  # least share of the probability near the answer from which the picture counts as showing the sun
+_NEAR = 12.0  # deg around the answer
+_MOVED = 25.0  # deg around the answer in which the probability moves with the pixels
+_WIDEST = 16 / 9  # aspect ratio of the widest picture; the prediction does not know the photo's own
+_SAME = 0.02  # share by which two focal lengths may differ and count as one
+_FAR = (15.0, 12.0)  # deg of azimuth and elevation, from which the sun of time and place is not the one seen
+
+
+def fuse_photo(prediction: Prediction, evidence: Evidence) -> Fused:
+    """Fuse one photo's prediction with its evidence; errors as in `fuse`."""
+    sun = shown_sun(prediction)
+    if sun is None:
+        return fuse(prediction, evidence)
+    moved = _through_lens(prediction, evidence.vertical_fov or prediction.vertical_fov, sun)
+    return _levelled(fuse(moved, evidence), moved)
+
+
+def shown_sun(prediction: Prediction) -> Floats | None:
+    """Unit vector (3,) towards the sun by the pixels alone if the picture shows it, else None."""
+    probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
+    sun = best_guess(probability, prediction.spec.sun_grid)
+    right, up, forward = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll) @ sun
+    edge = forward * math.tan(math.radians(prediction.vertical_fov) / 2)
+    inside = abs(up) <= edge and abs(right) <= _WIDEST * edge
+    sure = float(probability @ (cells @ sun >= math.cos(math.radians(_NEAR)))) >= _SHOWN
+    return sun if inside and sure and prediction.sun_visibility >= 0.5 else None
+
+
+def _through_lens(prediction: Prediction, vertical_fov: float, sun: Floats) -> Prediction:
+    """The prediction with the seen sun (3,) and what lies around it where their pixels look with that field of view."""
+    ratio = math.tan(math.radians(vertical_fov) / 2) / math.tan(math.radians(prediction.vertical_fov) / 2)
+    if abs(math.log(ratio)) < _SAME:
+        return prediction
+    cells = grid_directions(prediction.spec.sun_grid)
+    axes = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll)
+    right, up, forward = (cells @ axes.T).T
+    there = (cells @ sun >= math.cos(math.radians(_MOVED))) & (forward > 0)
+    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[there] @ axes
+    rays[:, 1] = np.maximum(rays[:, 1], 0.0)  # no sun stands below the horizon
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    p = np.asarray(prediction.sun_probability, dtype=np.float64)
+    moved = np.where(there, 0.0, p) + over_cells(p[there], rays, prediction.spec.sun_grid)
+    return replace(prediction, sun_probability=moved.astype(np.float32))
+
+
+def _levelled(fused: Fused, prediction: Prediction) -> Fused:
+    """The answer with the camera tilted so that the seen sun stands at the elevation of time and place.
+
+    The network's tilt and the pixel's are weighted by their errors (Kalman's gain).
+    """
+    if fused.camera_heading is None:
+        return fused
+    seen = best_guess(prediction.sun_probability, prediction.spec.sun_grid)
+    azimuth, elevation = (float(angle) for angle in angles(seen))
+    aside, above = float(wrap_azimuth(fused.sun.azimuth - azimuth)), fused.sun.elevation - elevation
+    if abs(aside) > _FAR[0] or abs(above) > _FAR[1]:
+        return fused
+    turn = math.cos(math.radians(azimuth))  # deg of the sun's elevation for each deg of tilt
+    gain = turn * CAMERA_SPREAD**2 / (turn**2 * CAMERA_SPREAD**2 + PIXEL_SPREAD**2)
+    tilt = float(np.clip(fused.prediction.camera_elevation + gain * above, *RANGES["camera_elevation"]))
+    return replace(fused, prediction=replace(fused.prediction, camera_elevation=tilt))

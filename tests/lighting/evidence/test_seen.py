@@ -1,0 +1,75 @@
+"""A sun that the picture shows: it keeps its pixel through another lens, and tilts the camera."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.evidence.fusion import Evidence, fuse
+from lighting.evidence.seen import fuse_photo, shown_sun
+from lighting.geometry import Pinhole, angle_between, camera_pixel, direction
+from lighting.records import Prediction
+from tests.lighting.evidence.test_fusion import UNIFORM, lobe, prediction
+
+AZIMUTH, ELEVATION = 20.0, 15.0
+SHARP = 300.0  # concentration of a lobe of 3.3 deg
+
+
+def seen(azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> Prediction:
+    """A photo with the sun in it, by a camera 2 deg up with a field of view of 50 deg."""
+    return lobe(azimuth, elevation, SHARP)
+
+
+def pixel(said: Prediction, sun: tuple[float, float], vertical_fov: float) -> np.ndarray:
+    camera = Pinhole(400, 300, vertical_fov, 0.0, said.camera_elevation, said.camera_roll)
+    return camera_pixel(direction(*sun), camera)
+
+
+def test_only_a_sharp_sun_inside_the_picture_is_seen() -> None:
+    assert shown_sun(seen()) is not None
+    assert shown_sun(lobe(AZIMUTH, ELEVATION, 20.0)) is None  # too wide
+    assert shown_sun(seen(elevation=45.0)) is None  # above the picture
+    assert shown_sun(seen(azimuth=170.0)) is None  # behind the camera
+    assert shown_sun(replace(seen(), sun_visibility=0.3)) is None
+
+
+@pytest.mark.parametrize("vertical_fov", [40.0, 65.0])
+def test_the_sun_keeps_its_pixel_through_another_lens(vertical_fov: float) -> None:
+    said = seen()
+    fused = fuse_photo(said, Evidence(vertical_fov=vertical_fov))
+    before = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    after = pixel(said, (fused.sun.azimuth, fused.sun.elevation), vertical_fov)
+    assert np.hypot(*(after - before)) < 10
+    assert fused.probability.sum() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_the_camera_is_tilted_towards_the_elevation_of_time_and_place() -> None:
+    said = seen()
+    fused = fuse_photo(said, Evidence(((ELEVATION - 6.0, 200.0),)))
+    assert said.camera_elevation - 6.0 < fused.prediction.camera_elevation < said.camera_elevation - 4.0
+    higher = fuse_photo(said, Evidence(((ELEVATION + 6.0, 200.0),)))
+    assert higher.prediction.camera_elevation > said.camera_elevation + 4.0
+
+
+def test_the_mark_then_stands_near_the_seen_sun() -> None:
+    """Both together: the focal length and the ephemeris."""
+    said = seen()
+    fused = fuse_photo(said, Evidence(((12.0, 200.0),), vertical_fov=62.0))
+    before = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    after = pixel(fused.prediction, (fused.sun.azimuth, fused.sun.elevation), 62.0)
+    assert np.hypot(*(after - before)) < 12
+
+
+@pytest.mark.parametrize("elevation", [40.0, 60.0])
+def test_a_sun_of_another_place_does_not_tilt_the_camera(elevation: float) -> None:
+    said = seen()
+    assert fuse_photo(said, Evidence(((elevation, 200.0),))).prediction.camera_elevation == said.camera_elevation
+
+
+def test_without_a_seen_sun_nothing_changes() -> None:
+    evidence = Evidence(((30.0, 200.0),), vertical_fov=65.0)
+    for said in (prediction(UNIFORM), lobe(AZIMUTH, ELEVATION, 20.0), lobe(150.0, 30.0, SHARP)):
+        one, other = fuse_photo(said, evidence), fuse(said, evidence)
+        assert one.prediction == other.prediction
+        assert one.sun == other.sun
+        assert angle_between(one.directions, other.directions).max() == 0
