@@ -6,21 +6,28 @@ import { type Camera, horizon, type Point, type SunMark, sunMark } from "../pure
 import { frameOf, pieces, rim, toMap } from "../pure/sphere";
 import { path, sunSign, svg, text } from "./svg";
 
+const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its words can meet the horizon's name
+const SUN_HEIGHT = 52; // px, so for the distance in height
+
 const sunKind = (parameters: Parameters): string => (parameters.sun ? "sun" : "sun pale");
 
 export function photoMarks(camera: Camera, parameters: Parameters, width: number, height: number): Node[] {
   const size = { width, height };
   const mark = sunMark(direction(parameters.sun_azimuth, parameters.sun_elevation), camera, size, 12);
   const sun = mark.inside ? [sunSign(mark.at, 8, sunKind(parameters))] : arrow(mark, size, sunKind(parameters));
-  return [...horizonMark(camera, width, height), ...sun];
+  return [...horizonMark(camera, mark, width, height), ...sun];
 }
 
-function horizonMark(camera: Camera, width: number, height: number): Node[] {
+/** The horizon with its name at the left, or at the right where the sun's mark stands in the way. */
+function horizonMark(camera: Camera, sun: SunMark, width: number, height: number): Node[] {
   const line = horizon(camera, { width, height });
   if (!line) return [];
   const [[x0, y0], [x1, y1]] = line;
-  const atLeft = y0 + ((y1 - y0) * (10 - x0)) / (x1 - x0);
-  const label = atLeft > 24 && atLeft < height ? [text([10, atLeft - 7], "horizon", "label")] : [];
+  const above = (x: number): Point => [x, y0 + ((y1 - y0) * (x - x0)) / (x1 - x0) - 7];
+  const [left, right] = [above(10), above(width - 10)];
+  const taken = sun.at[0] < SUN_WIDTH && Math.abs(sun.at[1] - left[1]) < SUN_HEIGHT;
+  const [at, kind] = taken ? [right, "label end"] : [left, "label"];
+  const label = at[1] > 17 && at[1] < height - 7 ? [text(at, "horizon", kind)] : [];
   return [path(line, "rim"), path(line, "line"), ...label];
 }
 
