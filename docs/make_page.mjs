@@ -12,7 +12,7 @@ const browser = await chromium.launch({
 const page = await browser.newPage({ viewport: { width: 1240, height: 1120 } });
 page.setDefaultTimeout(120_000);
 await page.goto(process.argv[2] ?? "http://127.0.0.1:8000/");
-await page.locator("#examples button", { hasText: "Noon" }).click();
+await page.locator("#examples button", { hasText: "Golden hour" }).click();
 await page.locator("#shapes label", { hasText: "teapot" }).click();
 await page.locator("#finishes label", { hasText: "glossy" }).click();
 await page.waitForSelector("#stage:not([hidden])");

@@ -39,7 +39,10 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Example:
-    """One photo: its panorama and its camera; angles in deg, `stops` is added to the metered exposure."""
+    """One photo: its panorama and its camera; angles in deg, `stops` is added to the metered exposure.
+
+    `direct` is what the crop shows by eye of direct sunlight, where that is not what its panorama's row says.
+    """
 
     file: str
     panorama: str
@@ -50,6 +53,7 @@ class Example:
     width: int
     height: int
     stops: float = 0.0
+    direct: str = ""
 
 
 EXAMPLES = (
@@ -59,6 +63,7 @@ EXAMPLES = (
     Example("hill_clouds.jpg", "h_kloofendal_48d_partly_cloudy", 120.0, 8.0, 0.0, 64.0, 800, 450),
     Example("park_evening.jpg", "h_rooitou_park", -75.0, -4.0, 2.0, 70.0, 640, 480),
     Example("overcast_street.jpg", "h_urban_street_01", 125.0, 2.0, 0.0, 72.0, 640, 480),
+    Example("forest_clearing.jpg", "h_epping_forest_01", 158.0, 2.0, 0.0, 72.0, 640, 480, direct="partly"),
 )
 
 
@@ -148,7 +153,7 @@ def truth(example: Example, row: dict[str, str]) -> tuple[object, ...]:
         example.panorama.removeprefix("h_"),
         azimuth,
         row["sun_elevation"],
-        row["direct"],
+        example.direct or row["direct"],
         example.elevation,
         example.roll,
         example.vertical_fov,

@@ -14,15 +14,17 @@ from PIL import Image, ImageOps
 HERE = Path(__file__).parent
 PHOTOS = {  # name here: name there
     "noon_square.jpg": "rome_0163.jpg",
-    "golden_hour.jpg": "rome_0651.jpg",
+    "golden_hour.jpg": "rome_0617.jpg",
     "street_in_shade.jpg": "rome_0511.jpg",
     "afternoon_square.jpg": "rome_0477.jpg",
-    "after_sunset.jpg": "rome_0732.jpg",
 }
 QUALITY = 82
 THUMB = (240, 180)
 THUMB_QUALITY = 75
-SHOWN = ("overcast_street.jpg", "park_evening.jpg", *(f"rome/{name}" for name in PHOTOS if "afternoon" not in name))
+SHOWN = (
+    *("overcast_street.jpg", "park_evening.jpg", "forest_clearing.jpg"),
+    *("rome/noon_square.jpg", "rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
+)
 
 
 def reduce_photo(source: Path, target: Path) -> None:

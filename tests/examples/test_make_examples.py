@@ -1,6 +1,7 @@
 """The example photos: their table, and how they were exposed."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +25,12 @@ def test_the_sun_is_told_from_where_the_camera_points() -> None:
     row = {"sun_azimuth": "170.0", "sun_elevation": "30.0", "direct": "1"}
     assert truth(EXAMPLES[2], row)[:4] == (EXAMPLES[2].file, "venetian_crossroads", -50.0, "30.0")
     assert truth(EXAMPLES[2], {**row, "sun_azimuth": ""})[2] == ""
+
+
+def test_direct_sunlight_is_told_by_eye_where_the_row_says_otherwise() -> None:
+    row = {"sun_azimuth": "", "sun_elevation": "", "direct": "no"}
+    assert truth(replace(EXAMPLES[0], direct="partly"), row)[4] == "partly"
+    assert truth(replace(EXAMPLES[0], direct=""), row)[4] == "no"
 
 
 def test_development_keeps_the_order_of_brightness() -> None:

@@ -7,6 +7,8 @@ from PIL import ExifTags, Image
 from examples.reduce_photos import HERE, PHOTOS, SHOWN, THUMB, reduce_photo, thumbnail
 from tests.conftest import encode, exif, scene
 
+LARGEST = 250_000  # bytes of one example that the page offers
+
 
 def test_the_photographs_say_when_they_were_taken() -> None:
     for name in PHOTOS:
@@ -20,6 +22,11 @@ def test_every_example_of_the_page_has_a_small_copy() -> None:
         with Image.open(HERE / "thumbs" / Path(shown).name) as picture:
             assert picture.size == THUMB
             assert not picture.getexif()
+
+
+def test_an_example_of_the_page_is_small() -> None:
+    for shown in SHOWN:
+        assert (HERE / shown).stat().st_size < LARGEST
 
 
 def test_reducing_keeps_size_and_exif(tmp_path: Path) -> None:

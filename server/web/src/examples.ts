@@ -1,13 +1,13 @@
 /** Example photos; `examples/CREDITS.md` names their origins. */
 
+import forest from "../../../examples/forest_clearing.jpg";
 import overcast from "../../../examples/overcast_street.jpg";
 import park from "../../../examples/park_evening.jpg";
-import dusk from "../../../examples/rome/after_sunset.jpg";
-import dome from "../../../examples/rome/golden_hour.jpg";
+import golden from "../../../examples/rome/golden_hour.jpg";
 import noon from "../../../examples/rome/noon_square.jpg";
 import alley from "../../../examples/rome/street_in_shade.jpg";
-import duskThumb from "../../../examples/thumbs/after_sunset.jpg";
-import domeThumb from "../../../examples/thumbs/golden_hour.jpg";
+import forestThumb from "../../../examples/thumbs/forest_clearing.jpg";
+import goldenThumb from "../../../examples/thumbs/golden_hour.jpg";
 import noonThumb from "../../../examples/thumbs/noon_square.jpg";
 import overcastThumb from "../../../examples/thumbs/overcast_street.jpg";
 import parkThumb from "../../../examples/thumbs/park_evening.jpg";
@@ -25,10 +25,10 @@ const ROME = "Anil Öztas, CC BY 4.0";
 const HAVEN = "Poly Haven, CC0";
 
 export const EXAMPLES: Example[] = [
+  { name: "golden_hour.jpg", title: "Golden hour", url: golden, thumb: goldenThumb, credit: ROME },
   { name: "noon_square.jpg", title: "Noon", url: noon, thumb: noonThumb, credit: ROME },
-  { name: "golden_hour.jpg", title: "Golden hour", url: dome, thumb: domeThumb, credit: ROME },
-  { name: "street_in_shade.jpg", title: "Street", url: alley, thumb: alleyThumb, credit: ROME },
   { name: "overcast_street.jpg", title: "Overcast", url: overcast, thumb: overcastThumb, credit: HAVEN },
+  { name: "forest_clearing.jpg", title: "Forest", url: forest, thumb: forestThumb, credit: HAVEN },
   { name: "park_evening.jpg", title: "Park", url: park, thumb: parkThumb, credit: HAVEN },
-  { name: "after_sunset.jpg", title: "After sunset", url: dusk, thumb: duskThumb, credit: ROME },
+  { name: "street_in_shade.jpg", title: "Street", url: alley, thumb: alleyThumb, credit: ROME },
 ];

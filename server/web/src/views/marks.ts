@@ -6,27 +6,37 @@ import { type Camera, horizon, type Point, type SunMark, sunMark } from "../pure
 import { frameOf, pieces, rim, toMap } from "../pure/sphere";
 import { path, sunSign, svg, text } from "./svg";
 
+const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its words can meet the horizon's name
+const SUN_HEIGHT = 52; // px, so for the distance in height
+
+type Line = NonNullable<ReturnType<typeof horizon>>;
+
 const sunKind = (parameters: Parameters): string => (parameters.sun ? "sun" : "sun pale");
 
 export function photoMarks(camera: Camera, parameters: Parameters, width: number, height: number): Node[] {
   const size = { width, height };
   const mark = sunMark(direction(parameters.sun_azimuth, parameters.sun_elevation), camera, size, 12);
-  const sun = mark.inside ? [sunSign(mark.at, 8, sunKind(parameters))] : arrow(mark, size, sunKind(parameters));
-  return [...horizonMark(camera, width, height), ...sun];
+  const line = horizon(camera, size);
+  const sun = mark.inside ? [sunSign(mark.at, 8, sunKind(parameters))] : arrow(mark, size, line, sunKind(parameters));
+  return [...(line ? horizonMark(line, mark, width, height) : []), ...sun];
 }
 
-function horizonMark(camera: Camera, width: number, height: number): Node[] {
-  const line = horizon(camera, { width, height });
-  if (!line) return [];
-  const [[x0, y0], [x1, y1]] = line;
-  const atLeft = y0 + ((y1 - y0) * (10 - x0)) / (x1 - x0);
-  const label = atLeft > 24 && atLeft < height ? [text([10, atLeft - 7], "horizon", "label")] : [];
+/** The horizon with its name at the left, or at the right where the sun's mark stands in the way. */
+function horizonMark(line: Line, sun: SunMark, width: number, height: number): Node[] {
+  const taken = sun.at[0] < SUN_WIDTH && Math.abs(sun.at[1] - heightAt(line, 10)) < SUN_HEIGHT;
+  const x = taken ? width - 10 : 10;
+  const y = heightAt(line, x);
+  const label = y > 24 && y < height ? [text([x, y - 7], "horizon", taken ? "label end" : "label")] : [];
   return [path(line, "rim"), path(line, "line"), ...label];
 }
 
+const heightAt = ([[x0, y0], [x1, y1]]: Line, x: number): number => y0 + ((y1 - y0) * (x - x0)) / (x1 - x0);
+
+/** An arrow towards the sun, and words below or above it, on the side that the horizon does not cross. */
 function arrow(
   { at: [x, y], towards: [u, v], behind }: SunMark,
   size: { width: number; height: number },
+  line: Line | null,
   kind: string,
 ): Node[] {
   const corner = (back: number, aside: number): Point => [x - u * back - v * aside, y - v * back + u * aside];
@@ -34,7 +44,9 @@ function arrow(
   const points = head.map((point) => point.map((value) => value.toFixed(1)).join(",")).join(" ");
   const words = behind ? "sun behind" : "sun";
   const reach = 4 * words.length + 8;
-  const below = y < size.height / 2 ? 34 : -24;
+  const drop = line ? heightAt(line, x) - y : SUN_HEIGHT;
+  const under = Math.abs(drop) < SUN_HEIGHT ? drop < 0 : y < size.height / 2;
+  const below = under ? 34 : -24;
   const label: Point = [clamp(x - 14 * u, reach, size.width - reach), clamp(y - 14 * v + below, 16, size.height - 10)];
   return [svg("polygon", { points, class: `arrow ${kind}` }), text(label, words, `label middle ${kind}`)];
 }
