@@ -3,6 +3,7 @@
 from lighting.envmap.changing import change
 from lighting.envmap.clear import Image, row_levels
 from lighting.envmap.ground import photo_ground
+from lighting.envmap.lit_ground import lit_ground
 from lighting.envmap.render import (
     MAX_HEIGHT,
     MIN_HEIGHT,
@@ -24,6 +25,7 @@ __all__ = [
     "brighten",
     "change",
     "ground_reflectance",
+    "lit_ground",
     "photo_ground",
     "render",
     "rotate",
