@@ -13,13 +13,14 @@ from lighting.envmap.render import (
     sun_irradiance,
     with_irradiance,
 )
-from lighting.envmap.surroundings import Place, surround
+from lighting.envmap.surroundings import PLACE_SIDE, Place, shows_place, surround
 from lighting.envmap.turning import brighten, rotate, turn
 from lighting.envmap.views import view
 
 __all__ = [
     "MAX_HEIGHT",
     "MIN_HEIGHT",
+    "PLACE_SIDE",
     "Image",
     "Place",
     "brighten",
@@ -30,6 +31,7 @@ __all__ = [
     "render",
     "rotate",
     "row_levels",
+    "shows_place",
     "sky_irradiance",
     "sun_irradiance",
     "surround",
