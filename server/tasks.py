@@ -10,7 +10,7 @@ from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
 from lighting import stereo
-from lighting.envmap import Place, change, view
+from lighting.envmap import Place, change, shows_place, view
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
 from lighting.photo import Photo
@@ -58,7 +58,7 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     check_cancelled()
     (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    wanted = estimate.around is not None if query.surroundings is None else query.surroundings
+    wanted = shows_place(estimate.around, query.surroundings)
     place = Place(service.read_finer(data, PHOTO_SIDE).pixels, estimate.around) if wanted else None
     return envmap_file(change(estimate.lighting, query.changes()), query, place)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lighting.colour import tone_map
+from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import render
 from lighting.geometry import Pinhole, camera_directions, sample_latlong
 from lighting.photo.read import Photo
@@ -39,3 +39,15 @@ def known_scene(width: int = 480, height: int = 360) -> Scene:
 def plain_scene(**changes: Any) -> Scene:
     """A grey photo under LIGHT with these fields changed."""
     return make_scene(Photo(PLAIN, 40, 30, "PNG"), replace(LIGHT, **changes), map_height=32)
+
+
+@lru_cache(maxsize=1)
+def half_shaded_scene() -> Scene:
+    """The same with the right half of the ground in shade, where the placeholder's shadows fall."""
+    scene = known_scene()
+    camera = Pinhole(scene.width, scene.height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll)
+    shaded = camera_directions(camera)[..., 1] < 0
+    shaded[:, : scene.width // 2] = False
+    linear = srgb_decode(scene.plate / 255.0)
+    linear[shaded] *= scene.shadow
+    return make_scene(Photo(tone_map(linear), scene.width, scene.height, "PNG"), scene.lighting, map_height=256)

@@ -1,7 +1,7 @@
 """A photo's scene from the command or from the service; nothing here needs Blender.
 
-Either fills a folder with NEEDED: the numbers, the plate and the map of `lighting scene --for blender`. The script that
-comes with them is never run; this extension has its own copy.
+Either fills a folder with NEEDED: the numbers and the pictures of `lighting scene --for blender`. The script that comes
+with them is never run; this extension has its own copy.
 """
 
 import io
@@ -15,7 +15,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-NEEDED = ("scene.json", "plate.png", "environment.exr", "lighting.json")
+NEEDED = ("scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json")
 SECONDS = 120  # to wait for an answer
 MOST_BYTES = 1 << 28  # of an answer, packed or not
 _OF_THIS_PYTHON = ("PYTHONHOME", "PYTHONPATH")  # Blender's, which would mislead another

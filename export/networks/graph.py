@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 HALVED = 256  # least elements of a tensor that is stored in half precision
-BYTES = 1024  # least weights of one output that are stored as bytes with a scale
+BYTES = 640  # least weights of one output that are stored as bytes with a scale
 FEW = 8  # outputs; a tensor with fewer is not worth the rounding
 
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, reason
 
 if TYPE_CHECKING:
+    from lighting.envmap import Place
     from lighting.evidence import Given
     from lighting.files import Compression, Target
     from lighting.pipeline import Estimator
-    from lighting.records import Lighting
+    from lighting.records import Estimate, Lighting
 
 SETTINGS = "batch.json"
 DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits and other work may slow the machine
@@ -28,6 +29,7 @@ class Maps:
     yaw: float = 0.0
     sky: str | None = None
     compression: "Compression" = "zip"
+    surroundings: bool | None = None  # whether they show the place, by default where the network predicts it
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,14 @@ class Job:
     maps: Maps | None = None  # none are written by default
     engine: str = "pool"  # or "ray"
     given: dict[str, Any] = field(default_factory=dict)  # what the user says of all photos, as evidence.Given takes it
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The light of a photo, and the place that its map shows, if it shows any."""
+
+    lighting: "Lighting"
+    place: "Place | None"
 
 
 def settings(job: Job) -> dict[str, object]:
@@ -83,16 +93,16 @@ def load_estimator(job: Job) -> "tuple[Estimator, Given]":
     return Estimator(Model.load(job.model, threads=1)), Given(**job.given)
 
 
-def write_map(target: "Target", lighting: "Lighting", maps: Maps) -> None:
+def write_map(target: "Target", answer: Answer, maps: Maps) -> None:
     """Render and write an environment map; raises EnvironmentMapError."""
     from lighting.envmap import view
     from lighting.files import write_exr
 
-    image, turned = view(lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky)
+    image, turned = view(answer.lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky, place=answer.place)
     write_exr(target, image, turned, compression=maps.compression)
 
 
-def lighting_or_reason(estimator: "Estimator", source: Path | bytes, given: "Given") -> "Lighting | str":
+def answer_or_reason(estimator: "Estimator", source: Path | bytes, given: "Given", maps: Maps | None) -> Answer | str:
     """The light of a photo, or one sentence that says why the photo has none; other errors are raised.
 
     The photo is decoded in a process of its own: one that would take too long or too much memory fails alone.
@@ -100,6 +110,17 @@ def lighting_or_reason(estimator: "Estimator", source: Path | bytes, given: "Giv
     from lighting.photo.apart import read_apart
 
     try:
-        return estimator(read_apart(source, seconds=DECODE_SECONDS), given).lighting
+        estimate = estimator(read_apart(source, seconds=DECODE_SECONDS), given)
+        return Answer(estimate.lighting, _place(source, estimate, maps) if maps else None)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return reason(error)
+
+
+def _place(source: Path | bytes, estimate: "Estimate", maps: Maps) -> "Place | None":
+    """The place for a photo's map, whose photo is read again with more pixels than the network takes."""
+    from lighting.envmap import PLACE_SIDE, Place, shows_place
+    from lighting.photo.apart import read_apart
+
+    if not shows_place(estimate.around, maps.surroundings):
+        return None
+    return Place(read_apart(source, target=PLACE_SIDE, seconds=DECODE_SECONDS).pixels, estimate.around)

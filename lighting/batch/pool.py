@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lighting.batch.job import (
     SETTINGS,
+    Answer,
     Job,
     Maps,
+    answer_or_reason,
     check_settings,
-    lighting_or_reason,
     load_estimator,
     settings,
     write_map,
@@ -28,9 +28,6 @@ from lighting.batch.table import TABLE
 from lighting.batch.workers import work_through
 from lighting.errors import EnvironmentMapError
 from lighting.files import json_line, replacing
-
-if TYPE_CHECKING:
-    from lighting.records import Lighting
 
 LOST = "The process that worked on this photo ended, twice."
 LONG_NAME = "The photo's name is too long for a map of that name."
@@ -71,19 +68,21 @@ def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
     estimator, given = load_estimator(job)
 
     def work(name: str) -> tuple[str, bool]:
-        answer = lighting_or_reason(estimator, Path(job.source, name), given)
-        if job.maps and not isinstance(answer, str) and not _write_map(Path(job.out, f"{name}.exr"), answer, job.maps):
-            answer = LONG_NAME
-        return json_line(name, answer), isinstance(answer, str)
+        answer = answer_or_reason(estimator, Path(job.source, name), given, job.maps)
+        if isinstance(answer, str):
+            return json_line(name, answer), True
+        if job.maps and not _write_map(Path(job.out, f"{name}.exr"), answer, job.maps):
+            return json_line(name, LONG_NAME), True
+        return json_line(name, answer.lighting), False
 
     return work
 
 
-def _write_map(path: Path, lighting: "Lighting", maps: Maps) -> bool:
+def _write_map(path: Path, answer: Answer, maps: Maps) -> bool:
     """Whether the file system takes a name as long as the map's; raises EnvironmentMapError for other failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        write_map(path, lighting, maps)
+        write_map(path, answer, maps)
     except EnvironmentMapError as error:
         if isinstance(error.__cause__, OSError) and error.__cause__.errno == errno.ENAMETOOLONG:
             return False

@@ -12,7 +12,16 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
-from lighting.batch.job import SETTINGS, Job, check_settings, lighting_or_reason, load_estimator, settings, write_map
+from lighting.batch.job import (
+    SETTINGS,
+    Answer,
+    Job,
+    answer_or_reason,
+    check_settings,
+    load_estimator,
+    settings,
+    write_map,
+)
 from lighting.batch.photos import SUFFIXES, find_photos
 from lighting.batch.summary import Summary
 from lighting.batch.table import TABLE, row, schema
@@ -68,10 +77,12 @@ class PhotoActor:
 
     def __call__(self, photo: dict[str, Any]) -> dict[str, Any]:
         name = posixpath.relpath(photo["path"], self.base)
-        answer = lighting_or_reason(self.estimator, photo["bytes"], self.given)
-        if self.job.maps and not isinstance(answer, str):
+        answer = answer_or_reason(self.estimator, photo["bytes"], self.given, self.job.maps)
+        if isinstance(answer, str):
+            return row(name, answer)
+        if self.job.maps:
             _write_map(self.job, name, answer)
-        return row(name, answer)
+        return row(name, answer.lighting)
 
 
 def _map_photos(job: Job, names: Sequence[str], workers: int | None, progress: bool) -> None:
@@ -163,10 +174,10 @@ def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
     return done
 
 
-def _write_map(job: Job, name: str, light: Any) -> None:
+def _write_map(job: Job, name: str, answer: Answer) -> None:
     assert job.maps
     filesystem, out = _place(job.out)
     target = f"{out}/{name}.exr"
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(target) as stream:
-        write_map(stream, light, job.maps)
+        write_map(stream, answer, job.maps)

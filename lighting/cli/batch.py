@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from lighting.cli.given import given_of_many_options
 from lighting.cli.group import cli
-from lighting.cli.options import map_options, model_option, quiet_option
+from lighting.cli.options import map_options, model_option, quiet_option, surroundings_option
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ class _Options:
     yaw: float
     sky: str | None
     compression: "Compression | None"
+    surroundings: bool | None
     parquet: bool
     workers: int | None
     overwrite: bool
@@ -48,7 +49,7 @@ class _Options:
 
         maps = None
         if self.envmap:
-            maps = Maps(self.height, self.sun, self.yaw, self.sky, self.compression or "zip")
+            maps = Maps(self.height, self.sun, self.yaw, self.sky, self.compression or "zip", self.surroundings)
         return Job(self.input, self.out, self.model, maps, self.engine, self.given.said())
 
     @property
@@ -61,6 +62,7 @@ class _Options:
 @click.argument("out")
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as NAME.exr.")
 @map_options
+@surroundings_option
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
 @click.option("--workers", type=click.IntRange(1), help="Number of processes; one per CPU by default.")
 @click.option("--overwrite", is_flag=True, help="Discard earlier results instead of resuming; maps stay.")
@@ -95,8 +97,8 @@ def batch(ctx: click.Context, /, **options: Any) -> None:
 def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
     given = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-    if not ctx.params["envmap"] and given & {"height", "sun", "yaw", "sky", "compression"}:
-        raise click.UsageError("--height, --sun, --yaw, --sky and --compression need --envmap.")
+    if not ctx.params["envmap"] and given & {"height", "sun", "yaw", "sky", "compression", "surroundings"}:
+        raise click.UsageError("--height, --sun, --yaw, --sky, --compression and --surroundings need --envmap.")
     if ctx.params["engine"] == "pool" and "address" in given:
         raise click.UsageError("--address needs --engine ray.")
     if ctx.params["engine"] == "ray" and "parquet" in given:

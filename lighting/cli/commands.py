@@ -21,7 +21,14 @@ from lighting.cli.files import (
 from lighting.cli.fit import print_fit
 from lighting.cli.given import check_together, fit_option, given_options, headings_option, together_option
 from lighting.cli.group import cli
-from lighting.cli.options import map_options, map_output, model_option, preview_file, quiet_option
+from lighting.cli.options import (
+    map_options,
+    map_output,
+    model_option,
+    preview_file,
+    quiet_option,
+    surroundings_option,
+)
 from lighting.cli.words import in_words, progress_over, report, report_failure, report_unmatched, report_warnings
 
 if TYPE_CHECKING:
@@ -78,11 +85,7 @@ def estimate(
 @click.argument("photo")
 @map_output
 @map_options
-@click.option(
-    "--surroundings/--no-surroundings",
-    default=None,
-    help="Whether the map shows the place, not the sky alone; by default where the network predicts it.",
-)
+@surroundings_option
 @click.option("--preview", metavar="FILE.png", callback=preview_file, help="Also draw what `lighting preview` draws.")
 @given_options
 @model_option

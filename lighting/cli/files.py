@@ -13,8 +13,6 @@ import click
 from lighting.cli.words import shown
 from lighting.errors import ParameterError, PhotoError
 
-PLACE_SIDE = 1000  # pixels, least length of a photo's longer side if it has as many, where a map shows it
-
 if TYPE_CHECKING:
     from lighting.envmap import Place
     from lighting.evidence import Given
@@ -99,10 +97,10 @@ def refuse_collisions(source: str, *outputs: str | None) -> None:
 
 def place_of(photo: bytes, estimate: "Estimate", wanted: bool | None) -> "Place | None":
     """The place for a map, by default where the network predicted what lies around."""
-    from lighting.envmap import Place
+    from lighting.envmap import PLACE_SIDE, Place, shows_place
     from lighting.photo import read_photo
 
-    if estimate.around is None if wanted is None else not wanted:
+    if not shows_place(estimate.around, wanted):
         return None
     return Place(read_photo(photo, target=PLACE_SIDE).pixels, estimate.around)
 

@@ -105,6 +105,11 @@ def map_options(command: Command) -> Command:
     return command
 
 
+surroundings_option = click.option(
+    "--surroundings/--no-surroundings",
+    default=None,
+    help="Whether the map shows the place, not the sky alone; by default where the network predicts it.",
+)
 map_output = click.option(
     "-o",
     "--output",

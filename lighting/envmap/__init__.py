@@ -3,6 +3,7 @@
 from lighting.envmap.changing import change
 from lighting.envmap.clear import Image, row_levels
 from lighting.envmap.ground import photo_ground
+from lighting.envmap.lit_ground import lit_ground
 from lighting.envmap.render import (
     MAX_HEIGHT,
     MIN_HEIGHT,
@@ -12,22 +13,25 @@ from lighting.envmap.render import (
     sun_irradiance,
     with_irradiance,
 )
-from lighting.envmap.surroundings import Place, surround
+from lighting.envmap.surroundings import PLACE_SIDE, Place, shows_place, surround
 from lighting.envmap.turning import brighten, rotate, turn
 from lighting.envmap.views import view
 
 __all__ = [
     "MAX_HEIGHT",
     "MIN_HEIGHT",
+    "PLACE_SIDE",
     "Image",
     "Place",
     "brighten",
     "change",
     "ground_reflectance",
+    "lit_ground",
     "photo_ground",
     "render",
     "rotate",
     "row_levels",
+    "shows_place",
     "sky_irradiance",
     "sun_irradiance",
     "surround",

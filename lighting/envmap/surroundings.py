@@ -17,6 +17,8 @@ from lighting.envmap.render import add_sun, render
 from lighting.geometry import Floats
 from lighting.records import Lighting
 
+PLACE_SIDE = 1000  # pixels, least length of a photo's longer side if it has as many, where a map shows it
+
 _RATIO = (0.05, 4.0)  # how far the coarse panorama may change the bare map
 _REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
 _SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell of the coarse panorama
@@ -30,6 +32,11 @@ class Place:
 
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
     around: NDArray[np.float32] | None = None  # `Estimate.around`; without it bare sky and ground lie beside the photo
+
+
+def shows_place(around: NDArray[np.float32] | None, wanted: bool | None) -> bool:
+    """Whether a map shows the place: as wanted, by default where the network predicted what lies around."""
+    return around is not None if wanted is None else wanted
 
 
 def surround(

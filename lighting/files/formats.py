@@ -47,7 +47,7 @@ def encode_envmap(
 
 
 def encode_png(pixels: NDArray[np.uint8], compress_level: int = 6) -> bytes:
-    """The bytes of a PNG of pixels (H, W, 3 or 4)."""
+    """The bytes of a PNG of pixels (H, W, 3 or 4), or of one channel (H, W)."""
     from PIL import Image
 
     buffer = io.BytesIO()

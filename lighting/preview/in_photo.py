@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import luminance, srgb_decode, tone_map
-from lighting.envmap import ground_reflectance, sky_irradiance, sun_irradiance
+from lighting.colour import srgb_decode, tone_map
+from lighting.envmap import lit_ground
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
 from lighting.preview.shading import Stage, ground, shade
 from lighting.preview.spheres import SPACING
@@ -25,7 +25,6 @@ _LEAST_DESCENT = 0.04  # slope of the line of sight to the spot below which the 
 _FINE = 2  # rays per pixel and side on the balls
 _COARSE = 2  # pixels per ray and side on the ground, whose shadows are soft
 _FAR = 40.0  # radii from the balls to which they change the ground
-_TEXTURE = 4  # coarse pixels over which the ground's brightness is averaged before it counts as lit or in shade
 
 
 def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.Image:
@@ -45,7 +44,7 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
         return picture
     there = replace(stage, centres=centres)
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
-    shaded = linear * _left_light(linear, _levels(lighting), camera, there)
+    shaded = linear * _left_light(lit_ground(np.asarray(picture), lighting), camera, there)
     return Image.fromarray(tone_map(_over(shaded, camera, there)))
 
 
@@ -62,17 +61,11 @@ def ball_centres(camera: Pinhole) -> Floats | None:
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
 
 
-def _levels(lighting: Lighting) -> tuple[float, float]:
-    """Luminance of the photo's ground in sunlight and in shade, as the light predicts it."""
-    colour, sky = ground_reflectance(lighting) / np.pi, sky_irradiance(lighting)
-    sun = sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
-    return float(luminance(colour * (sky + sun))), float(luminance(colour * sky))
+def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
+    """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground.
 
-
-def _left_light(
-    linear: NDArray[np.float32], levels: tuple[float, float], camera: Pinhole, stage: Stage
-) -> NDArray[np.float32]:
-    """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground."""
+    `lit` (H, W) says how far the picture's ground lies in sunlight.
+    """
     size = (max(1, camera.width // _COARSE), max(1, camera.height // _COARSE))
     small = replace(camera, width=size[0], height=size[1])
     rays = camera_directions(small).astype(np.float32)
@@ -80,21 +73,13 @@ def _left_light(
     points = rays * reach[..., None]
     near = (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centres[1], axis=-1) < _FAR)
     share = np.ones((*near.shape, 3), dtype=np.float32)
-    share[near] = _ground_share(points[near].astype(np.float64), _lit(linear, levels, size)[near], stage)
+    there = np.asarray(Image.fromarray(lit).resize(size, Image.Resampling.BILINEAR))[near]
+    share[near] = _ground_share(points[near].astype(np.float64), there, stage)
     planes = [
         Image.fromarray(share[..., c]).resize((camera.width, camera.height), Image.Resampling.BILINEAR)
         for c in range(3)
     ]
     return np.stack([np.asarray(plane) for plane in planes], axis=-1)
-
-
-def _lit(linear: NDArray[np.float32], levels: tuple[float, float], size: tuple[int, int]) -> NDArray[np.float32]:
-    """How far (h, w) the picture's ground lies in sunlight, by its brightness between the two levels."""
-    grey = Image.fromarray(luminance(linear).astype(np.float32))
-    few = grey.resize((max(1, size[0] // _TEXTURE), max(1, size[1] // _TEXTURE)), Image.Resampling.BOX)
-    mean = np.asarray(few.resize(size, Image.Resampling.BILINEAR))
-    sunlit, shaded = levels
-    return np.clip((mean - shaded) / max(sunlit - shaded, 1e-6), 0, 1).astype(np.float32)
 
 
 def _ground_share(points: Floats, lit: NDArray[np.float32], stage: Stage) -> Floats:

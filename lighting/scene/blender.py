@@ -16,6 +16,7 @@ from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, Scene
 from lighting.scene.parts import (
     ENVIRONMENT,
+    LIT_GROUND,
     PLATE,
     Folder,
     data_text,
@@ -30,7 +31,7 @@ YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
 def write(scene: Scene, folder: Folder) -> None:
-    """Write SCRIPT, the NUMBERS that it reads, plate and map; in a folder on disk also FILE, if bpy is installed."""
+    """Write SCRIPT, the NUMBERS that it reads and the shared files; in a folder on disk also FILE where bpy is."""
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
     (folder / SCRIPT).write_text(data_text("blender.py"), encoding="utf-8")
@@ -56,6 +57,8 @@ def _description(scene: Scene) -> dict[str, Any]:
     return {
         "plate": PLATE,
         "environment": ENVIRONMENT,
+        "lit_ground": LIT_GROUND,
+        "shade": scene.shadow.tolist(),
         "samples": SAMPLES,
         "size": [scene.width, scene.height],
         "camera": {

@@ -15,7 +15,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap import Place, ground_reflectance, render, sky_irradiance, sun_irradiance, surround
+from lighting.envmap import (
+    Place,
+    ground_reflectance,
+    lit_ground,
+    render,
+    sky_irradiance,
+    sun_irradiance,
+    surround,
+)
 from lighting.geometry import SUN_RADIUS, Floats, camera_axes, focal_length
 from lighting.photo import Photo
 from lighting.records import Lighting
@@ -42,6 +50,7 @@ class Scene:
     environment: NDArray[np.float32]  # (H, 2H, 3), the sun's disc left out
     sun_irradiance: Floats  # (3,) linear Rec.709 on a surface that faces the sun; 0 where no direct sun reaches
     sky_irradiance: Floats  # (3,) on open level ground, without the sun
+    lit_ground: NDArray[np.float32]  # (H, W) of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere
 
     # --- camera
 
@@ -144,4 +153,5 @@ def make_scene(
     else:
         environment = surround(lighting, Place(photo.pixels, around), map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
-    return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting))
+    lit = lit_ground(photo.pixels, lighting, sun=shines)
+    return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)

@@ -19,7 +19,7 @@ _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 
 
 def write(scene: Scene, folder: Folder) -> None:
-    """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE, plate and map."""
+    """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files."""
     write_shared_files(scene, folder)
     for name, values in (
         (SCENE, {}),

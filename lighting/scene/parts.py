@@ -5,10 +5,12 @@ from importlib.resources import files
 from string import Template
 from typing import Any, Protocol
 
+import numpy as np
+
 from lighting.files import encode_envmap, encode_png, full_record
 from lighting.scene.common import Scene
 
-PLATE, ENVIRONMENT, RECORD = "plate.png", "environment.exr", "lighting.json"
+PLATE, ENVIRONMENT, RECORD, LIT_GROUND = "plate.png", "environment.exr", "lighting.json", "lit_ground.png"
 
 
 class File(Protocol):
@@ -26,15 +28,21 @@ class Folder(Protocol):
 
 
 def write_shared_files(scene: Scene, folder: Folder) -> None:
-    """Write PLATE, ENVIRONMENT and RECORD."""
+    """Write PLATE, ENVIRONMENT, RECORD and LIT_GROUND."""
     (folder / PLATE).write_bytes(plate_png(scene))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
     (folder / RECORD).write_text(json.dumps(full_record(scene.lighting), indent=2) + "\n", encoding="utf-8")
+    (folder / LIT_GROUND).write_bytes(lit_ground_png(scene))
 
 
 def plate_png(scene: Scene) -> bytes:
     """The plate as PNG."""
     return encode_png(scene.plate, compress_level=3)
+
+
+def lit_ground_png(scene: Scene) -> bytes:
+    """Where the plate's ground lies in sunlight, as PNG of one channel: 0 in shade, 255 in sunlight or above ground."""
+    return encode_png(np.round(255 * scene.lit_ground).astype(np.uint8))
 
 
 def data_text(name: str) -> str:

@@ -12,7 +12,7 @@ from lighting.envmap import rotate
 from lighting.files import encode_envmap, full_record
 from lighting.scene.axes import colour_and_strength
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, Scene
-from lighting.scene.parts import Folder, data_text, filled, plate_png
+from lighting.scene.parts import Folder, data_text, filled, lit_ground_png, plate_png
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 PAGE = "scene.html"
@@ -52,7 +52,12 @@ def _description(scene: Scene) -> dict[str, Any]:
         "stickHeight": placeholder.stick_height,
         "stickRadius": placeholder.stick_radius,
         "albedo": PLACEHOLDER_ALBEDO,
-        "plate": "data:image/png;base64," + b64encode(plate_png(scene)).decode(),
+        "plate": _png_url(plate_png(scene)),
+        "litGround": _png_url(lit_ground_png(scene)),
         "environment": b64encode(encode_envmap(rotate(scene.environment, _YAW), format="hdr")).decode(),
         "lighting": full_record(scene.lighting),
     }
+
+
+def _png_url(data: bytes) -> str:
+    return "data:image/png;base64," + b64encode(data).decode()

@@ -6,6 +6,7 @@ USD `shot.usda` lays time samples over `scene.usda`; in Blender `shot.py` builds
 
 import json
 import os
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
     """
     height, width = plate.shape[:2]
     scene = make_scene(Photo(plate, width, height, "PNG"), _first_frame(shot))
+    scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0
     matrices = camera_matrices(shot, scene)
@@ -53,8 +55,6 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
 
 def _first_frame(shot: Shot) -> Any:
     """The light as the first frame's camera sees it, tilt included."""
-    from dataclasses import replace
-
     return replace(light_of(shot), camera_elevation=float(shot.path.elevation[0]), camera_roll=float(shot.path.roll[0]))
 
 

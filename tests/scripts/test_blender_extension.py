@@ -26,7 +26,7 @@ from scripts.blender_extension import ROOT, build, relative
 from tests.scenes import known_scene
 
 BLENDER_PYTHON = sys.executable if find_spec("bpy") else os.environ.get("BLENDER_PYTHON")
-NEEDED = {"scene.json", "plate.png", "environment.exr", "lighting.json"}
+NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
 
 
 @pytest.fixture(scope="module")

@@ -56,7 +56,8 @@ def build(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any:
     add_ground(scene, numbers["ground"])
     add_placeholder(scene, numbers["placeholder"])
     if not has_compositor(scene):
-        composite_over(scene, plate)
+        lit = load_image(folder / numbers["lit_ground"], "Non-Color")
+        composite_over(scene, plate, lit, numbers["shade"])
     return scene
 
 
@@ -228,33 +229,58 @@ def turned_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, s
     return mesh
 
 
-def composite_over(scene: Any, plate: Any) -> None:
-    """The plate, stretched to the render's size and times the coloured shadow on the ground; over it the object."""
+def composite_over(scene: Any, plate: Any, lit: Any, shade: list[float]) -> None:
+    """The plate, stretched to the render's size and times the coloured shadow on the ground; over it the object.
+
+    `lit` shows where the plate's ground lies in sunlight; `shade` is the sky's share of open ground's light.
+    """
     scene.view_layers[0].cycles.use_pass_shadow_catcher = True
     tree, output = compositor(scene)
     nodes, links = tree.nodes, tree.links
-    picture, fit = nodes.new("CompositorNodeImage"), nodes.new("CompositorNodeScale")
+    behind, sunlit = fitted(tree, plate), fitted(tree, lit)
     layers, over = nodes.new("CompositorNodeRLayers"), nodes.new("CompositorNodeAlphaOver")
-    picture.image, layers.scene = plate, scene
-    fit_to_render(fit)
+    layers.scene = scene
     below, above = [socket for socket in over.inputs if socket.type == "RGBA"]
-    links.new(picture.outputs["Image"], fit.inputs["Image"])
-    links.new(multiplied(tree, fit.outputs["Image"], layers.outputs["Shadow Catcher"]), below)
+    shadow = shadow_on(tree, layers.outputs["Shadow Catcher"], sunlit, (*shade, 1.0))
+    links.new(blended(tree, "MULTIPLY", behind, shadow), below)
     links.new(layers.outputs["Image"], above)
     links.new(over.outputs["Image"], output.inputs["Image"])
     spread(nodes)
 
 
-def multiplied(tree: Any, a: Any, b: Any) -> Any:
-    """The product of two pictures."""
+def fitted(tree: Any, image: Any) -> Any:
+    """An image, stretched to the render's size."""
+    picture, fit = tree.nodes.new("CompositorNodeImage"), tree.nodes.new("CompositorNodeScale")
+    picture.image = image
+    fit_to_render(fit)
+    tree.links.new(picture.outputs["Image"], fit.inputs["Image"])
+    return fit.outputs["Image"]
+
+
+def shadow_on(tree: Any, shadow: Any, lit: Any, shade: tuple[float, ...]) -> Any:
+    """The shadow on ground that the sun lights as far as `lit` says: it takes no sun from ground that has none.
+
+    What a shadow leaves up to `shade` counts as the sky's light, and what it leaves beyond as the sun's.
+    """
+    sky = blended(tree, "DARKEN", shadow, shade)
+    sun = blended(tree, "MULTIPLY", blended(tree, "SUBTRACT", shadow, sky), lit)
+    left = blended(tree, "ADD", sky, sun)
+    return blended(tree, "DIVIDE", left, blended(tree, "MIX", shade, (1.0, 1.0, 1.0, 1.0), lit))
+
+
+def blended(tree: Any, kind: str, a: Any, b: Any, share: Any = 1.0) -> Any:
+    """Two pictures or colours (4,) in one; `share` is how much of the blend replaces the first."""
     mix = tree.nodes.new("ShaderNodeMix" if bpy.app.version >= (5, 0, 0) else "CompositorNodeMixRGB")
     if hasattr(mix, "data_type"):
         mix.data_type = "RGBA"
-    mix.blend_type = "MULTIPLY"
+    mix.blend_type = kind
     pictures = [socket for socket in mix.inputs if socket.type == "RGBA"]
-    next(socket for socket in mix.inputs if socket.type == "VALUE").default_value = 1.0
-    tree.links.new(a, pictures[0])
-    tree.links.new(b, pictures[1])
+    factor = next(socket for socket in mix.inputs if socket.type == "VALUE")
+    for value, socket in ((share, factor), (a, pictures[0]), (b, pictures[1])):
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
     return next(socket for socket in mix.outputs if socket.type == "RGBA")
 
 

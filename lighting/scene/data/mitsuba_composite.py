@@ -1,7 +1,8 @@
 """Render the object over the photo with Mitsuba 3: python composite.py [samples [variant]].
 
-Two renders, with the object and without, differ by its shadow and its reflected light: the plate is multiplied by their
-ratio (Debevec 1998). The object's own pixels come from the render as they are. Writes composite.png.
+Renders with the object and without differ by its shadow and its reflected light: the plate is multiplied by their ratio
+(Debevec 1998). Where lit_ground.png says that the photo's ground lies in shade, the sun is left out of both, so that no
+shadow darkens shade. The object's own pixels come from the render as they are. Writes composite.png.
 """
 
 import sys
@@ -19,11 +20,12 @@ FOLDER = Path(__file__).resolve().parent
 def main(samples: str = "64", variant: str = "scalar_rgb") -> None:
     mi.set_variant(variant)
     plate = linear(mi.Bitmap(str(FOLDER / "plate.png")))
-    full = rendered(int(samples), "camera.xml", "light.xml", "object.xml")
-    empty = rendered(int(samples), "camera.xml", "light.xml")
+    lit = lit_ground(plate.shape[1], plate.shape[0])
+    full, full_lit = lights(int(samples), lit, "camera.xml", "light.xml", "object.xml")
+    _, empty_lit = lights(int(samples), lit, "camera.xml", "light.xml")
     covered = np.clip(rendered(16, "camera.xml", "object.xml")[..., 3:], 0, 1)
-    shadowed = plate * full[..., :3] / np.maximum(empty[..., :3], 1e-6)
-    picture = covered * full[..., :3] + (1 - covered) * shadowed
+    shadowed = plate * full_lit / np.maximum(empty_lit, 1e-6)
+    picture = covered * full + (1 - covered) * shadowed
     mi.util.write_bitmap(str(FOLDER / "composite.png"), mi.Bitmap(picture.astype(np.float32)), write_async=False)
 
 
@@ -31,10 +33,24 @@ def linear(picture: Any) -> Any:
     return np.array(picture.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False))
 
 
-def rendered(samples: int, *parts: str) -> Any:
+def lit_ground(width: int, height: int) -> Any:
+    """How much of the sun reaches the photo's ground (H, W, 1), 0 to 1."""
+    values = np.array(mi.Bitmap(str(FOLDER / "lit_ground.png"))).astype(np.float32) / 255
+    fitted = mi.Bitmap(values.reshape(*values.shape[:2], 1)).resample([width, height])
+    return np.clip(np.array(fitted).reshape(height, width, 1), 0, 1)
+
+
+def lights(samples: int, lit: Any, *parts: str) -> tuple[Any, Any]:
+    """Linear pixels (H, W, 3) of a scene of these files, and those with the sun only as far as the ground is lit."""
+    full = rendered(samples, *parts)[..., :3]
+    sky = rendered(samples, *parts, sun_radiance="0 0 0")[..., :3]
+    return full, sky + lit * (full - sky)
+
+
+def rendered(samples: int, *parts: str, **values: str) -> Any:
     """Linear pixels (H, W, 4) of a scene of these files; the same seed gives what they share the same noise."""
     names = "".join(f'<include filename="{FOLDER / part}"/>' for part in parts)
-    scene = mi.load_string(f'<scene version="3.0.0">{names}</scene>', samples=samples)
+    scene = mi.load_string(f'<scene version="3.0.0">{names}</scene>', samples=samples, **values)
     return np.array(mi.render(scene, seed=0))
 
 

@@ -14,6 +14,7 @@
   const scene = new THREE.Scene();
   const plate = await new THREE.TextureLoader().loadAsync(data.plate);
   plate.colorSpace = THREE.SRGBColorSpace;
+  const lit = await new THREE.TextureLoader().loadAsync(data.litGround);
   scene.background = plate;
   scene.environment = environment();
 
@@ -47,21 +48,25 @@
     return texture;
   }
 
-  // The plate itself where the sun shines; where it is hidden, the plate times the sky's share of the ground's light.
+  // The plate itself where the sun shines; where it is hidden, the plate times the sky's share of the ground's light. The
+  // sun's share is less where the plate's ground already lies in shade.
   function shadowCatcher() {
     const material = new THREE.ShadowMaterial({ transparent: false });
     material.onBeforeCompile = (shader) => {
       Object.assign(shader.uniforms, {
         plate: { value: plate },
         resolution: { value: resolution },
+        lit: { value: lit },
         shade: { value: vector(data.shadow) },
       });
       shader.fragmentShader =
-        "uniform sampler2D plate; uniform vec2 resolution; uniform vec3 shade;\n" +
+        "uniform sampler2D plate, lit; uniform vec2 resolution; uniform vec3 shade;\n" +
         shader.fragmentShader.replace(
           /gl_FragColor = .*;/,
-          `vec3 light = mix( shade, vec3( 1.0 ), getShadowMask() );
-           gl_FragColor = vec4( texture2D( plate, gl_FragCoord.xy / resolution ).rgb * light, 1.0 );`,
+          `vec2 place = gl_FragCoord.xy / resolution;
+           vec3 sun = texture2D( lit, place ).r * ( 1.0 - shade );
+           vec3 light = ( shade + sun * getShadowMask() ) / max( shade + sun, 1e-6 );
+           gl_FragColor = vec4( texture2D( plate, place ).rgb * light, 1.0 );`,
         );
     };
     return material;

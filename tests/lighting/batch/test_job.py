@@ -6,15 +6,26 @@ from pathlib import Path
 import pytest
 
 from lighting.batch import Job, Maps
-from lighting.batch.job import check_settings, lighting_or_reason, load_estimator, settings
+from lighting.batch.job import Answer, answer_or_reason, check_settings, load_estimator, settings, write_map
+from lighting.cli.files import place_of
+from lighting.envmap import view
 from lighting.errors import BatchError, ModelError
+from lighting.files import read_exr
+from lighting.photo import read_photo
 from tests.conftest import encode, scene
 
 
 def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_path: Path) -> None:
     job = Job(str(tmp_path), "out", str(network), Maps(64), given={"vertical_fov": 40.0})
     found = settings(job)
-    assert found["maps"] == {"height": 64, "sun": None, "yaw": 0.0, "sky": None, "compression": "zip"}
+    assert found["maps"] == {
+        "height": 64,
+        "sun": None,
+        "yaw": 0.0,
+        "sky": None,
+        "compression": "zip",
+        "surroundings": None,
+    }
     assert found["metadata"] == {"vertical_fov": 40.0}
     assert found["network"] == network.name
     assert len(str(found["sha256"])) == 64
@@ -49,7 +60,24 @@ def test_the_same_settings_or_none_at_all_allow_a_batch() -> None:
 
 def test_a_photo_has_its_light_or_a_reason(network: Path, tmp_path: Path) -> None:
     estimator, given = load_estimator(Job(str(tmp_path), "out", str(network), given={"vertical_fov": 40.0}))
-    lighting = lighting_or_reason(estimator, encode(scene(64, 48)), given)
-    assert not isinstance(lighting, str)
-    assert lighting.vertical_fov == 40.0
-    assert str(lighting_or_reason(estimator, b"no photo", given)).startswith("The file is not a JPEG")
+    answer = answer_or_reason(estimator, encode(scene(64, 48)), given, None)
+    assert isinstance(answer, Answer)
+    assert answer.lighting.vertical_fov == 40.0
+    assert answer.place is None
+    assert str(answer_or_reason(estimator, b"no photo", given, None)).startswith("The file is not a JPEG")
+
+
+@pytest.mark.parametrize("wanted", [None, True, False])
+def test_a_map_shows_the_place_as_envmap_does(tmp_path: Path, wanted: bool | None) -> None:
+    photo = tmp_path / "photo.jpg"
+    photo.write_bytes(encode(scene(320, 240)))
+    estimator, given = load_estimator(Job(str(tmp_path), "out"))
+    maps = Maps(32, surroundings=wanted)
+    answer = answer_or_reason(estimator, photo, given, maps)
+    assert isinstance(answer, Answer)
+    write_map(tmp_path / "map.exr", answer, maps)
+    place = place_of(photo.read_bytes(), estimator(read_photo(photo.read_bytes()), given), wanted)
+    assert (place is None) == (wanted is False)  # the packaged network predicts what lies around
+    expected, _ = view(answer.lighting, 32, place=place)
+    found, _ = read_exr(tmp_path / "map.exr")
+    assert found == pytest.approx(expected, rel=1e-3, abs=1e-6)

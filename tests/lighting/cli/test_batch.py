@@ -11,7 +11,7 @@ from lighting.cli import cli
 from tests.lighting.batch.runners import run
 
 
-@pytest.mark.parametrize("options", [["--height", 64], ["--yaw", 0], ["--address", "auto"]])
+@pytest.mark.parametrize("options", [["--height", 64], ["--yaw", 0], ["--surroundings"], ["--address", "auto"]])
 def test_options_that_would_do_nothing_are_refused(tmp_path: Path, options: list[object]) -> None:
     result = run(tmp_path, tmp_path / "out", *options)
     assert result.exit_code == 2

@@ -68,10 +68,12 @@ def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
 
 
 def test_ground_in_shade_is_not_darkened_by_the_sun_again() -> None:
-    share = (drawn(SHADED) / SHADED)[..., 1]
-    beside = share[70:110, 115:150]
+    """The picture's right lies in shade; there the sun at the left throws the balls' shadows."""
+    ground = np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3)).copy()
+    ground[:, 104:] = SHADED
+    beside = (drawn(ground) / ground)[70:110, 112:150, 1]
     assert beside.min() > 0.6
-    assert (drawn(SUNLIT) / SUNLIT)[70:110, 115:150, 1].min() < beside.min() - 0.2
+    assert (drawn(SUNLIT) / SUNLIT)[70:110, 112:150, 1].min() < beside.min() - 0.2
 
 
 def test_the_balls_are_seen() -> None:

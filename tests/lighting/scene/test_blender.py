@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from lighting.colour import srgb_decode
 from lighting.errors import SceneError
 from lighting.geometry import direction
 from lighting.scene import blender, write_scene
 from lighting.scene.axes import to_z_up
-from tests.scenes import known_scene
+from tests.scenes import half_shaded_scene, known_scene
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def numbers(folder: Path) -> dict[str, Any]:
 
 
 def test_the_folder_is_whole_without_blender(folder: Path) -> None:
-    names = {"scene.py", "scene.json", "plate.png", "environment.exr", "lighting.json"}
+    names = {"scene.py", "scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
     assert {path.name for path in folder.iterdir()} == names
 
 
@@ -67,6 +69,12 @@ def test_z_is_up_and_the_camera_looks_along_y(numbers: dict[str, Any]) -> None:
     assert numbers["sky"]["native"]["sun_direction"] == numbers["sun"]["direction"]
 
 
+def test_what_the_compositor_knows_of_shade(folder: Path, numbers: dict[str, Any]) -> None:
+    assert numbers["shade"] == pytest.approx(known_scene().shadow.tolist())
+    with Image.open(folder / numbers["lit_ground"]) as mask:
+        assert mask.mode == "L"
+
+
 def test_sun_and_lens(numbers: dict[str, Any]) -> None:
     irradiance = np.array(numbers["sun"]["colour"]) * numbers["sun"]["irradiance"]
     assert irradiance == pytest.approx(known_scene().sun_irradiance)
@@ -95,3 +103,17 @@ def test_blender_builds_its_file(tmp_path: Path) -> None:
         [sys.executable, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True
     )
     assert "['Ball', 'Camera', 'Ground', 'Stick', 'Sun', 'Your object here']" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec("bpy") is None, reason="Blender's module bpy is not installed")
+def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
+    """The ball's shadow begins on lit ground, in the picture's left half, and goes on in the shade at its right."""
+    blender.write(half_shaded_scene(), folder)
+    (folder / "scene.json").write_text(json.dumps(numbers | {"samples": 4}))
+    subprocess.run([sys.executable, "scene.py", "--render"], cwd=folder, capture_output=True, check=True)
+    plate = srgb_decode(half_shaded_scene().plate / 255.0)
+    ratio = srgb_decode(np.asarray(Image.open(folder / "render.png").convert("RGB")) / 255.0) / plate
+    assert np.median(ratio[297:305, 230:235]) < 0.3
+    assert np.median(ratio[308:316, 284:292]) > 0.6
+    assert np.median(ratio[320:325, 400:412]) > 0.9  # the stick's

@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import luminance
+from lighting.colour import luminance, srgb_decode
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.common import Scene
 from lighting.scene.placeholder import placeholder_of
-from tests.scenes import LIGHT, known_scene
+from tests.scenes import LIGHT, half_shaded_scene, known_scene
 
 mi: Any = mitsuba_renderer
 
@@ -88,11 +88,28 @@ def test_the_camera_sees_the_map_as_the_photo_did(picture: NDArray[np.float32]) 
     assert np.abs(tone[:20].astype(int) - small[:20]).max() <= 3
 
 
+@pytest.fixture(scope="module")
+def composite(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.uint8]:
+    """What composite.py makes of a plate whose right half lies in shade."""
+    folder = tmp_path_factory.mktemp("half_shaded")
+    mitsuba.write(half_shaded_scene(), folder)
+    subprocess.run([sys.executable, "composite.py", "4"], cwd=folder, check=True, capture_output=True)
+    return np.asarray(Image.open(folder / "composite.png").convert("RGB"))
+
+
 @pytest.mark.slow
-def test_the_composite_keeps_the_plate(folder: Path) -> None:
-    subprocess.run([sys.executable, "composite.py", "1"], cwd=folder, check=True, capture_output=True)
-    composite = np.asarray(Image.open(folder / "composite.png").convert("RGB")).astype(int)
-    plate = known_scene().plate.astype(int)
+def test_the_composite_keeps_the_plate(composite: NDArray[np.uint8]) -> None:
+    plate = half_shaded_scene().plate
     assert composite.shape == plate.shape
-    assert np.abs(composite[:60] - plate[:60]).max() <= 1
-    assert np.abs(composite - plate).max() > 30
+    difference = np.abs(composite.astype(int) - plate)
+    assert difference[:60].max() <= 1
+    assert difference.max() > 30
+
+
+@pytest.mark.slow
+def test_no_shadow_darkens_shade(composite: NDArray[np.uint8]) -> None:
+    """The ball's shadow begins on lit ground, in the picture's left half, and goes on in the shade at its right."""
+    ratio = luminance(srgb_decode(composite / 255.0)) / luminance(srgb_decode(half_shaded_scene().plate / 255.0))
+    assert np.median(ratio[297:305, 230:235]) < 0.3
+    assert np.median(ratio[308:316, 284:292]) > 0.6
+    assert np.median(ratio[320:325, 400:412]) > 0.9  # the stick's

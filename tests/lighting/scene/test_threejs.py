@@ -30,7 +30,7 @@ from lighting.scene import gltf, threejs
 from lighting.scene.common import Scene
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 from tests.browser import drawings
-from tests.scenes import known_scene
+from tests.scenes import half_shaded_scene, known_scene
 
 Pictures = dict[str, NDArray[Any]]
 
@@ -151,6 +151,16 @@ def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> Non
 
 
 @pytest.mark.slow
+def test_no_shadow_darkens_shade(tmp_path: Path) -> None:
+    scene = half_shaded_scene()
+    threejs.write(scene, tmp_path)
+    page = drawings(tmp_path / threejs.PAGE, 'drawn("page");', scene.width, scene.height)["page"].astype(int)
+    right = page[290:, scene.width // 2 + 40 :]  # below the stick, which throws its shadow there, and beside the ball
+    assert np.abs(right - scene.plate[290:, scene.width // 2 + 40 :]).max() <= 1
+    assert (page - scene.plate)[297:305, 230:235].mean() < -30  # the shadow's beginning on lit ground
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("view", ["page", "gltf"])
 def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, view: str) -> None:
     """Where the camera sees it in the sun, and where it faces away from the sun."""
@@ -208,6 +218,8 @@ def test_what_the_page_is_told(tmp_path: Path) -> None:
     assert told["lighting"] == full_record(scene.lighting)
     plate = Image.open(BytesIO(base64.b64decode(told["plate"].split(",")[1])))
     assert np.array_equal(np.asarray(plate), scene.plate)
+    lit = Image.open(BytesIO(base64.b64decode(told["litGround"].split(",")[1])))
+    assert (lit.mode, lit.size) == ("L", (480, 360))
 
 
 def test_the_notice_of_three_js_is_kept() -> None:

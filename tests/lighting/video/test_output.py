@@ -8,6 +8,7 @@ import av
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from PIL import Image
 
 from lighting import Lighting, read_exr
 from lighting.cli import cli
@@ -99,6 +100,8 @@ def test_blender_gets_key_frames(network: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(numbers["matrices"][0], still["camera"]["matrix"], atol=2e-3)
     compile((folder / "shot.py").read_text(), "shot.py", "exec")
     assert (folder / numbers["clip"]).resolve() == clip.resolve()
+    with Image.open(folder / still["lit_ground"]) as mask:  # the first frame's shade would not move with the camera
+        assert mask.getextrema() == (255, 255)
 
 
 def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
