@@ -1,5 +1,6 @@
 """`python -m export`: label, synthesize, train, merge, onnx, evaluate, probe, stereo, turns, video."""
 
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -131,6 +132,16 @@ def suitable(run: Path, data: Path, labels: Path) -> None:
 
 
 @cli.command()
+@data
+@labels
+def prior(data: Path, labels: Path) -> None:
+    """Fit how much lower the sun stands in the photos of photos_train.csv than in training crops."""
+    from export.training.prior import describe_prior
+
+    click.echo(describe_prior(data, labels))
+
+
+@cli.command()
 @click.argument("runs", type=FOLDER, nargs=-1, required=True)
 @option("--out", "Folder to write; it then holds a run like any other.", required=True)
 def merge(runs: tuple[Path, ...], out: Path) -> None:
@@ -146,15 +157,24 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 @option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
 @option("--camera", "Run of a further network, which answers for the camera alone.", multiple=True)
+@option("--sun", "Run of a further network, which answers for the sun alone.", multiple=True)
+@option("--elevation-scale", "Degrees of `prior`. [default: no prior]", click.FloatRange(10), math.inf)
 def onnx(
-    runs: tuple[Path, ...], out: Path | None, temperature: float, version: str | None, camera: tuple[Path, ...]
+    runs: tuple[Path, ...],
+    out: Path | None,
+    temperature: float,
+    version: str | None,
+    camera: tuple[Path, ...],
+    sun: tuple[Path, ...],
+    elevation_scale: float,
 ) -> None:
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
     from export.networks import read_spec, write_onnx
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    difference = write_onnx(runs, target, temperature=temperature, version=version, cameras=camera)
+    further: dict[str, Any] = {"cameras": camera, "suns": sun, "elevation_scale": elevation_scale}
+    difference = write_onnx(runs, target, temperature=temperature, version=version, **further)
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 

@@ -64,7 +64,10 @@ def _of_model(loaded: Model, path: Path) -> dict[str, object]:
         "file": path.name,
         "size": path.stat().st_size / 1e6,
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        **{key: metadata.get(key, "unknown") for key in ("commit", "networks", "parity", "temperature")},
+        **{
+            key: metadata.get(key, "unknown")
+            for key in ("commit", "networks", "parity", "temperature", "elevation_scale")
+        },
     }
 
 

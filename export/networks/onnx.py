@@ -5,6 +5,7 @@ The file holds all networks and averages their probabilities and values.
 
 import json
 import logging
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -36,20 +37,24 @@ def write_onnx(
     temperature: float = 1.0,
     version: str | None = None,
     cameras: Sequence[Path] = (),
+    suns: Sequence[Path] = (),
+    elevation_scale: float = math.inf,
 ) -> float:
     """Write `target` from training folders; returns its difference to torch (see `parity`).
 
-    `temperature` divides the suns' logits (Guo et al., ICML 2017). The version is the first run's unless another is
-    given. DataError if the runs' networks expect different photos; ModelError if the file's answers differ from torch's
-    by more than TOLERANCE, or by more than ROUNDED once its weights are stored small.
+    `temperature` divides the suns' logits (Guo et al., ICML 2017); `cameras`, `suns` and `elevation_scale` are those
+    of `Served`. The version is the first run's unless another is given. DataError if the runs' networks expect
+    different photos; ModelError if the file's answers differ from torch's by more than TOLERANCE, or by more than
+    ROUNDED once its weights are stored small.
     """
-    if differ([*folders, *cameras]):
+    if differ([*folders, *cameras, *suns]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")
     spec, known = _described(folders, version)
-    known["cameras"] = json.dumps([history(read_record(f)) for f in cameras])
-    networks, further = ([read_network(f) for f in some] for some in (folders, cameras))
-    served = Served(networks, spec.sun_grid, temperature, further).eval()
-    known["temperature"] = f"{temperature:.3f}"
+    known["cameras"], known["suns"] = (json.dumps([history(read_record(f)) for f in some]) for some in (cameras, suns))
+    networks, seeing, looking = ([read_network(f) for f in some] for some in (folders, cameras, suns))
+    served = Served(networks, spec.sun_grid, temperature, seeing, looking, elevation_scale).eval()
+    known["networks"] = str(len(folders) + len(cameras) + len(suns))
+    known |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
         model = trace(served, spec)
@@ -70,7 +75,7 @@ def _described(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec,
     data = "; ".join(dict.fromkeys(describe_data(r) for r in records))
     commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
     training = json.dumps([history(r) for r in records])
-    known = {"commit": commits, "networks": str(len(folders)), "training": training}
+    known = {"commit": commits, "training": training}
     return replace(spec, training_data=data, version=version or spec.version), known
 
 

@@ -1,7 +1,9 @@
 """The networks as users get them: several answer together, in final units."""
 
+import math
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -9,6 +11,7 @@ from export.crops.surroundings import COLUMNS, DARKEST, ROWS
 from export.networks.layers import Said
 from export.networks.parameters import decode, expected
 from export.networks.seen_sun import seen_probability, towards, with_the_seen
+from lighting.geometry import angles
 from lighting.model import MORE_OUTPUTS, OUTPUTS
 from lighting.sun_grid import grid_directions
 
@@ -16,12 +19,14 @@ from lighting.sun_grid import grid_directions
 class Served(nn.Module):
     """Networks whose averaged answers are sun probabilities (B, G) and parameters (B, 6).
 
-    Further networks, `cameras`, answer for the camera alone. A sun that they see in the picture enters the
-    probabilities. Networks that learnt it also say the light (B, 8) and the radiance around the camera (B, ROWS,
-    COLUMNS, 3).
+    Further networks answer for one thing alone: `cameras` for the camera, `suns` for the sun. With an `elevation_scale`
+    [deg], the sun's probabilities are multiplied by exp(-elevation / scale): suns are lower in photographs than in the
+    training crops. A sun that the networks see in the picture enters the probabilities. Networks that learnt it also
+    say the light (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3).
     """
 
     cells: Tensor
+    prior: Tensor
 
     def __init__(
         self,
@@ -29,12 +34,17 @@ class Served(nn.Module):
         sun_grid: str,
         temperature: float = 1.0,
         cameras: Sequence[nn.Module] = (),
+        suns: Sequence[nn.Module] = (),
+        elevation_scale: float = math.inf,
     ) -> None:
         super().__init__()
         self.cameras = nn.ModuleList(cameras)
         self.networks = nn.ModuleList(networks)
+        self.suns = nn.ModuleList(suns)
         self.temperature = temperature
-        self.register_buffer("cells", torch.tensor(grid_directions(sun_grid), dtype=torch.float32))
+        cells = grid_directions(sun_grid)
+        self.register_buffer("cells", torch.tensor(cells, dtype=torch.float32))
+        self.register_buffer("prior", torch.tensor(np.exp(-angles(cells)[1] / elevation_scale), dtype=torch.float32))
 
     @property
     def outputs(self) -> list[str]:
@@ -43,12 +53,14 @@ class Served(nn.Module):
 
     def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
         said: list[Said] = [network(photo) for network in self.networks]
-        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in said]).mean(dim=0)
+        looking = [*said, *(network(photo) for network in self.suns)]
+        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in looking]).mean(dim=0)
+        sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
         raw = [_raw(one) for one in said]
         cameras = torch.stack([one[:, 2:5] for one in [*raw, *(_raw(network(photo)) for network in self.cameras)]])
         mean = torch.stack(raw).mean(dim=0)
         parameters = decode(torch.cat([mean[:, :2], cameras.mean(dim=0), mean[:, 5:]], dim=1))
-        seen = [seen_probability(one.seen.float()) for one in said if one.seen.shape[1]]
+        seen = [seen_probability(one.seen.float()) for one in looking if one.seen.shape[1]]
         if seen:
             rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
             sun = with_the_seen(sun, torch.stack(seen).mean(dim=0), rays, self.cells)

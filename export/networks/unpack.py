@@ -24,7 +24,7 @@ from lighting.records import ModelSpec
 
 
 def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
-    """Network `number` (from 0) of a file, and the file's metadata; heads that the file lacks have random weights.
+    """Network `number` (from 0) of a file, and the file's metadata; a `seen` head that is missing has random weights.
 
     DataError if the file holds no such network.
     """
@@ -34,7 +34,8 @@ def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     spec = ModelSpec.from_json(metadata["spec"])
     tensors = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
-    network = build(spec, around=any(name.startswith(f"networks.{number}.around.") for name in tensors))
+    bins, around = (any(t.startswith(f"networks.{number}.{head}.") for t in tensors) for head in ("camera", "around"))
+    network = build(spec, bins=bins, around=around)
     assert isinstance(network, Outdoor)
     weights = _weights(network, tensors, f"networks.{number}.")
     if not any(name.startswith("sun.") for name in weights):

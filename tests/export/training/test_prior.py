@@ -1,0 +1,22 @@
+"""How much lower suns stand in photos than in crops."""
+
+import numpy as np
+import pytest
+
+from export.training.prior import fit_scale
+
+
+@pytest.mark.parametrize("scale", [30.0, 75.0, 150.0])
+def test_the_scale_that_made_the_photos_is_found(scale: float) -> None:
+    rng = np.random.default_rng(0)
+    crops, weights = rng.uniform(0, 80, 4000), rng.uniform(0.5, 2.0, 4000)
+    chance = weights * np.exp(-crops / scale)
+    photos = rng.choice(crops, 40000, p=chance / chance.sum())
+    found, gain = fit_scale(crops, weights, photos)
+    assert found == pytest.approx(scale, rel=0.15)
+    assert gain > 0
+
+
+def test_photos_like_the_crops_need_the_widest_scale() -> None:
+    crops = np.linspace(0, 80, 500)
+    assert fit_scale(crops, np.ones(500), crops)[0] == 300.0
