@@ -59,4 +59,4 @@ def differences(truth: Floats, guess: Floats) -> Floats:
     """RMSE, RMSE after the best scale, both by the truth's RMS, and mean RGB angle [deg]: (N, 3) of (N, P, 3)."""
     found = np.array([errors(t, g) for t, g in zip(truth, guess, strict=True)])
     size = np.maximum(np.sqrt(np.mean(truth**2, axis=(1, 2))), 1e-9)
-    return found / np.stack([size, size, np.ones(len(size))], axis=-1)
+    return np.asarray(found / np.stack([size, size, np.ones(len(size))], axis=-1))
