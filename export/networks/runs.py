@@ -46,7 +46,9 @@ def _own(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def describe_data(record: dict[str, Any]) -> str:
-    """One sentence about the network's training data."""
+    """One sentence about the network's training data; that of the file if it was read back from one."""
+    if told := record.get("training_data"):
+        return str(told)
     runs, names = history(record), record["panoramas"]["train"]
     which = "permissively licensed panoramas" if runs[0]["licensed_only"] else "panoramas, most with no stated licence"
     start = "from ImageNet weights, " if runs[0]["pretrained"] else ""

@@ -144,6 +144,7 @@ def write_run(network: Outdoor, metadata: dict[str, str], file: Path, number: in
         "merged": before[number],
         "panoramas": {"train": [], "tune": []},
         "file": file.name,
+        "training_data": spec.training_data,
     }
     out.mkdir(parents=True, exist_ok=True)
     with replacing(out / RECORD) as path:

@@ -45,6 +45,7 @@ def test_what_lies_around_is_read_back(trained: Path, tmp_path: Path) -> None:
     recalibrate(network, [photo])
     write_run(network, metadata, file, 0, folder)
     write_onnx([folder], file)
+    assert read_shipped(file, 0)[1]["training_data"] == metadata["training_data"] != ""
     again, _ = read_shipped(file, 0)
     with torch.inference_mode():
         expected, found = network.eval()(photo), again.eval()(photo)
