@@ -8,12 +8,11 @@ from torch import nn
 
 from export.data import DataError
 from export.networks.checkpoints import CHECKPOINT, read_network
-from export.networks.network import build
 from export.networks.onnx import write_onnx
 from export.networks.outdoor import Outdoor
 from export.networks.runs import RECORD, history, read_record
 from export.networks.unpack import read_shipped, recalibrate, write_run
-from lighting.records import ModelSpec
+from lighting.model import packaged_model
 
 ROUNDED = 0.1  # of the largest value: the file's weights are bytes, and these networks have hardly learnt to tell apart
 
@@ -37,23 +36,14 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(trained: P
     assert (found.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
 
 
-def test_what_lies_around_is_read_back(trained: Path, tmp_path: Path) -> None:
-    file, folder = tmp_path / "outdoor.onnx", tmp_path / "run"
-    write_onnx([trained], file)
-    _, metadata = read_shipped(file, 0)
-    network = build(ModelSpec.from_json(metadata["spec"]), around=True)
-    assert isinstance(network, Outdoor)
-    photo = torch.randn(2, 3, 224, 224)
-    recalibrate(network, [photo])
-    write_run(network, metadata, file, 0, folder)
-    write_onnx([folder], file)
-    assert read_shipped(file, 0)[1]["training_data"] == metadata["training_data"] != ""
-    again, _ = read_shipped(file, 0)
+def test_the_shipped_network_can_be_read_back_with_all_its_heads() -> None:
+    network, metadata = read_shipped(packaged_model(), 0)
+    photo = torch.zeros(1, 3, 224, 224)
     with torch.inference_mode():
-        expected, found = network.eval()(photo), again.eval()(photo)
-    for part in ("around", "light", "suitable"):
-        wanted = getattr(expected, part)
-        assert (getattr(found, part) - wanted).abs().max() < ROUNDED * wanted.abs().max()
+        said = network.eval()(photo)
+    assert said.around.shape[1] > 0
+    assert said.light.shape[1] > 0
+    assert "panoramas" in metadata["training_data"]
 
 
 def test_a_network_read_back_answers_as_before(trained: Path, tmp_path: Path) -> None:
