@@ -26,6 +26,7 @@ from lighting.evidence.fusion import (
     ring_density,
 )
 from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts
+from lighting.evidence.seen import fuse_photo
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import EVIDENCE, Light, Prediction, SunEstimate, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
@@ -56,9 +57,9 @@ def fuse_together(
     takes the candidates of the first that has one. Times may differ (a time-lapse): then candidate k of each photo is
     the sun in the same zone k.
     """
+    if len(predictions) == 1:
+        return (fuse_photo(predictions[0], evidence[0]),)
     alone = [fuse(p, e) for p, e in zip(predictions, evidence, strict=True)]
-    if len(alone) == 1:
-        return tuple(alone)
     turns = frames(evidence, headings, placed)
     shared = _share_sky(_as_matched(predictions, placed) if placed else predictions)
     known = _share_time(evidence)
