@@ -23,8 +23,11 @@ from lighting.files import replacing
 from lighting.records import ModelSpec
 
 
+GROUPS = ("networks", "suns", "cameras")  # those of `Served`, in the order in which a file's networks are numbered
+
+
 def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
-    """Network `number` (from 0) of a file, and the file's metadata; a `seen` head that is missing has random weights.
+    """Network `number` (from 0) of a file, and the file's metadata; heads that did not ship have random weights.
 
     DataError if the file holds no such network.
     """
@@ -34,15 +37,22 @@ def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     spec = ModelSpec.from_json(metadata["spec"])
     tensors = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
-    bins, around = (any(t.startswith(f"networks.{number}.{head}.") for t in tensors) for head in ("camera", "around"))
+    prefixes = _prefixes(tensors)
+    if number >= len(prefixes):
+        raise DataError(f"{file} holds no network number {number}.")
+    prefix = prefixes[number]
+    bins, around = (any(t.startswith(f"{prefix}{head}.") for t in tensors) for head in ("camera", "around"))
     network = build(spec, bins=bins, around=around)
     assert isinstance(network, Outdoor)
-    weights = _weights(network, tensors, f"networks.{number}.")
-    if not any(name.startswith("sun.") for name in weights):
-        raise DataError(f"{file} holds no network number {number}.")
-    missing, _ = network.load_state_dict(weights, strict=False)
-    assert all(name.startswith(HEADS) for name in missing), missing
+    missing, _ = network.load_state_dict(_weights(network, tensors, prefix), strict=False)
+    assert all(name.startswith((*HEADS, "sun.", "values.")) for name in missing), missing
     return network, metadata
+
+
+def _prefixes(tensors: Iterable[str]) -> list[str]:
+    """What the tensors of each network are called, by the network's number."""
+    known = {tuple(name.split(".", 2)[:2]) for name in tensors if name.startswith(GROUPS)}
+    return [f"{group}.{number}." for group, number in sorted(known, key=lambda k: (GROUPS.index(k[0]), int(k[1])))]
 
 
 def _weights(network: nn.Module, tensors: dict[str, Any], prefix: str) -> dict[str, Tensor]:
@@ -81,7 +91,7 @@ def _tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
     Networks that share first layers, which training leaves as they are, have them under the name of one of them.
     """
     layer = name.split(".", 2)[2]
-    others = [f"{group}.0.{layer}" for group in ("networks", "cameras")] if _shared(name) else []
+    others = [f"{group}.0.{layer}" for group in GROUPS] if _shared(name) else []
     for known in (name, *others):
         if known in tensors:
             return torch.from_numpy(np.array(tensors[known], dtype=np.float32))
@@ -137,7 +147,7 @@ def write_run(network: Outdoor, metadata: dict[str, str], file: Path, number: in
     """Write a network that was read back as the folder of a run, to start from; DataError if `out` holds a run."""
     if (out / CHECKPOINT).exists():
         raise DataError(f"{out} already holds a run.")
-    before = json.loads(metadata["training"])
+    before = [run for group in ("training", *GROUPS[1:]) for run in json.loads(metadata.get(group, "[]"))]
     spec = ModelSpec.from_json(metadata["spec"])
     record = {
         "spec": asdict(replace(spec, training_data="")),

@@ -36,14 +36,18 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(trained: P
     assert (found.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
 
 
-def test_the_shipped_network_can_be_read_back_with_all_its_heads() -> None:
-    network, metadata = read_shipped(packaged_model(), 0)
+def test_the_shipped_networks_can_be_read_back_with_their_heads() -> None:
+    """The first says everything, the second the sun alone, the third the camera alone."""
     photo = torch.zeros(1, 3, 224, 224)
+    first, metadata = read_shipped(packaged_model(), 0)
     with torch.inference_mode():
-        said = network.eval()(photo)
+        said = first.eval()(photo)
     assert said.around.shape[1] > 0
     assert said.light.shape[1] > 0
     assert "panoramas" in metadata["training_data"]
+    for number in range(1, int(metadata["networks"])):
+        network, _ = read_shipped(packaged_model(), number)
+        assert network.around is None
 
 
 def test_a_network_read_back_answers_as_before(trained: Path, tmp_path: Path) -> None:
