@@ -16,6 +16,8 @@ _LIKELY = 0.05  # least probability of such a cell, as a share of the likeliest 
 _WRONG = 60.0  # deg; larger errors count as this one. 45 gave the same accuracy on unseen places
 _DARKEST = 1e-6  # irradiance that stands for none where logarithms are averaged
 _REFINED = 25.0  # deg around the best cell over which the answer is averaged
+_SURE = 0.8  # visibility from which the sun has its full irradiance
+_FADING = 4.0  # power of the fall below it; chosen on `val`, since skies seen in training are told apart without it
 
 
 def sun_of(prediction: Prediction) -> SunEstimate:
@@ -49,18 +51,27 @@ def lighting_from(prediction: Prediction, sun: SunEstimate | None = None) -> Lig
         name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()
     }
     spec = prediction.spec
-    inside |= _strength(prediction.light) if prediction.light else {}
+    inside |= _strength(prediction.light, prediction.sun_visibility) if prediction.light else {}
     return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=("pixels",))
 
 
-def _strength(light: Light) -> dict[str, Any]:
+def _strength(light: Light, visibility: float) -> dict[str, Any]:
     """The fields of a Lighting that say how strong the light is."""
     return {
-        "sun_irradiance": colour(light.sun_irradiance, "sun_irradiance"),
+        "sun_irradiance": colour(light.sun_irradiance * fading(visibility), "sun_irradiance"),
         "sky_irradiance": colour(light.sky_irradiance, "sky_irradiance"),
         "sky_cover": _significant(float(np.clip(light.cover, 0.0, 1.0))),
         "suitable": _significant(float(np.clip(light.suitable, 0.0, 1.0))),
     }
+
+
+def fading(visibility: float) -> float:
+    """The share of its irradiance that the sun keeps, by the probability that its light reaches the scene.
+
+    The network states the power of a sun that may be covered as something between none and that of a clear sky. Where
+    it doubts that the sun shines, a sun painted at that power casts a shadow that is not in the photo.
+    """
+    return float(np.clip(visibility / _SURE, 0.0, 1.0) ** _FADING)
 
 
 def colour(values: Floats, name: str) -> Colour:

@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.circular import HEADINGS, von_mises
-from lighting.decoding import best_guess, colour, light_numbers, light_of_numbers, lighting_from, sun_on_rings
+from lighting.decoding import (
+    best_guess,
+    colour,
+    fading,
+    light_numbers,
+    light_of_numbers,
+    lighting_from,
+    sun_on_rings,
+)
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.records import RANGES, Light, Prediction
 from lighting.sun_grid import grid_directions, soft_label
@@ -141,3 +149,14 @@ def test_lights_are_averaged_by_their_numbers() -> None:
     assert back.sun_irradiance == pytest.approx([1.0, 2.0, 1e-6])
     assert (back.cover, back.suitable) == pytest.approx((0.2, 0.9))
     assert colour(np.array([-1.0, 0.5, 2.0]), "ground_color") == (0.0, 0.5, 1.0)
+
+
+def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
+    assert fading(1.0) == fading(0.8) == 1.0
+    assert 0.1 < fading(0.5) < 0.2
+    assert fading(0.1) < 1e-3
+    light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
+    doubtful, sure = (lighting_from(prediction(sun_visibility=v, light=light)) for v in (0.4, 0.9))
+    assert sure.sun_irradiance == (4.0, 4.0, 4.0)
+    assert doubtful.sun_irradiance == pytest.approx((0.25, 0.25, 0.25))
+    assert doubtful.sky_irradiance == sure.sky_irradiance
