@@ -91,6 +91,7 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @flag("--surroundings", "Also learn the light all around the camera and its power.")
 @share("--photos-share", 0.0, "Share of the crops that show the photos of photos_train.csv.")
 @flag("--only-seen", "Train only the head that says where in the picture the sun is seen.")
+@flag("--only-camera", "Train for the camera's elevation, roll and field of view alone.")
 @share("--tune-share", 0.08, "Share of the places that are held out for the log.")
 @option("--workers", "Processes that cut crops.", click.IntRange(0), 2)
 def train(out: Path | None, network: str, scratch: bool, **given: Any) -> None:
@@ -99,8 +100,11 @@ def train(out: Path | None, network: str, scratch: bool, **given: Any) -> None:
     from export.training import TrainConfig
     from export.training import train as run
 
-    if network != "outdoor" and (given["only_seen"] or given["surroundings"]):
-        raise click.UsageError(f"--only-seen and --surroundings are for the network outdoor, not for {network}.")
+    if network != "outdoor" and (given["only_seen"] or given["only_camera"] or given["surroundings"]):
+        options = "--only-seen, --only-camera and --surroundings"
+        raise click.UsageError(f"{options} are for the network outdoor, not for {network}.")
+    if given["only_seen"] and given["only_camera"]:
+        raise click.UsageError("Choose one of --only-seen and --only-camera.")
     given |= {"out": out or Path("runs") / network}
     given |= {name: str(given[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}
     run(TrainConfig(**given, network=network, target_width=TARGET_WIDTH[network], pretrained=not scratch))

@@ -31,6 +31,7 @@ class TrainConfig:
     licensed_only: bool = False  # train on permissively licensed panoramas alone
     pretrained: bool = True
     only_seen: bool = False  # train only the head that says where in the picture the sun is seen
+    only_camera: bool = False  # train for the camera's angles alone, all layers
     start: str = ""  # folder of an earlier run: start from its averaged weights, with other crops
     synthetic: str = ""  # folder of `python -m export synthesize`, mixed in
     synthetic_share: float = 0.3  # of the crops, if there is such a folder

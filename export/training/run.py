@@ -17,6 +17,7 @@ from export.training.losses import losses
 from lighting.files import replacing
 
 CLIPPED = 5.0  # largest norm of the gradient
+CAMERA = ("parameters", "camera")  # losses that the camera's angles enter
 
 
 def learning_rate(step: int, steps: int, warmup: float) -> float:
@@ -82,9 +83,7 @@ class Run:
         """One step of the optimiser."""
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * learning_rate(self.step, self.steps, self.config.warmup)
-        parts = self.forward(self.network, batch)
-        if self.config.only_seen:
-            parts = {"seen": parts["seen"]}
+        parts = self._chosen(self.forward(self.network, batch))
         torch.autograd.backward(torch.stack(list(parts.values())).sum())
         nn.utils.clip_grad_norm_(self.network.parameters(), CLIPPED)
         self.optimizer.step()
@@ -92,6 +91,12 @@ class Run:
         self.average.update_parameters(self.network)
         self.step += 1
         return {name: value.detach() for name, value in parts.items()}
+
+    def _chosen(self, parts: dict[str, Tensor]) -> dict[str, Tensor]:
+        """The losses that the run minimises."""
+        if self.config.only_seen:
+            return {"seen": parts["seen"]}
+        return {name: parts[name] for name in CAMERA} if self.config.only_camera else parts
 
     def batches(self, dataset: TrainingCrops, first: int = 0) -> Iterator[Batch]:
         """Batches on the device, beginning with crop number `first`."""

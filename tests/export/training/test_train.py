@@ -28,6 +28,14 @@ def test_where_the_sun_is_seen_can_be_learnt_alone(config: TrainConfig, trained:
     assert [run["crops"] for run in history(read_record(tmp_path))] == [16, 8]
 
 
+def test_the_camera_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    train(replace(config, out=str(tmp_path), start=str(trained), only_camera=True, crops=8))
+    before, after = averaged_weights(trained), averaged_weights(tmp_path)
+    changed = {name.split(".")[0] for name, value in before.items() if not torch.equal(value, after[name])}
+    assert {"backbone", "values", "camera"} <= changed
+    assert "sun" not in changed
+
+
 def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: TrainConfig, tmp_path: Path) -> None:
     both = replace(config, out=str(tmp_path / "run"), crops=8, joined=1.0, surroundings=True)
     sources = load_sources(read_index(config.data, "train"), config.labels)
