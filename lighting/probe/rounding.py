@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from lighting.geometry import Floats
 from lighting.photo import LinearPhoto
 from lighting.probe.exposures import Bracket
-from lighting.probe.merge import LIGHT_NOISE, READ_NOISE, Mask, Merged
+from lighting.probe.merge import Mask, Merged
+from lighting.probe.noise import smooth_below
 from lighting.probe.ratios import beside, clipped
 
 Pixels = NDArray[np.float32]
@@ -33,7 +34,7 @@ def unrounded(merged: Merged, bracket: Bracket, relative: Floats, reach: float) 
     `reach` [pixels] is that of the smoothing. A value changes to one that rounds to what the longest exposure that does
     not clip it recorded, and only where that one's noise is less than half a step; black, bright and clipped ones stay.
     """
-    if not any(_most(photo) > photo.step / 2 for photo in bracket.photos):
+    if all(smooth_below(photo.step) <= photo.step / 2 for photo in bracket.photos):
         return merged
     usable = [~beside(clipped(photo)) for photo in bracket.photos]
     radiance = merged.radiance.copy()
@@ -45,11 +46,6 @@ def unrounded(merged: Merged, bracket: Bracket, relative: Floats, reach: float) 
     return replace(merged, radiance=radiance)
 
 
-def _most(photo: LinearPhoto) -> float:
-    """The value under which noise is less than half a step of rounding; negative where it never is."""
-    return (photo.step**2 / 4 - READ_NOISE**2) / LIGHT_NOISE
-
-
 def _recorded(
     photos: Sequence[LinearPhoto], relative: Floats, usable: Sequence[Mask], channel: int
 ) -> tuple[Pixels, Pixels]:
@@ -58,7 +54,7 @@ def _recorded(
     half = np.zeros_like(recorded)
     for photo, length, where in zip(photos, relative, usable, strict=True):
         value = photo.pixels[..., channel]
-        coarse = (value > photo.step / 2) & (value < _most(photo))
+        coarse = (value > photo.step / 2) & (value < smooth_below(photo.step))
         recorded = np.where(where, value / np.float32(length), recorded)
         half = np.where(where, np.where(coarse, np.float32(photo.step / 2 / length), 0), half)
     return recorded, half
