@@ -116,6 +116,18 @@ def rounding() -> Iterator[str]:
         yield f"| {bits} | {longest} s | {got.steps:.1f} | {100 * got.sky:.1f} % | {100 * got.alone:.1f} % |"
 
 
+def heights() -> Iterator[str]:
+    """What 8 bits that are exposed for the sun leave of the sky, by the height of the sun."""
+    yield "\n## Seven exposures of 8 bits, 1/8000 to 1 s, exposed for the sun\n"
+    yield "| sun's height | rounding steps in the darkest sky | sky, relative RMSE | by the longest exposure alone |"
+    yield "|---:|---:|---:|---:|"
+    lens = lens_of("equidistant", SIDE, SIDE)
+    for hours in (-3, 6, 0, 3):
+        moment = Moment(DAY + timedelta(hours=hours), *PLACE)
+        got = measure(Camera(8), moment, lens, 40.0)
+        yield f"| {moment.sun[1]:.0f}° | {got.steps:.1f} | {100 * got.sky:.1f} % | {100 * got.alone:.1f} % |"
+
+
 def alignment() -> Iterator[str]:
     """One probe by its yaw; series of a tilted camera whose lens was told wrongly."""
     yield "\n## Alignment\n\nOne probe of each lens, yaw alone:\n"
@@ -192,6 +204,7 @@ def report(folder: Path | None) -> Iterator[str]:
     """All tables, line by line; the stack's where its folder is given."""
     yield from merging()
     yield from rounding()
+    yield from heights()
     yield from alignment()
     if folder is not None:
         yield from stack(folder)

@@ -27,6 +27,7 @@ Model = Callable[[Floats, Floats], Iterable[Floats]]
 
 SCANS = Path(__file__).with_name("sky_scans.csv")
 PLACE = (42.443449, -76.481962)  # deg, the roof of Rhodes Hall
+FORMER = {"2013-05-27": 13.0}  # deg, about, the offset that a former fit to that day found
 COLUMNS = ("utc", "azimuth_as_filed", "elevation", "red", "green", "blue")
 
 WAVELENGTHS = range(380, 781, 20)  # nm
@@ -97,7 +98,8 @@ def report(path: Path = SCANS) -> str:
             f"### {day}, {len(scans)} scans\n\nazimuths run {'clockwise' if found.sense > 0 else 'counter-clockwise'} "
             f"from {found.offset:.1f}° (error {found.error:.3f}, the other sense {found.other:.3f}); each scan alone "
             f"says {found.offsets.min():.0f} to {found.offsets.max():.0f}°, {found.offsets.mean():.1f} ± "
-            f"{found.offsets.std():.1f}, along the sky at most {_along(scans, found):.1f}° from it\n\n"
+            f"{found.offsets.std():.1f}, along the sky at most {along(scans, found, found.offset):.1f}° from it"
+            f"{_from_former(day, scans, found)}\n\n"
             "| model | median error | least | largest |\n|---|---:|---:|---:|"
         )
         for name, model in MODELS.items():
@@ -107,10 +109,14 @@ def report(path: Path = SCANS) -> str:
     return "\n".join(parts)
 
 
-def _along(scans: list[Scan], found: Orientation) -> float:
-    """How far [deg] along the sky, at the sun's height, a single scan's azimuths are from the joint ones at most."""
+def along(scans: list[Scan], found: Orientation, offset: float) -> float:
+    """How far [deg] along the sky, at the sun's height, a single scan's azimuths are at most from those by `offset`."""
     height = np.radians([scan.sun[1] for scan in scans])
-    return float(np.max(np.abs(found.offsets - found.offset) * np.cos(height)))
+    return float(np.max(np.abs(found.offsets - offset) * np.cos(height)))
+
+
+def _from_former(day: str, scans: list[Scan], found: Orientation) -> str:
+    return f", {along(scans, found, FORMER[day]):.1f}° from {FORMER[day]:.0f}°" if day in FORMER else ""
 
 
 def reduce(source: Path, target: Path = SCANS) -> None:

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -173,7 +172,7 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
 
     state = describe(checked_map(read_exr(sky)[0]), sun)
     if as_json:
-        click.echo(json.dumps({"file": sky, **asdict(state)}))
+        click.echo(json.dumps({"file": sky, **state.to_dict()}))
         return
     trust = "" if state.trusted else ", not to be trusted"
     click.echo(

@@ -3,7 +3,7 @@
 from lighting.photo.canvas import fit_size, place, to_tensor
 from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
 from lighting.photo.exif import PhotoFacts, vertical_fov
-from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, facts_of, of_floats, read_linear
+from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
 from lighting.photo.read import (
     MAX_BYTES,
     MAX_PIXELS,
@@ -30,6 +30,7 @@ __all__ = [
     "Photo",
     "PhotoFacts",
     "Source",
+    "develop_raw",
     "facts_of",
     "fit_size",
     "in_utc",

@@ -122,13 +122,23 @@ def _raw_mode(tile: Any) -> str:
 
 
 def _read_raw(file: Path) -> LinearPhoto:
-    """Camera RGB demosaiced and balanced for daylight, to Rec.709, without any curve or brightening."""
+    pixels, levels = develop_raw(file.read_bytes(), str(file))
+    facts, exposure = facts_of(file)
+    return LinearPhoto(np.asarray(pixels / np.float32(65535)), _HIGH_END, 1 / levels, exposure, facts)
+
+
+def develop_raw(data: bytes, name: str, *, upright: bool = False) -> tuple[NDArray[np.uint16], int]:
+    """Camera RGB (H, W, 3), 65535 at full scale, and the sensor's number of levels; `upright` turns it as EXIF says.
+
+    Demosaiced and balanced for daylight, to Rec.709, without any curve or brightening. Raises PhotoError for what
+    cannot be read, under `name`, and without rawpy.
+    """
     try:
         import rawpy
     except ImportError as error:
         raise PhotoError("RAW photos need rawpy: pip install 'outdoor-lighting[raw]'.") from error
     try:
-        with rawpy.imread(str(file)) as raw:
+        with rawpy.imread(io.BytesIO(data)) as raw:
             levels = int(raw.white_level)
             pixels = raw.postprocess(
                 gamma=(1, 1),
@@ -139,12 +149,11 @@ def _read_raw(file: Path) -> LinearPhoto:
                 user_wb=list(raw.daylight_whitebalance),
                 output_color=rawpy.ColorSpace.sRGB,
                 highlight_mode=rawpy.HighlightMode.Clip,
-                user_flip=0,
+                user_flip=None if upright else 0,
             )
     except rawpy.LibRawError as error:
-        raise PhotoError(f"{file} cannot be read as a RAW photo ({error}).") from error
-    facts, exposure = facts_of(file)
-    return LinearPhoto(np.asarray(pixels / np.float32(65535)), _HIGH_END, 1 / levels, exposure, facts)
+        raise PhotoError(f"{name} cannot be read as a RAW photo ({error}).") from error
+    return np.asarray(pixels), levels
 
 
 def facts_of(file: str | Path) -> tuple[PhotoFacts, float | None]:

@@ -1,6 +1,7 @@
 """What a measured map says of its sky: the sun, the model that fits, and how much of the sky it does not explain."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,19 @@ class SkyState:
     residual: float  # robust spread of log(map / model) over the clear sky
     trusted: bool  # whether the fit may be
     cover: float  # share of the sky above LOWEST that the model of the clear sky does not explain, 0 to 1
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON, with no more digits than the sky tells."""
+        return {
+            "sun_azimuth": round(self.sun_azimuth, 2),
+            "sun_elevation": round(self.sun_elevation, 2),
+            "sun_source": self.sun_source,
+            "turbidity": round(self.turbidity, 2),
+            "exposure": float(f"{self.exposure:.5g}"),
+            "residual": round(self.residual, 4),
+            "trusted": self.trusted,
+            "cover": round(self.cover, 4),
+        }
 
 
 def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None) -> SkyState:

@@ -11,11 +11,12 @@ from lighting.geometry import Floats, angle_between, angles, direction, latlong_
 from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
 from lighting.probe.exposures import Bracket
 from lighting.probe.fill import fill_sun
-from lighting.probe.lens import Lens, lens_of, lens_pixels
+from lighting.probe.lens import Lens, lens_of, lens_pixels, pixels_per_degree
 from lighting.probe.mapping import to_latlong
 from lighting.probe.merge import Merged, merge
 from lighting.probe.ratios import Exposed, exposed
 from lighting.probe.regions import Mask
+from lighting.probe.rounding import REACH, unrounded
 from lighting.probe.settings import Moment, Settings, check_day
 from lighting.probe.sky_fit import SkyFit
 from lighting.probe.sun_spot import SunSpot, find_spot
@@ -103,7 +104,8 @@ def _series_alignment(
 def develop(bracket: Bracket, settings: Settings) -> Developed:
     """The bracket merged, and its sun in the camera's frame."""
     lengths = exposed(bracket)
-    merged = merge(bracket, lengths.relative / 2.0**settings.nd)
+    relative = lengths.relative / 2.0**settings.nd
+    merged = merge(bracket, relative)
     height, width = merged.clipped.shape
     lens = lens_of(
         settings.kind,
@@ -115,6 +117,7 @@ def develop(bracket: Bracket, settings: Settings) -> Developed:
         pitch=settings.pitch,
         mirrored=settings.mirrored,
     )
+    merged = unrounded(merged, bracket, relative, REACH * pixels_per_degree(lens))
     spot = find_spot(*to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
     return Developed(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
 

@@ -1,8 +1,7 @@
 """Bracketed exposures to one picture of radiance, each value weighted by the inverse of its variance.
 
-The variance of a linear value is that of reading and rounding plus that of the light itself (Hasinoff, Durand, Freeman,
-Noise-optimal capture for high dynamic range photography, CVPR 2010); a clipped value weighs nothing, so a pixel that is
-clipped in every exposure is known to be brighter than the shortest one says, and is marked.
+A clipped value weighs nothing, so a pixel that is clipped in every exposure is known to be brighter than the shortest
+one says, and is marked.
 """
 
 from dataclasses import dataclass
@@ -13,12 +12,11 @@ from numpy.typing import NDArray
 from lighting.errors import ProbeError
 from lighting.geometry import Floats
 from lighting.probe.exposures import Bracket
+from lighting.probe.noise import noise_variance
 from lighting.probe.ratios import beside, clipped
 
 Mask = NDArray[np.bool_]
 
-READ_NOISE = 2e-4  # of full scale, where rounding is finer than that
-LIGHT_NOISE = 5e-5  # variance per value: 20,000 electrons at full scale
 _ROWS = 128  # merged at once, so that little memory is needed beside the exposures
 
 
@@ -55,7 +53,7 @@ def _merged_rows(bracket: Bracket, relative: Floats, rows: slice, masks: list[Ma
     length = np.asarray(relative, dtype=np.float32)[:, None, None, None]
     first = _ratio(np.where(usable, values, 0).sum(axis=0), np.where(usable, length, 0).sum(axis=0))
     steps = np.array([photo.step for photo in bracket.photos], dtype=np.float32)[:, None, None, None]
-    variance = READ_NOISE**2 + steps**2 / 12 + LIGHT_NOISE * np.maximum(first, 0) * length
+    variance = noise_variance(first * length, steps)
     weight = np.where(usable, length / variance, 0)  # of the value; that of the radiance is length times as much
     merged = _ratio((weight * values).sum(axis=0), (weight * length).sum(axis=0))
     return np.where(usable.any(axis=0), np.maximum(merged, 0), np.minimum(values[0], 1.0) / length[0])

@@ -2,7 +2,8 @@
 
 Where both exposures of a pair are neither clipped nor dark, the short one's values are the long one's divided by the
 ratio, plus what black and rounding leave. A straight line through them, with outliers out-weighted, has the ratio as
-its slope; the errors are nearly all in the short one, so that one is the dependent variable.
+its slope; the errors are nearly all in the short one, so that one is the dependent variable. Where the values differ
+hardly more than noise makes them, a line would be too flat, and the ratio is that of the means.
 """
 
 from dataclasses import dataclass
@@ -15,10 +16,13 @@ from lighting.errors import ProbeError
 from lighting.geometry import Floats
 from lighting.photo import LinearPhoto
 from lighting.probe.exposures import Bracket
+from lighting.probe.noise import noise_variance
 
 LEAST_VALUE, MOST_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
 LEAST_SAMPLES = 24  # values that a ratio is measured from
-SURE_SAMPLES = 1000  # values from which on a ratio counts as well measured
+LEAST_SPREAD = 20.0  # variance of these values / that of noise, from which on a line's slope is less than 5 % too flat
+MOST_ERROR = 0.2  # relative, of a ratio that is worth telling
+SURE_SAMPLES, SURE_ERROR = 1000, 0.02  # values from which on, and error up to which, a ratio counts as well measured
 MOST_SAMPLES = 20_000  # used of them
 GAMMA = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
 DIFFERENCE = 0.08  # relative, between EXIF's ratio and the pixels', that is worth a warning: third stops round to 7 %
@@ -37,7 +41,7 @@ class Ratio:
 
     @property
     def sure(self) -> bool:
-        return self.samples >= SURE_SAMPLES
+        return self.samples >= SURE_SAMPLES and self.error <= SURE_ERROR
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +86,13 @@ def measured_ratio(short: LinearPhoto, long: LinearPhoto) -> Ratio | None:
         return None
     chosen = index[:: -(-len(index) // MOST_SAMPLES)]
     x, y = (np.asarray(photo.pixels.reshape(-1)[chosen], dtype=np.float64) for photo in (long, short))
-    slope, error = _robust_slope(x, y)
-    return None if slope <= 0 else Ratio(float(1 / slope), float(error / slope), len(index))
+    if x.var() < LEAST_SPREAD * noise_variance(x.mean(), long.step):
+        slope, error = y.mean() / x.mean(), short.step / 2 / x.mean()
+    else:
+        slope, error = _robust_slope(x, y)
+    return (
+        None if slope <= 0 or error > MOST_ERROR * slope else Ratio(float(1 / slope), float(error / slope), len(index))
+    )
 
 
 def clipped(photo: LinearPhoto) -> NDArray[np.bool_]:
@@ -113,7 +122,7 @@ def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
         total = weight.sum()
         mean_x, mean_y = weight @ x / total, weight @ y / total
         spread = weight @ (x - mean_x) ** 2
-        if spread <= 0:  # all of one value, as a few steps of 8 bits are
+        if spread <= 0:  # all that count are of one value
             return 0.0, 0.0
         slope = weight @ ((x - mean_x) * (y - mean_y)) / spread
         residual = y - mean_y - slope * (x - mean_x)

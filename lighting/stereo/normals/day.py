@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.errors import PhotoError
-from lighting.photo import PhotoFacts, in_utc, read_time
-from lighting.stereo.normals.images import FORMATS, Curve, Exposure, Shot, read_shot
+from lighting.photo import Curve, PhotoFacts, in_utc, read_time
+from lighting.stereo.normals.images import FORMATS, Exposure, Shot, read_shot
 from lighting.stereo.normals.still import check_still
 
 Pixels = NDArray[np.float32]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,12 @@ from PIL import ExifTags, Image, ImageCms
 from lighting.colour import srgb_decode
 from lighting.errors import PhotoError
 from lighting.files import read_exr
-from lighting.photo.exif import PhotoFacts, read_facts
+from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw
+from lighting.photo.exif import read_facts
 
 Pixels = NDArray[np.float32]
-Curve = Literal["linear", "srgb"]
 
-RAW = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2")
-FORMATS = (*RAW, ".exr", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
+FORMATS = (*RAW_SUFFIXES, ".exr", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
 
 _CLIPPED = 0.995  # of white, from where on a value counts as clipped
 _GAMMA_TAG = (0.9, 1.1)  # of a PNG whose values are linear
@@ -71,10 +70,11 @@ def _read(path: Path, curve: Curve | None) -> Shot:
         return Shot(path.name, pixels, np.zeros(pixels.shape[:2], dtype=bool), coded=False)
     data = path.read_bytes()
     header = _header(data)
-    values = _raw(data) if suffix in RAW else _decoded(data)
-    coded = suffix not in RAW and _is_coded(values, header, curve)
-    if suffix not in RAW:
-        values = np.rot90(values, _TURNS.get(_orientation(header), 0))
+    if suffix in RAW_SUFFIXES:
+        return _shot(path.name, develop_raw(data, "The file", upright=True)[0], header, coded=False)
+    values = _decoded(data)
+    coded = _is_coded(values, header, curve)
+    values = np.rot90(values, _TURNS.get(_orientation(header), 0))
     return _shot(path.name, values, header, coded=coded)
 
 
@@ -95,19 +95,6 @@ def _header(data: bytes) -> Image.Image | None:
         return Image.open(BytesIO(data), formats=["JPEG", "PNG", "TIFF"])
     except Exception:  # Pillow raises nearly anything on hostile bytes
         return None
-
-
-def _raw(data: bytes) -> NDArray[np.uint16]:
-    """Sensor values by the camera's matrix as linear Rec.709, white balanced for daylight."""
-    try:
-        import rawpy
-    except ImportError as error:
-        raise PhotoError("RAW photos need rawpy: pip install 'outdoor-lighting[raw]'.") from error
-    try:
-        with rawpy.imread(BytesIO(data)) as raw:
-            return np.asarray(raw.postprocess(gamma=(1, 1), no_auto_bright=True, output_bps=16))
-    except Exception as error:  # rawpy's errors share no public base class
-        raise PhotoError("The RAW photo cannot be read.") from error
 
 
 def _decoded(data: bytes) -> NDArray[Any]:

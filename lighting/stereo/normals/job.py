@@ -9,6 +9,7 @@ import numpy as np
 
 from lighting.errors import ParameterError, PhotoError
 from lighting.geometry import Floats
+from lighting.photo import Curve
 from lighting.records import GROUND_ALBEDO
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
@@ -18,7 +19,6 @@ from lighting.stereo.normals.diligent import is_diligent, read_diligent
 from lighting.stereo.normals.files import MESH, RECORD, write_map, write_mesh, write_record
 from lighting.stereo.normals.frame import Pose
 from lighting.stereo.normals.haze import fitted_turbidity
-from lighting.stereo.normals.images import Curve
 from lighting.stereo.normals.network import Network
 from lighting.stereo.normals.probes import nearest_skies
 from lighting.stereo.normals.search import Progress, quiet

@@ -5,16 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.probe.scans import COLUMNS, MODELS, WAVELENGTHS, read_scans, reduce, residuals
+from export.probe.scans import COLUMNS, MODELS, WAVELENGTHS, along, read_scans, reduce, residuals
 from lighting.probe.orientation import orient
 
 
 def test_azimuths_of_the_clear_day_run_counter_clockwise_from_about_13_degrees() -> None:
-    found = orient(read_scans()["2013-05-27"])
+    scans = read_scans()["2013-05-27"]
+    found = orient(scans)
     assert found.sense == -1
     assert found.sure
     assert found.offset == pytest.approx(13, abs=5)
     assert np.median(found.offsets) == pytest.approx(13, abs=5)
+    assert along(scans, found, 13) < 5  # each scan of the day
 
 
 def test_the_clear_sky_is_near_the_models_and_far_from_overcast() -> None:

@@ -10,7 +10,7 @@ from lighting.colour import srgb_encode
 from lighting.errors import ProbeError
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.exposures import bracket_of
-from lighting.probe.ratios import beside, exposed, measured_ratio
+from lighting.probe.ratios import Ratio, beside, exposed, measured_ratio
 
 RANDOM = np.random.default_rng(11)
 SCENE = np.exp(RANDOM.normal(-2.0, 1.0, (120, 120, 3)))
@@ -87,8 +87,32 @@ def test_a_mask_grows_by_one_pixel_each_way() -> None:
     assert beside(mask).sum() == 4
 
 
-def test_values_that_are_all_the_same_tell_no_ratio() -> None:
-    long = np.full((40, 40, 3), 0.3, dtype=np.float32)
-    long[0, 0] = 0.9
-    short = np.asarray(long / 2, dtype=np.float32)
-    assert measured_ratio(LinearPhoto(short, 0.98, 1 / 255), LinearPhoto(long, 0.98, 1 / 255)) is None
+@pytest.mark.parametrize("bits", [12, 14])
+def test_values_that_hardly_differ_tell_the_ratio_of_their_means(bits: int) -> None:
+    random = np.random.default_rng(3)
+    even = random.uniform(0.05, 0.053, (60, 60, 3))  # the noise of such values is as large as their spread
+    even[0, 0] = 0.9
+    full = 2**bits - 1
+
+    def shot(length: float) -> LinearPhoto:
+        electrons = random.normal(even * length * 20_000, np.sqrt(even * length * 20_000))
+        return LinearPhoto((np.rint(electrons / 20_000 * full) / full).astype(np.float32), 0.98, 1 / full, length)
+
+    got = measured_ratio(shot(0.2), shot(1.0))
+    assert got is not None
+    assert got.value == pytest.approx(5, rel=0.03)
+
+
+@pytest.mark.parametrize(("level", "told"), [(0.3, True), (10 / 255, False)])
+def test_values_that_are_all_the_same_tell_a_ratio_where_they_are_many_steps(level: float, told: bool) -> None:
+    even = np.full((40, 40, 3), level, dtype=np.float32)
+    even[0, 0] = 0.9
+    got = measured_ratio(LinearPhoto(even * np.float32(0.2), 0.98, 1 / 255), LinearPhoto(even, 0.98, 1 / 255))
+    assert (got is not None) == told
+    assert got is None or got.value == pytest.approx(5)
+
+
+def test_a_ratio_of_few_or_scattered_values_is_not_sure() -> None:
+    assert Ratio(4.0, 0.01, 2000).sure
+    assert not Ratio(4.0, 0.01, 200).sure
+    assert not Ratio(7.6, 0.11, 8000).sure

@@ -11,6 +11,7 @@ from PIL import Image
 from lighting.errors import PhotoError
 from lighting.stereo.normals.files import write_picture, write_png16
 from lighting.stereo.normals.images import read_shot
+from tests.lighting.photo.test_linear import plain_dng
 
 
 def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:
@@ -54,6 +55,16 @@ def test_16_bits_that_say_they_are_coded_are_refused_unless_told(tmp_path: Path)
         read_shot(tmp_path / "a.png")
     assert abs(float(read_shot(tmp_path / "a.png", "linear").pixels[0, 0, 0]) - 30000 / 65535) < 1e-6
     assert read_shot(tmp_path / "a.png", "srgb").pixels[0, 0, 0] < 0.2
+
+
+def test_raw_photos_keep_one_unit_whatever_their_brightest_pixel(tmp_path: Path) -> None:
+    pytest.importorskip("rawpy")
+    ramp = np.tile(np.linspace(100, 16000, 200), (80, 1))
+    for name, part in (("noon", 1.0), ("evening", 0.8)):
+        (tmp_path / f"{name}.dng").write_bytes(plain_dng(ramp * part, white=16383))
+        pixels = read_shot(tmp_path / f"{name}.dng").pixels[8:-8, 8:-8]
+        expected = np.repeat((ramp * part / 16383)[8:-8, 8:-8, None], 3, axis=-1)
+        assert pixels == pytest.approx(expected, abs=0.003)  # half a step of the ramp, as in test_linear
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "a.dng"])
