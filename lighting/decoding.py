@@ -18,6 +18,7 @@ _DARKEST = 1e-6  # irradiance that stands for none where logarithms are averaged
 _REFINED = 25.0  # deg around the best cell over which the answer is averaged
 _SURE = 0.8  # visibility from which the sun has its full irradiance
 _FADING = 4.0  # power of the fall below it; chosen on `val`, since skies seen in training are told apart without it
+_HIDDEN_SKY = 0.85  # stops by which an overcast sky is understated: the median over the overcast HDR panoramas of `train`
 
 
 def sun_of(prediction: Prediction) -> SunEstimate:
@@ -56,10 +57,14 @@ def lighting_from(prediction: Prediction, sun: SunEstimate | None = None) -> Lig
 
 
 def _strength(light: Light, visibility: float) -> dict[str, Any]:
-    """The fields of a Lighting that say how strong the light is."""
+    """The fields of a Lighting that say how strong the light is.
+
+    Under cloud the network states too weak a sky, for most such skies that it learnt from are clipped pictures.
+    """
+    sky = light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * min(max(light.cover, 0.0), 1.0))
     return {
         "sun_irradiance": colour(light.sun_irradiance * fading(visibility), "sun_irradiance"),
-        "sky_irradiance": colour(light.sky_irradiance, "sky_irradiance"),
+        "sky_irradiance": colour(sky, "sky_irradiance"),
         "sky_cover": _significant(float(np.clip(light.cover, 0.0, 1.0))),
         "suitable": _significant(float(np.clip(light.suitable, 0.0, 1.0))),
     }

@@ -160,3 +160,10 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert sure.sun_irradiance == (4.0, 4.0, 4.0)
     assert doubtful.sun_irradiance == pytest.approx((0.25, 0.25, 0.25))
     assert doubtful.sky_irradiance == sure.sky_irradiance
+
+
+def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:
+    clear, overcast = (Light(np.ones(3), np.ones(3), cover, 1.0) for cover in (0.0, 1.0))
+    skies = [lighting_from(prediction(light=light)).sky_irradiance for light in (clear, overcast)]
+    assert skies[0] == (1.0, 1.0, 1.0)
+    assert skies[1] == pytest.approx((2**0.85,) * 3, rel=1e-5)
