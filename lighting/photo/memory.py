@@ -24,9 +24,14 @@ def admitted(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str
     """How many pixels a picture of this kind may have, and the kind's name for people."""
     kind = "JPEG" if image.format == "MPO" else str(image.format)
     held = coefficients(data) if kind == "JPEG" else 0.0
-    needed = held * COEFFICIENT + (0 if held else PER_PIXEL[kind])
-    name = f"progressive {NAMES[kind]}" if held else NAMES[kind]
-    return min(max_pixels, int(max_pixels * BYTES / needed)), name
+    if not held:
+        return most(kind, max_pixels), NAMES[kind]
+    return min(max_pixels, int(max_pixels * BYTES / (held * COEFFICIENT))), f"progressive {NAMES[kind]}"
+
+
+def most(kind: str, max_pixels: int) -> int:
+    """How many pixels a picture of a kind of PER_PIXEL may have."""
+    return min(max_pixels, int(max_pixels * BYTES / PER_PIXEL[kind]))
 
 
 def allowance(size: int, max_pixels: int, target: int | None) -> int:
