@@ -22,7 +22,6 @@ from export.networks.runs import RECORD
 from lighting.files import replacing
 from lighting.records import ModelSpec
 
-
 GROUPS = ("networks", "suns", "cameras")  # those of `Served`, in the order in which a file's networks are numbered
 
 

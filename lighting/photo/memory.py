@@ -9,7 +9,7 @@ BYTES = 4  # that a photo may take for each of the `max_pixels`; a kind that nee
 FIXED = 64_000_000  # bytes beside, of conversions in strips
 
 COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
-PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-22, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
+PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-23, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
     "JPEG": 1.0,  # decoded row by row, and reduced on the way
     "PNG": 4.0,  # Pillow's own picture
     "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
