@@ -16,7 +16,7 @@ PHOTOS = {  # name here: name there
     "noon_steps.jpg": "rome_0174.jpg",
     "golden_hour.jpg": "rome_0617.jpg",
     "street_in_shade.jpg": "rome_0511.jpg",
-    "afternoon_steps.jpg": "rome_0477.jpg",
+    "afternoon_square.jpg": "rome_0477.jpg",
 }
 QUALITY = 82
 THUMB = (240, 180)
