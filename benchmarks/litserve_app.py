@@ -4,18 +4,21 @@ PYTHONPATH=. PYTHON_WITH_LITSERVE benchmarks/litserve_app.py PORT
 """
 
 import sys
-from typing import Any
 
 import litserve
+import numpy as np
 import onnxruntime
 from fastapi import Request, Response
+from numpy.typing import NDArray
 
-from lighting.decoding import lighting_from
-from lighting.envmap import render
+from lighting.envmap import place_of, view
 from lighting.files import encode_envmap
-from lighting.model import OUTPUTS, PARAMETERS, packaged_model
-from lighting.photo import Photo, read_photo, to_tensor
-from lighting.records import ModelSpec, Prediction
+from lighting.model import Model, packaged_model
+from lighting.photo import read_photo
+from lighting.pipeline import Estimator
+from lighting.records import ModelSpec
+
+HEIGHT = 512
 
 
 class EnvmapAPI(litserve.LitAPI):
@@ -24,19 +27,26 @@ class EnvmapAPI(litserve.LitAPI):
     def setup(self, device: str) -> None:
         """Load the network."""
         del device
-        self.session = onnxruntime.InferenceSession(str(packaged_model()), providers=["CPUExecutionProvider"])
-        self.spec = ModelSpec.from_json(self.session.get_modelmeta().custom_metadata_map["spec"])
+        session = onnxruntime.InferenceSession(str(packaged_model()), providers=["CPUExecutionProvider"])
+        spec = ModelSpec.from_json(session.get_modelmeta().custom_metadata_map["spec"])
+        self.estimator = Estimator(Model(session, spec))
 
-    def decode_request(self, request: Request) -> Photo:
+    def decode_request(self, request: Request) -> bytes:
         """The photo of the form."""
-        return read_photo(request["photo"].file.read())
+        data: bytes = request["photo"].file.read()
+        return data
 
-    def predict(self, photo: Photo) -> bytes:
-        """Its environment map as an EXR."""
-        probability, parameters = self.session.run(OUTPUTS, {"photo": to_tensor(photo, self.spec)})
-        named: dict[str, Any] = dict(zip(PARAMETERS, map(float, parameters[0]), strict=True))
-        light = lighting_from(Prediction(spec=self.spec, sun_probability=probability[0], **named))
-        return encode_envmap(render(light), light)
+    def predict(self, data: bytes) -> bytes:
+        """Its environment map as an EXR, with the place as the service has it."""
+
+        def finer(side: int) -> NDArray[np.uint8]:
+            return read_photo(data, target=side).pixels
+
+        photo = read_photo(data)
+        estimate = self.estimator(photo)
+        place = place_of(estimate, photo.pixels, HEIGHT, finer)
+        image, light = view(estimate.lighting, HEIGHT, place=place)
+        return encode_envmap(image, light)
 
     def encode_response(self, output: bytes) -> Response:
         """The EXR as it is."""

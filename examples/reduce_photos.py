@@ -13,7 +13,7 @@ from PIL import Image, ImageOps
 
 HERE = Path(__file__).parent
 PHOTOS = {  # name here: name there
-    "noon_square.jpg": "rome_0163.jpg",
+    "noon_steps.jpg": "rome_0174.jpg",
     "golden_hour.jpg": "rome_0617.jpg",
     "street_in_shade.jpg": "rome_0511.jpg",
     "afternoon_square.jpg": "rome_0477.jpg",
@@ -23,7 +23,7 @@ THUMB = (240, 180)
 THUMB_QUALITY = 75
 SHOWN = (
     *("overcast_street.jpg", "park_evening.jpg", "forest_clearing.jpg"),
-    *("rome/noon_square.jpg", "rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
+    *("rome/noon_steps.jpg", "rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
 )
 
 

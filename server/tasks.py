@@ -10,7 +10,7 @@ from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
 from lighting import stereo
-from lighting.envmap import Place, change, shows_place, view
+from lighting.envmap import Place, change, place_of, view
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
 from lighting.photo import Photo
@@ -22,6 +22,7 @@ from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, Pho
 from server.service import Service
 
 Map = NDArray[np.float32]
+Pixels = NDArray[np.uint8]
 
 MID_GREY = 128  # sRGB
 LEAST_SECONDS = 0.1  # for a photo after others that took long
@@ -58,8 +59,11 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     check_cancelled()
     (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    wanted = shows_place(estimate.around, query.surroundings)
-    place = Place(service.read_finer(data, PHOTO_SIDE).pixels, estimate.around) if wanted else None
+
+    def finer(side: int) -> Pixels:
+        return service.read_finer(data, side).pixels
+
+    place = place_of(estimate, photo.pixels, query.height, finer, wanted=query.surroundings)
     return envmap_file(change(estimate.lighting, query.changes()), query, place)
 
 

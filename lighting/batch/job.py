@@ -10,9 +10,13 @@ from typing import TYPE_CHECKING, Any
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, reason
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from lighting.envmap import Place
     from lighting.evidence import Given
     from lighting.files import Compression, Target
+    from lighting.photo import Photo
     from lighting.pipeline import Estimator
     from lighting.records import Estimate, Lighting
 
@@ -110,17 +114,18 @@ def answer_or_reason(estimator: "Estimator", source: Path | bytes, given: "Given
     from lighting.photo.apart import read_apart
 
     try:
-        estimate = estimator(read_apart(source, seconds=DECODE_SECONDS), given)
-        return Answer(estimate.lighting, _place(source, estimate, maps) if maps else None)
+        photo = read_apart(source, seconds=DECODE_SECONDS)
+        estimate = estimator(photo, given)
+        return Answer(estimate.lighting, _place(source, photo, estimate, maps) if maps else None)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return reason(error)
 
 
-def _place(source: Path | bytes, estimate: "Estimate", maps: Maps) -> "Place | None":
-    """The place for a photo's map, whose photo is read again with more pixels than the network takes."""
-    from lighting.envmap import PLACE_SIDE, Place, shows_place
+def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: Maps) -> "Place | None":
+    from lighting.envmap import place_of
     from lighting.photo.apart import read_apart
 
-    if not shows_place(estimate.around, maps.surroundings):
-        return None
-    return Place(read_apart(source, target=PLACE_SIDE, seconds=DECODE_SECONDS).pixels, estimate.around)
+    def finer(side: int) -> "NDArray[np.uint8]":
+        return read_apart(source, target=side, seconds=DECODE_SECONDS).pixels
+
+    return place_of(estimate, photo.pixels, maps.height, finer, wanted=maps.surroundings)

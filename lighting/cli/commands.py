@@ -12,7 +12,7 @@ from lighting.cli.files import (
     naming,
     open_lighting,
     photo_bytes,
-    place_of,
+    place_in,
     refuse_collisions,
     refuse_idle_compression,
     write_map,
@@ -105,8 +105,9 @@ def envmap(
     refuse_idle_compression(output, view["compression"])
     with naming(photo):
         data = photo_bytes(photo)
-        estimate = estimated(data, given, model)
-    write_map(output, estimate.lighting, place=place_of(data, estimate, surroundings), **view)
+        picture, estimate = estimated(data, given, model)
+    place = place_in(data, picture, estimate, view["height"], surroundings)
+    write_map(output, estimate.lighting, place=place, **view)
     if preview:
         write_preview(preview, data, estimate)
     if not quiet and "-" not in (output, preview):
@@ -138,6 +139,6 @@ def preview(photo: str, output: str, given: "Given", model: str | None) -> None:
     refuse_collisions(photo, output)
     with naming(photo):
         data = photo_bytes(photo)
-        estimate = estimated(data, given, model)
+        _, estimate = estimated(data, given, model)
     write_preview(output, data, estimate)
     report_warnings(photo, estimate.warnings)

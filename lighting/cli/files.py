@@ -14,6 +14,9 @@ from lighting.cli.words import shown
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from lighting.envmap import Place
     from lighting.evidence import Given
     from lighting.files import Compression
@@ -76,8 +79,8 @@ def load_estimator(model: str | None, *, for_one_photo: bool = False) -> "Estima
     return Estimator(Model.load(model, for_one_photo=for_one_photo))
 
 
-def estimated(photo: bytes, given: "Given", model: str | None) -> "Estimate":
-    """The estimate of a photo's bytes; the network is loaded in a thread while the photo is decoded."""
+def estimated(photo: bytes, given: "Given", model: str | None) -> "tuple[Photo, Estimate]":
+    """The photo in bytes and its estimate; the network is loaded in a thread while the photo is decoded."""
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
@@ -85,7 +88,7 @@ def estimated(photo: bytes, given: "Given", model: str | None) -> "Estimate":
         from lighting.photo import read_photo
 
         picture = read_photo(photo)
-    return estimator.result()(picture, given)
+    return picture, estimator.result()(picture, given)
 
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:
@@ -95,14 +98,15 @@ def refuse_collisions(source: str, *outputs: str | None) -> None:
         raise click.UsageError("The input and the outputs must be different files.")
 
 
-def place_of(photo: bytes, estimate: "Estimate", wanted: bool | None) -> "Place | None":
-    """The place for a map, by default where the network predicted what lies around."""
-    from lighting.envmap import PLACE_SIDE, Place, shows_place
+def place_in(data: bytes, photo: "Photo", estimate: "Estimate", height: int, wanted: bool | None) -> "Place | None":
+    """The place for a map of a photo with these bytes, as `envmap.place_of` has it."""
+    from lighting.envmap import place_of
     from lighting.photo import read_photo
 
-    if not shows_place(estimate.around, wanted):
-        return None
-    return Place(read_photo(photo, target=PLACE_SIDE).pixels, estimate.around)
+    def finer(side: int) -> "NDArray[np.uint8]":
+        return read_photo(data, target=side).pixels
+
+    return place_of(estimate, photo.pixels, height, finer, wanted=wanted)
 
 
 def refuse_idle_compression(output: str, compression: "Compression | None") -> None:

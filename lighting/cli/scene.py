@@ -68,7 +68,7 @@ def scene(**options: Any) -> None:
     with naming(asked.photo):
         data = photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        estimate = None if asked.record else estimated(data, asked.given, asked.model)
+        estimate = None if asked.record else estimated(data, asked.given, asked.model)[1]
         lighting = estimate.lighting if estimate else open_lighting(asked.record or "-")
     around = estimate.around if estimate else None
     made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, around=around)

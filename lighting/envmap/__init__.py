@@ -13,14 +13,13 @@ from lighting.envmap.render import (
     sun_irradiance,
     with_irradiance,
 )
-from lighting.envmap.surroundings import PLACE_SIDE, Place, shows_place, surround
+from lighting.envmap.surroundings import Place, place_of, surround
 from lighting.envmap.turning import brighten, rotate, turn
 from lighting.envmap.views import view
 
 __all__ = [
     "MAX_HEIGHT",
     "MIN_HEIGHT",
-    "PLACE_SIDE",
     "Image",
     "Place",
     "brighten",
@@ -28,10 +27,10 @@ __all__ = [
     "ground_reflectance",
     "lit_ground",
     "photo_ground",
+    "place_of",
     "render",
     "rotate",
     "row_levels",
-    "shows_place",
     "sky_irradiance",
     "sun_irradiance",
     "surround",

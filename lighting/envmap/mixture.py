@@ -3,7 +3,16 @@
 import numpy as np
 
 from lighting.colour import luminance
-from lighting.envmap.clear import Image, clear_irradiance, f32, irradiance_of, lobe_table, paint_clear, row_levels
+from lighting.envmap.clear import (
+    Image,
+    clear_irradiance,
+    f32,
+    irradiance_of,
+    lobe_table,
+    paint_clear,
+    row_levels,
+    scale,
+)
 from lighting.envmap.disc import disc_power
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
 from lighting.records import SKY_MODEL, Lighting
@@ -30,7 +39,7 @@ def paint_mixture(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
     brightest = int(np.argmax(level))
     for channel in np.flatnonzero(level < _DARK * level[brightest]):  # the blue of a setting sun, say
         upper[..., channel], level[channel] = upper[..., brightest], level[brightest]
-    upper *= f32((1 - cover) * irradiance / np.maximum(level, _LEAST))
+    scale(upper, (1 - cover) * irradiance / np.maximum(level, _LEAST))
     upper += overcast
 
 

@@ -53,19 +53,26 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown |
     ramp = np.clip(edge, 0, 1)
     weight = ramp * ramp * (3 - 2 * ramp)
     index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
-    linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index.ravel(), axis=0)).reshape(*index.shape, 3)
+    linear = np.empty((*index.shape, 3), dtype=np.float32)
+    for channel in range(3):
+        linear[..., channel] = SRGB_LINEAR.take(picture[..., channel].ravel()).take(index)
     clipped = linear.max(axis=-1) > _CLIPPED
     linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
     return Shown(rows, columns, linear, weight)
+
+
+def shown_size(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
+    """Width and height at which a photo (h, w, 3) has about the resolution of a map with `height` rows."""
+    camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
+    scale = min(height / np.pi / camera.focal_length * 1.2, _LARGEST / max(photo.shape[:2]))
+    return max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
 
 
 def _fitted(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
     """The photo at about the map's resolution, so that single pixels may be taken from it."""
     from PIL import Image as Picture
 
-    camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
-    scale = min(height / np.pi / camera.focal_length * 1.2, _LARGEST / max(photo.shape[:2]))
-    size = (max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
+    size = shown_size(photo, vertical_fov, height)
     return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
 
 

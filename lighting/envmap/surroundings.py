@@ -6,19 +6,19 @@ much light there is: each half of the map is scaled until its irradiance is that
 painted last, so there is one sun.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.clear import Image, f32, irradiance_of, row_levels
-from lighting.envmap.photo_view import Shown, shown
+from lighting.envmap.clear import Image, f32, irradiance_of, row_levels, scale
+from lighting.envmap.photo_view import Shown, shown, shown_size
 from lighting.envmap.render import add_sun, render
 from lighting.geometry import Floats
-from lighting.records import Lighting
+from lighting.records import Estimate, Lighting
 
-PLACE_SIDE = 1000  # pixels, least length of a photo's longer side if it has as many, where a map shows it
-
+_FINER = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _RATIO = (0.05, 4.0)  # how far the coarse panorama may change the bare map
 _REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
 _SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell of the coarse panorama
@@ -34,9 +34,23 @@ class Place:
     around: NDArray[np.float32] | None = None  # `Estimate.around`; without it bare sky and ground lie beside the photo
 
 
-def shows_place(around: NDArray[np.float32] | None, wanted: bool | None) -> bool:
-    """Whether a map shows the place: as wanted, by default where the network predicted what lies around."""
-    return around is not None if wanted is None else wanted
+def place_of(
+    estimate: Estimate,
+    photo: NDArray[np.uint8],
+    height: int,
+    finer: Callable[[int], NDArray[np.uint8]],
+    *,
+    wanted: bool | None = None,
+) -> Place | None:
+    """The place for a map of `height` rows: as wanted, by default where the network predicted what lies around.
+
+    `photo` (h, w, 3) is what the estimate was made from. Only where the map shows more pixels than those,
+    `finer(side)` reads it again with `side` pixels along its longer side, for decoding costs as much as the network.
+    """
+    if not (estimate.around is not None if wanted is None else wanted):
+        return None
+    needed = max(shown_size(photo, estimate.lighting.vertical_fov, height))
+    return Place(photo if needed <= max(photo.shape[:2]) else finer(_FINER), estimate.around)
 
 
 def surround(
@@ -76,12 +90,12 @@ def _smooth(cells: Image, height: int, width: int) -> Image:
     """Cells (R, C, 3) as (height, width, 3), linear between their centres; columns wrap and rows end."""
     (top, down), (left, across) = _places(height, len(cells)), _places(width, cells.shape[1])
     upper, lower = cells[np.clip(top, 0, len(cells) - 1)], cells[np.clip(top + 1, 0, len(cells) - 1)]
-    tall = upper + down[:, None, None] * (lower - upper)
-    result = tall.take(left % cells.shape[1], axis=1)
-    step = (np.roll(tall, -1, axis=1) - tall).take(left % cells.shape[1], axis=1)
-    step *= across[:, None]
-    result += step
-    return np.asarray(result)
+    tall = (upper + down[:, None, None] * (lower - upper)).reshape(height, -1)  # three numbers for each cell
+    numbers = (3 * (left % cells.shape[1])[:, None] + np.arange(3)).ravel()
+    result = (np.roll(tall, -3, axis=1) - tall).take(numbers, axis=1)
+    result *= across.repeat(3)
+    result += tall.take(numbers, axis=1)
+    return np.asarray(result.reshape(height, width, 3))
 
 
 def _places(pixels: int, cells: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
@@ -96,15 +110,15 @@ def _compose(image: Image, seen: Shown | None, part: slice, target: Floats) -> N
     levels = row_levels(len(image))
     total = irradiance_of(levels[part], image[part])
     if seen is None:
-        image[part] *= f32(target / np.maximum(total, _LEAST))
+        scale(image[part], target / np.maximum(total, _LEAST))
         return
     there, weight = image[seen.rows, seen.columns], seen.weight[..., None]
     share = there.shape[1] / image.shape[1]  # of the columns
     photo = irradiance_of(levels[seen.rows], weight * seen.linear) * share
     hidden = irradiance_of(levels[seen.rows], weight * there) * share
-    scale = np.clip((target - photo) / np.maximum(total - hidden, _LEAST), *_REST)
-    image[part] *= f32(scale)
+    rest = np.clip((target - photo) / np.maximum(total - hidden, _LEAST), *_REST)
+    scale(image[part], rest)
     there += weight * (seen.linear - there)
-    reached = scale * (total - hidden) + photo
+    reached = rest * (total - hidden) + photo
     if np.any(np.abs(reached - target) > _EXACT * target):
-        image[part] *= f32(target / np.maximum(reached, _LEAST))
+        scale(image[part], target / np.maximum(reached, _LEAST))

@@ -31,6 +31,8 @@ _START_SECONDS = 300.0  # on a machine that is busy with other work
 _PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
 _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more than decoding into it
     "MALLOC_ARENA_MAX": "1",
+    "MALLOC_MMAP_MAX_": str(1 << 16),  # glibc's own, since those of a caller could loosen the bound
+    "MALLOC_TOP_PAD_": str(1 << 17),  # the same
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
     "OMP_NUM_THREADS": "1",

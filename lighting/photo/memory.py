@@ -9,7 +9,7 @@ BYTES = 4  # that a photo may take for each of the `max_pixels`; a kind that nee
 FIXED = 64_000_000  # bytes beside, of conversions in strips
 
 COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
-PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-22, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
+PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-23, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
     "JPEG": 1.0,  # decoded row by row, and reduced on the way
     "PNG": 4.0,  # Pillow's own picture
     "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
@@ -24,9 +24,14 @@ def admitted(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str
     """How many pixels a picture of this kind may have, and the kind's name for people."""
     kind = "JPEG" if image.format == "MPO" else str(image.format)
     held = coefficients(data) if kind == "JPEG" else 0.0
-    needed = held * COEFFICIENT + (0 if held else PER_PIXEL[kind])
-    name = f"progressive {NAMES[kind]}" if held else NAMES[kind]
-    return min(max_pixels, int(max_pixels * BYTES / needed)), name
+    if not held:
+        return most(kind, max_pixels), NAMES[kind]
+    return min(max_pixels, int(max_pixels * BYTES / (held * COEFFICIENT))), f"progressive {NAMES[kind]}"
+
+
+def most(kind: str, max_pixels: int) -> int:
+    """How many pixels a picture of a kind of PER_PIXEL may have."""
+    return min(max_pixels, int(max_pixels * BYTES / PER_PIXEL[kind]))
 
 
 def allowance(size: int, max_pixels: int, target: int | None) -> int:

@@ -24,10 +24,11 @@ from PIL import ExifTags, Image, UnidentifiedImageError
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts
 from lighting.photo.jpeg import check_scans
-from lighting.photo.memory import admitted
+from lighting.photo.memory import NAMES, admitted, most
 from lighting.photo.pixels import decode, upright_pixels
 from lighting.photo.png import check_chunks
 from lighting.photo.raw import KIND, described, is_raw, preview
+from lighting.photo.webp import canvas
 
 Source = str | os.PathLike[str] | bytes | BinaryIO
 
@@ -117,6 +118,8 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
         formats = [_heif_format()]
     check_scans(data)
     check_chunks(data)
+    if size := canvas(data):
+        _check_size(*size, most("WEBP", max_pixels), NAMES["WEBP"])
     try:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)

@@ -21,7 +21,7 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image
 from starlette.testclient import TestClient
 
 from lighting import Lighting, read_exr
@@ -34,7 +34,8 @@ from server.settings import Settings
 
 ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "railway_field.jpg"
-DATED = ROOT / "examples" / "rome" / "noon_square.jpg"  # it has a time and a focal length, and no place
+NOON = ROOT / "examples" / "rome" / "noon_steps.jpg"
+DATED = "dated.jpg"  # the same with its time and focal length, and without its place
 PATIENCE = 900.0  # seconds
 FIRST_VIEW = 1_000_000  # bytes, compressed
 SEEN_RATIO = 0.75  # of the light that is left in the object's shadow, at most: sun and sky of a clear day
@@ -108,8 +109,12 @@ def files_for(folder: Path) -> dict[str, str]:
         with Image.open(PHOTO) as photo:
             pillow_heif.from_pillow(photo.resize((320, 240))).save(heic)
     shutil.copy(PHOTO, folder)
+    with Image.open(NOON) as photo:
+        said = photo.getexif()
+        del said[ExifTags.Base.GPSInfo]
+        photo.save(folder / DATED, exif=said)
     return {
-        **{"photo": str(PHOTO), "dated": str(DATED), "textFile": str(folder / "notes.txt"), "heic": heic},
+        **{"photo": str(PHOTO), "dated": str(folder / DATED), "textFile": str(folder / "notes.txt"), "heic": heic},
         **{"halves": str(folder / "halves.png"), "model": str(folder / "box.glb"), "folder": str(folder)},
     }
 
@@ -262,7 +267,7 @@ class TestTheObject:
 class TestWhatThePhotoSays:
     def test_it_is_shown(self, visit: dict[str, Any]) -> None:
         time, place, _, lens, camera = visit["facts"]
-        assert (time, place) == ("2024-08-10 14:11:58 (no time zone)", "not in the file")
+        assert (time, place) == ("2024-08-10 14:28:12 (no time zone)", "not in the file")
         assert (lens, camera) == ("20 mm (as of a 35 mm camera)", "SONY ILCE-9M2")
 
     def test_it_is_corrected_in_the_page(self, visit: dict[str, Any]) -> None:
@@ -271,13 +276,13 @@ class TestWhatThePhotoSays:
         before, corrected, after = visit["evidence"]
         assert "time and place" in corrected
         assert "time and place" not in before == after
-        assert visit["form"] == "2024-08-10T14:11:58"
+        assert visit["form"] == "2024-08-10T14:28:12"
         assert "dark" in visit["night"]
 
     def test_several_photos_are_answered_together(self, visit: dict[str, Any]) -> None:
         assert len(visit["together"]) == 2
         assert "other photos" in visit["togetherEvidence"]
-        assert visit["second"] == [DATED.name, "true"]
+        assert visit["second"] == [DATED, "true"]
 
     def test_heic_is_shown_as_the_service_decodes_it(self, visit: dict[str, Any]) -> None:
         if "heic" not in visit:

@@ -50,10 +50,8 @@ def test_the_shipped_networks_can_be_read_back_with_their_heads() -> None:
         assert network.around is None
 
 
-def test_a_network_read_back_answers_as_before(trained: Path, tmp_path: Path) -> None:
-    file = tmp_path / "outdoor.onnx"
-    write_onnx([trained], file)
-    network, metadata = read_shipped(file, 0)
+def test_a_network_read_back_answers_as_before(trained: Path, trained_network: Path, tmp_path: Path) -> None:
+    network, metadata = read_shipped(trained_network, 0)
     photo = torch.randn(4, 3, 224, 224)
     with torch.inference_mode():
         expected, found = read_network(trained)(photo), network.eval()(photo)
@@ -66,11 +64,11 @@ def test_a_network_read_back_answers_as_before(trained: Path, tmp_path: Path) ->
         if isinstance(module, nn.BatchNorm2d) and module.weight.requires_grad:
             assert module.running_mean is not None
             assert module.running_mean.abs().max() > 0
-    write_run(network, metadata, file, 0, tmp_path / "run")
+    write_run(network, metadata, trained_network, 0, tmp_path / "run")
     assert history(read_record(tmp_path / "run")) == history(read_record(trained))
     read = read_network(tmp_path / "run")
     assert isinstance(read, Outdoor)
     with pytest.raises(DataError, match="already holds a run"):
-        write_run(network, metadata, file, 0, tmp_path / "run")
+        write_run(network, metadata, trained_network, 0, tmp_path / "run")
     with pytest.raises(DataError, match="no network number 1"):
-        read_shipped(file, 1)
+        read_shipped(trained_network, 1)

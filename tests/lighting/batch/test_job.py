@@ -7,8 +7,7 @@ import pytest
 
 from lighting.batch import Job, Maps
 from lighting.batch.job import Answer, answer_or_reason, check_settings, load_estimator, settings, write_map
-from lighting.cli.files import place_of
-from lighting.envmap import view
+from lighting.envmap import place_of, view
 from lighting.errors import BatchError, ModelError
 from lighting.files import read_exr
 from lighting.photo import read_photo
@@ -76,7 +75,8 @@ def test_a_map_shows_the_place_as_envmap_does(tmp_path: Path, wanted: bool | Non
     answer = answer_or_reason(estimator, photo, given, maps)
     assert isinstance(answer, Answer)
     write_map(tmp_path / "map.exr", answer, maps)
-    place = place_of(photo.read_bytes(), estimator(read_photo(photo.read_bytes()), given), wanted)
+    picture = read_photo(photo)
+    place = place_of(estimator(picture, given), picture.pixels, 32, picture.pixels.repeat, wanted=wanted)
     assert (place is None) == (wanted is False)  # the packaged network predicts what lies around
     expected, _ = view(answer.lighting, 32, place=place)
     found, _ = read_exr(tmp_path / "map.exr")

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lighting.envmap import Place, render, surround
+from lighting.envmap import Place, place_of, render, surround
 from lighting.envmap.clear import irradiance_of, row_levels
-from lighting.records import Lighting
+from lighting.records import Estimate, Lighting, SunDistribution
 from tests.lighting.envmap.test_render import SKY, given_light, lighting
 
 HEIGHT = 96
@@ -76,3 +76,28 @@ def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None
     image = surround(light, Place(PHOTO, around(light)), HEIGHT, disc=False)
     upper = slice(0, HEIGHT // 2)
     assert np.median(np.abs(image[upper] / bare[upper] - 1)) < 0.05
+
+
+def estimate(cells: np.ndarray | None) -> Estimate:
+    return Estimate(given_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
+
+
+@pytest.mark.parametrize(("height", "asked"), [(96, []), (512, [1000]), (4096, [1000])])
+def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(height: int, asked: list[int]) -> None:
+    sides: list[int] = []
+
+    def finer(side: int) -> np.ndarray:
+        sides.append(side)
+        return PHOTO.repeat(2, axis=0).repeat(2, axis=1)
+
+    place = place_of(estimate(around(given_light())), PHOTO, height, finer)
+    assert place is not None
+    assert sides == asked
+    assert (place.photo is PHOTO) == (not asked)
+
+
+@pytest.mark.parametrize(("known", "wanted", "shows"), [(True, None, True), (False, None, False), (True, False, False)])
+def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, wanted: bool | None, shows: bool) -> None:
+    answer = estimate(around(given_light()) if known else None)
+    assert (place_of(answer, PHOTO, 96, PHOTO.repeat, wanted=wanted) is not None) == shows
+    assert place_of(answer, PHOTO, 96, PHOTO.repeat, wanted=True) is not None
