@@ -18,7 +18,7 @@ _DARKEST = 1e-6  # irradiance that stands for none where logarithms are averaged
 _REFINED = 25.0  # deg around the best cell over which the answer is averaged
 _SURE = 0.8  # visibility from which the sun has its full irradiance
 _FADING = 4.0  # power of the fall below it; chosen on `val`, since skies seen in training are told apart without it
-_HIDDEN_SKY = 0.85  # stops by which an overcast sky is understated: the median over the overcast HDR panoramas of `train`
+_HIDDEN_SKY = 0.85  # stops by which an overcast sky is understated, by the overcast HDR panoramas of `train`
 
 
 def sun_of(prediction: Prediction) -> SunEstimate:
