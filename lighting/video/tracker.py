@@ -17,12 +17,12 @@ from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
+from lighting.turns.upright import angles_of, level, up_in_camera
 from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
 from lighting.video.lens import LENS_FLOOR, LENS_SPREAD
 from lighting.video.light import Look, ShotLight
-from lighting.video.path import angles_of, level, up_in_camera
 from lighting.video.shot import is_believed, luminance_gain, north_of
 from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
