@@ -37,6 +37,10 @@ class Frames:
         """The same of some photos alone."""
         return replace(self, group=self.group[own], turn=self.turn[own], noise=self.noise[own])
 
+    def has_company(self, photo: int) -> bool:
+        """Whether something connects this photo with another one."""
+        return bool(np.count_nonzero(self.group == self.group[photo]) > 1)
+
     def heading_of_first(self, photo: int) -> float | None:
         """Deg clockwise from the first photo to this one; None where they are of two groups."""
         same = self.group[photo] == self.group[0]

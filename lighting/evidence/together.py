@@ -1,7 +1,7 @@
 """Several photos of one place and light: their distributions in one frame, multiplied with a discount.
 
 Crops of one scene share its misleading sides, so the errors of the network are alike: n photos count as fewer. Each is
-raised to the power 1 / (1 + (n - 1) correlation), whose sum over the photos never exceeds 1 / correlation.
+raised to a power that overlap.py gives, whose sum over the photos never exceeds 1 / the correlation of strangers.
 """
 
 from collections.abc import Sequence
@@ -33,8 +33,6 @@ from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 if TYPE_CHECKING:
     from lighting.turns import Placed
 
-CORRELATION = SUN.far  # of views that share nothing: of the sun's distribution in one frame
-AZIMUTH_CORRELATION = AZIMUTH.far  # of its azimuth at a known elevation
 ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 
 _BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # in spreads, over which a noisy heading is averaged on the grid
@@ -65,7 +63,11 @@ def fuse_together(
     known = _share_time(evidence)
     answers = _on_rings(shared, known, turns) if known[0].candidates else _on_cells(shared, known, turns)
     return tuple(
-        replace(a, warnings=(*single.warnings, *_unmatched(i, turns, placed)), used=_used(a, turns.source))
+        replace(
+            a,
+            warnings=(*single.warnings, *_unmatched(i, turns, placed)),
+            used=_used(a, turns.source if turns.has_company(i) else ""),
+        )
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
 
@@ -82,7 +84,7 @@ def _as_matched(predictions: Sequence[Prediction], placed: "Sequence[Placed]") -
 
 def _unmatched(photo: int, turns: Frames, placed: "Sequence[Placed] | None") -> tuple[str, ...]:
     """A warning where matching was tried and this photo is left alone."""
-    if placed is None or np.count_nonzero(turns.group == turns.group[photo]) > 1:
+    if placed is None or turns.has_company(photo):
         return ()
     return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
 
