@@ -131,13 +131,9 @@ class Walk:
 
 def _smooth(lattice: NDArray[np.float32], point: Floats) -> Floats:
     """Values (N,) between those of a lattice (R, R, R) that repeats, at points (N, 3)."""
-    low = np.floor(point).astype(np.int64)
-    part = point - low
-    total = np.zeros(len(point))
-    for corner in np.ndindex(2, 2, 2):
-        share = np.prod(np.where(np.array(corner), part, 1.0 - part), axis=1)
-        total += share * lattice[tuple(((low + corner) % REPEATS).T)]
-    return total
+    from scipy import ndimage
+
+    return np.asarray(ndimage.map_coordinates(lattice, point.T, np.float64, order=1, mode="grid-wrap"))
 
 
 def _mesh(mi: Any, meshes: tuple[Mesh, ...]) -> Any:
