@@ -171,7 +171,7 @@ class Follower:
         both = np.isfinite(before).all(axis=-1) & np.isfinite(now).all(axis=-1)
         if np.count_nonzero(both) < _LEAST_LIT * both.size:
             return np.ones(3)
-        return np.median(now[both] / before[both], axis=0).astype(np.float64)
+        return np.asarray(np.median(now[both] / before[both], axis=0), dtype=np.float64)
 
     def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
