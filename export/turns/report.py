@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from export.data import Panorama, read_index
+from export.evaluation.tables import table
 from export.turns import groups, overlap, pairs
 from export.turns.sets import one_each
 from lighting.model import Model
@@ -56,7 +57,7 @@ def _pairs(asked: Asked, panoramas: Sequence[Panorama]) -> str:
     return "\n\n".join(
         [
             f"## Two photos of one panorama ({len(answers)} places), unknown lens, gains of 0.7 to 1.3 [deg]",
-            table(rows),
+            _figures(rows),
             f"Photos of two different places: {false} of {len(strangers)} pairs were given a turn.",
         ]
     )
@@ -67,7 +68,7 @@ def _walks(asked: Asked, _: Sequence[Panorama]) -> str:
     title = (
         f"## Two photos of {len(answers)} rendered places from standpoints 0.3 to 3 m apart, the lens known to 5° [deg]"
     )
-    return f"{title}\n\n{table({'all': pairs.figures(answers)})}"
+    return f"{title}\n\n{_figures({'all': pairs.figures(answers)})}"
 
 
 def _sets(asked: Asked, panoramas: Sequence[Panorama]) -> str:
@@ -75,9 +76,9 @@ def _sets(asked: Asked, panoramas: Sequence[Panorama]) -> str:
     return "\n\n".join(
         [
             f"## Sets of 3 to 5 overlapping photos ({len(found)} places)",
-            table({"all": groups.figures(found)}),
-            table(groups.sun_figures(found)),
-            table(groups.tilt_figures(found)),
+            _figures({"all": groups.figures(found)}),
+            _figures(groups.sun_figures(found)),
+            _figures(groups.tilt_figures(found)),
         ]
     )
 
@@ -88,8 +89,8 @@ def _overlap(asked: Asked, panoramas: Sequence[Panorama]) -> str:
         f"{size}, {kind}": overlap.coverage(views, size, kind) for size in overlap.SIZES for kind in overlap.kinds(size)
     }
     title = f"## Views of {len(views)} panoramas of {len({v.place for v in views})} places"
-    learnt = ["Correlation of the errors", table({"learnt": overlap.learn(views)})] if asked.split == "train" else []
-    return "\n\n".join([title, *learnt, table(rows)])
+    learnt = ["Correlation of the errors", _figures({"learnt": overlap.learn(views)})] if asked.split == "train" else []
+    return "\n\n".join([title, *learnt, _figures(rows)])
 
 
 def _few_of_each(panoramas: Sequence[Panorama]) -> list[Panorama]:
@@ -107,15 +108,13 @@ def _days(asked: Asked, _: Sequence[Panorama]) -> str:
 
     count = asked.most(DAYS)
     title = f"## The sun's path over {count} rendered days, photos from a tripod"
-    return f"{title}\n\n{table(figures(_network(asked), count))}"
+    return f"{title}\n\n{_figures(figures(_network(asked), count))}"
 
 
-def table(rows: dict[str, dict[str, float]]) -> str:
-    """Rows of figures as Markdown, with as many digits as each needs."""
+def _figures(rows: dict[str, dict[str, float]]) -> str:
+    """Rows of figures, with as many digits as each needs."""
     names = list(next(iter(rows.values())))
-    lines = [["", *names], ["---"] * (len(names) + 1)]
-    lines += [[name, *(_shown(row[key]) for key in names)] for name, row in rows.items()]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return table(["", *names], [[name, *(_shown(row[key]) for key in names)] for name, row in rows.items()])
 
 
 def _shown(value: float) -> str:
