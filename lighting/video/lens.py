@@ -27,7 +27,7 @@ def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
     stated = around.facts.vertical_fov if around.given.use_exif else None
     values, spreads = [stated or seen], [STATED_LENS_SPREAD if stated else LENS_SPREAD]
     for turn in _lens_turns(watched):
-        if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
+        if turn is not None and turn.fov_sigma < 2 * LENS_SPREAD:
             values.append(turn.vertical_fov[0])
             spreads.append(math.hypot(turn.fov_sigma, LENS_FLOOR))
     weight = np.square(1.0 / np.array(spreads))

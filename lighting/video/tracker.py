@@ -190,7 +190,7 @@ class _Lens:
         if self._given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
             return
         turn = turn_between(a, b, None)
-        if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
+        if turn is not None and turn.fov_sigma < 2 * LENS_SPREAD:
             weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
 
