@@ -26,7 +26,7 @@ EXPLAINED = (
     "Medians over the clips, angles in deg. `heading`: error of the camera's heading against the first frame, in the "
     "median and at 90 % of a clip's frames. `trembling`: of the sun's azimuth in each frame, the standard deviation of "
     "its error against a smooth curve (a parabola through one second). `to best`: from the clip's sun to what the "
-    "network says of five frames a second, turned by true rotations. `sun`, `best's sun`: errors of both. `gain`: error "
+    "network says of five frames a second, truly turned. `sun`, `best's sun`: errors of both. `gain`: error "
     "of the exposure against the first frame [%]. `bridged`: frames in which nothing could be followed [%]. `split`: "
     "clips that were taken for several shots."
 )
