@@ -34,6 +34,7 @@ def flag(name: str, meaning: str) -> Callable[[Command], Command]:
 
 
 data = option("--data", "Folder with panoramas.csv and the pictures.", required=True)
+network = option("--model", "Network to ask. [default: the one in the package]")
 labels = option("--labels", "CSV file of `label`.", default="runs/labels.csv")
 
 
@@ -226,7 +227,7 @@ def probe(stack: Path | None) -> None:
 @click.option("--count", type=click.IntRange(1), default=8, show_default=True, help="Clips of each kind.")
 @click.option("--kind", "kinds", multiple=True, help="Only clips of these kinds. [all]")
 @click.option("--only", type=click.Choice(("clips", "streams", "speed")), help="One part of the report. [all]")
-@click.option("--model", type=FOLDER, default=None, help="Network to ask. [the one in the package]")
+@network
 def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
     """Print how well clips are followed, and how fast, by cameras moved in `val` panoramas and rendered places."""
     from export.video.evaluate import KINDS, evaluate
@@ -240,12 +241,14 @@ def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, mode
 @data
 @click.option("--split", type=click.Choice(["train", "val"]), default="val", show_default=True)
 @click.option("--last", type=click.IntRange(1), help="Only the last rows of the index, which a network did not see.")
+@click.option("--count", type=click.IntRange(1), help="At most so many places, walks and days. [all]")
+@network
 @click.argument("parts", nargs=-1, type=click.Choice(["pairs", "walks", "sets", "overlap", "days"]))
-def turns(data: Path, split: str, last: int | None, parts: tuple[str, ...]) -> None:
+def turns(parts: tuple[str, ...], **asked: Any) -> None:
     """Print how well turns between photos are found, and what they are worth."""
-    from export.turns.report import PARTS, report
+    from export.turns.report import PARTS, Asked, report
 
-    click.echo(report(data, split, parts or PARTS, last))
+    click.echo(report(Asked(parts=parts or PARTS, **asked)))
 
 
 def main() -> None:

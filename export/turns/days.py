@@ -75,9 +75,8 @@ def _daylight(rng: np.random.Generator, latitude: float, longitude: float) -> li
     return [moments[int(i)] for i in np.linspace(up[0], up[-1], PHOTOS)]
 
 
-def figures(count: int) -> dict[str, dict[str, float]]:
+def figures(model: Model, count: int) -> dict[str, dict[str, float]]:
     """Errors of what is fitted to `count` days, and how often the truth is in its regions."""
-    model = Model.load(threads=1)
     days = [day(model, number) for number in tqdm(range(count), unit="day")]
     fits = {kind: [fit(d.series, kind) for d in days] for kind in KINDS}
     rows = {f"heading [deg], fitting {kind}": _headings(days, found) for kind, found in fits.items()}

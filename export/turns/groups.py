@@ -72,6 +72,7 @@ def figures(found: Sequence[Group]) -> dict[str, float]:
     known = np.isfinite(heading)
     fov = np.concatenate([_fov_errors(g) for g in found])
     moved = np.concatenate([angle_between(_suns(g.matched), _suns(g.true)) for g in found])
+    whole = np.concatenate([np.full(len(g.taken), _connected(g)) for g in found])
     return {
         "photos": float(sum(len(g.taken) for g in found)),
         "connected [%]": 100 * float(np.mean([_connected(g) for g in found])),
@@ -83,6 +84,7 @@ def figures(found: Sequence[Group]) -> dict[str, float]:
         "sun moved by the matched headings, 50 %": float(np.median(moved)),
         "90 %": float(np.quantile(moved, 0.9)),
         "within 1° [%]": 100 * float(np.mean(moved <= 1.0)),
+        "of connected sets [%]": 100 * float(np.mean(moved[whole] <= 1.0)),
     }
 
 

@@ -49,9 +49,13 @@ class Views:
 
 
 def views_of(model: Model, panoramas: Sequence[Panorama]) -> list[Views]:
-    """The views of all panoramas with a sun that is certain enough."""
-    certain = [p for p in panoramas if p.sun_azimuth is not None and (p.sun_uncertainty or np.inf) <= CERTAIN]
-    return [_views(model, panorama) for panorama in tqdm(certain, unit="panorama")]
+    """The views of panoramas whose sun is known."""
+    return [_views(model, panorama) for panorama in tqdm(panoramas, unit="panorama")]
+
+
+def is_certain(panorama: Panorama) -> bool:
+    """Whether the panorama's sun is known well enough."""
+    return panorama.sun_azimuth is not None and (panorama.sun_uncertainty or np.inf) <= CERTAIN
 
 
 def _views(model: Model, panorama: Panorama) -> Views:

@@ -13,7 +13,7 @@ from export.turns.sets import HEIGHT, WIDTH, across, sweep
 from export.turns.walk import Standpoint, Walk
 from lighting.geometry import angles, wrap_azimuth
 from lighting.turns import Features, Turn, features, relative_rotation
-from lighting.turns.sets import own_axes
+from lighting.turns.upright import own_axes
 
 STEPS = (0.3, 3.0)  # m between two standpoints
 WALKED_OVERLAPS = (0.4, 0.9)

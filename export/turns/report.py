@@ -1,30 +1,42 @@
 """The tables that `python -m export turns` prints, in Markdown."""
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from export.data import Panorama, read_index
+from export.evaluation.tables import table
 from export.turns import groups, overlap, pairs
 from export.turns.sets import one_each
 from lighting.model import Model
 
 PARTS = ("pairs", "walks", "sets", "overlap", "days")
-WALKS, DAYS = 24, 6
-SETS = 36  # places
+WALKS, SETS, DAYS = 24, 36, 6  # rendered places walked through, places with a set, rendered days
 PER_PLACE = 1  # panoramas for the correlation
 
 
-def report(data: Path, split: str, parts: Sequence[str], last: int | None = None) -> str:
-    """The tables asked for; `last` keeps the last rows of the index, from places that no earlier row has."""
-    panoramas = _rows(data, split, last)
-    made = {
-        "pairs": lambda: _pairs(panoramas),
-        "walks": _walks,
-        "sets": lambda: _sets(panoramas),
-        "overlap": lambda: _overlap(panoramas, split),
-        "days": _days,
-    }
-    return "\n\n".join(made[part]() for part in parts) + "\n"
+@dataclass(frozen=True)
+class Asked:
+    """What is to be measured, and with which network."""
+
+    data: Path
+    parts: Sequence[str] = PARTS
+    split: str = "val"
+    last: int | None = None  # only so many last rows of the index, from places that no earlier row has
+    count: int | None = None  # at most so many places, walks and days of each part
+    model: Path | None = None  # None: the one in the package
+
+    def most(self, usual: int) -> int:
+        """How many of a part to measure, `usual` unless fewer are asked for."""
+        return usual if self.count is None else min(usual, self.count)
+
+
+def report(asked: Asked) -> str:
+    """The tables asked for."""
+    panoramas = _rows(asked.data, asked.split, asked.last)
+    made = {"pairs": _pairs, "walks": _walks, "sets": _sets, "overlap": _overlap, "days": _days}
+    return "\n\n".join(made[part](asked, panoramas) for part in asked.parts) + "\n"
 
 
 def _rows(data: Path, split: str, last: int | None) -> list[Panorama]:
@@ -33,70 +45,76 @@ def _rows(data: Path, split: str, last: int | None) -> list[Panorama]:
     return [p for p in rows if p.split == split and p.place not in older]
 
 
-def _pairs(panoramas: Sequence[Panorama]) -> str:
-    answers, strangers = pairs.turned(one_each(panoramas))
+def _network(asked: Asked) -> Model:
+    return Model.load(asked.model, threads=1)
+
+
+def _pairs(asked: Asked, panoramas: Sequence[Panorama]) -> str:
+    answers, strangers = pairs.turned(one_each(panoramas)[: asked.count])
     rows = {"all": pairs.figures(answers)}
     rows |= {name: pairs.figures(part) for name, part in pairs.by_overlap(answers).items() if part}
     false = sum(turn is not None for turn in strangers)
     return "\n\n".join(
         [
             f"## Two photos of one panorama ({len(answers)} places), unknown lens, gains of 0.7 to 1.3 [deg]",
-            table(rows),
+            _figures(rows),
             f"Photos of two different places: {false} of {len(strangers)} pairs were given a turn.",
         ]
     )
 
 
-def _walks() -> str:
-    answers = list(pairs.walked(WALKS))
-    title = f"## Two photos of {WALKS} rendered places from standpoints 0.3 to 3 m apart, the lens known to 5° [deg]"
-    return f"{title}\n\n{table({'all': pairs.figures(answers)})}"
+def _walks(asked: Asked, _: Sequence[Panorama]) -> str:
+    answers = list(pairs.walked(asked.most(WALKS)))
+    title = (
+        f"## Two photos of {len(answers)} rendered places from standpoints 0.3 to 3 m apart, the lens known to 5° [deg]"
+    )
+    return f"{title}\n\n{_figures({'all': pairs.figures(answers)})}"
 
 
-def _sets(panoramas: Sequence[Panorama]) -> str:
-    found = groups.groups(Model.load(threads=1), one_each(panoramas)[:SETS])
+def _sets(asked: Asked, panoramas: Sequence[Panorama]) -> str:
+    found = groups.groups(_network(asked), one_each(panoramas)[: asked.most(SETS)])
     return "\n\n".join(
         [
             f"## Sets of 3 to 5 overlapping photos ({len(found)} places)",
-            table({"all": groups.figures(found)}),
-            table(groups.sun_figures(found)),
-            table(groups.tilt_figures(found)),
+            _figures({"all": groups.figures(found)}),
+            _figures(groups.sun_figures(found)),
+            _figures(groups.tilt_figures(found)),
         ]
     )
 
 
-def _overlap(panoramas: Sequence[Panorama], split: str) -> str:
-    views = overlap.views_of(Model.load(threads=1), _few_of_each(panoramas))
+def _overlap(asked: Asked, panoramas: Sequence[Panorama]) -> str:
+    views = overlap.views_of(_network(asked), _few_of_each(panoramas)[: asked.count])
     rows = {
         f"{size}, {kind}": overlap.coverage(views, size, kind) for size in overlap.SIZES for kind in overlap.kinds(size)
     }
     title = f"## Views of {len(views)} panoramas of {len({v.place for v in views})} places"
-    learnt = ["Correlation of the errors", table({"learnt": overlap.learn(views)})] if split == "train" else []
-    return "\n\n".join([title, *learnt, table(rows)])
+    learnt = ["Correlation of the errors", _figures({"learnt": overlap.learn(views)})] if asked.split == "train" else []
+    return "\n\n".join([title, *learnt, _figures(rows)])
 
 
 def _few_of_each(panoramas: Sequence[Panorama]) -> list[Panorama]:
-    seen: dict[str, int] = {}
+    """PER_PLACE panoramas a place, of those whose sun is certain enough."""
+    seen = Counter[str]()
     kept = []
-    for panorama in panoramas:
-        seen[panorama.place] = seen.get(panorama.place, 0) + (panorama.sun_azimuth is not None)
+    for panorama in filter(overlap.is_certain, panoramas):
+        seen[panorama.place] += 1
         kept += [panorama] if seen[panorama.place] <= PER_PLACE else []
     return kept
 
 
-def _days() -> str:
+def _days(asked: Asked, _: Sequence[Panorama]) -> str:
     from export.turns.days import figures
 
-    title = f"## The sun's path over {DAYS} rendered days, photos from a tripod"
-    return f"{title}\n\n{table(figures(DAYS))}"
+    count = asked.most(DAYS)
+    title = f"## The sun's path over {count} rendered days, photos from a tripod"
+    return f"{title}\n\n{_figures(figures(_network(asked), count))}"
 
 
-def table(rows: dict[str, dict[str, float]]) -> str:
-    """Rows of figures as Markdown, with as many digits as each needs."""
+def _figures(rows: dict[str, dict[str, float]]) -> str:
+    """Rows of figures, with as many digits as each needs."""
     names = list(next(iter(rows.values())))
-    lines = [["", *names], ["---"] * (len(names) + 1)]
-    lines += [[name, *(_shown(row[key]) for key in names)] for name, row in rows.items()]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return table(["", *names], [[name, *(_shown(row[key]) for key in names)] for name, row in rows.items()])
 
 
 def _shown(value: float) -> str:

@@ -15,7 +15,7 @@ WIDTH, HEIGHT = 640, 480  # pixels; the panoramas hold no more
 FOVS = (40.0, 65.0)  # deg, vertical
 OVERLAPS = (0.25, 0.7)  # of neighbours' width
 GAINS = (0.7, 1.3)  # of each channel
-WHITE = 0.7  # what a bright part of a panorama in scene-referred values is exposed to
+WHITE = 0.7  # what a bright part of scene-referred values is exposed to
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,11 @@ def across(vertical_fov: float) -> float:
 def exposed(panorama: Panorama) -> NDArray[np.float32]:
     """Linear values (H, 2H, 3) of which the bright parts are near white."""
     linear = linear_of(panorama, read_picture(panorama))
-    if panorama.kind == "ldr":
-        return linear
+    return linear if panorama.kind == "ldr" else well_exposed(linear)
+
+
+def well_exposed(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Scene-referred values (H, W, 3) times a number that brings their bright parts near white."""
     return np.asarray(linear * (WHITE / max(float(np.percentile(luminance(linear), 80)), 1e-6)), dtype=np.float32)
 
 

@@ -14,7 +14,8 @@ from export.crops import Camera
 from export.towns.llvm import find_llvm
 from export.towns.mesh import Mesh
 from export.towns.place import EYE, place
-from lighting.colour import luminance, tone_map
+from export.turns.sets import well_exposed
+from lighting.colour import tone_map
 from lighting.envmap import render
 from lighting.geometry import (
     Floats,
@@ -29,7 +30,6 @@ from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
 
 SAMPLES = 4  # rays per pixel, 2 x 2
 DOME = 128  # rows of the map of the sky
-WHITE = 0.7  # what the brighter parts of a photo are exposed to
 GRAIN = ((0.05, 0.25), (0.25, 0.35), (1.2, 0.3), (6.0, 0.3))  # m and contrast of the layers
 REPEATS = 64  # cells after which a layer of grain repeats
 
@@ -89,7 +89,7 @@ class Walk:
         towards = camera_directions(Pinhole(2 * width, 2 * height, at.vertical_fov, at.azimuth, at.elevation, at.roll))
         linear = self._radiance(towards.reshape(-1, 3), (at.position[0], EYE, at.position[1]))
         mean = linear.reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
-        return np.asarray(tone_map(mean * (WHITE / max(float(np.percentile(luminance(mean), 80)), 1e-6))))
+        return np.asarray(tone_map(well_exposed(mean)))
 
     def is_clear(self, at: Standpoint, arm: float = 1.5) -> bool:
         """Whether nothing in view is nearer than an arm [m], but for a tenth of the picture."""
@@ -131,13 +131,9 @@ class Walk:
 
 def _smooth(lattice: NDArray[np.float32], point: Floats) -> Floats:
     """Values (N,) between those of a lattice (R, R, R) that repeats, at points (N, 3)."""
-    low = np.floor(point).astype(np.int64)
-    part = point - low
-    total = np.zeros(len(point))
-    for corner in np.ndindex(2, 2, 2):
-        share = np.prod(np.where(np.array(corner), part, 1.0 - part), axis=1)
-        total += share * lattice[tuple(((low + corner) % REPEATS).T)]
-    return total
+    from scipy import ndimage
+
+    return np.asarray(ndimage.map_coordinates(lattice, point.T, np.float64, order=1, mode="grid-wrap"))
 
 
 def _mesh(mi: Any, meshes: tuple[Mesh, ...]) -> Any:

@@ -17,17 +17,16 @@ from lighting.records import SunEstimate
 from lighting.video.light import Look, ShotLight
 from lighting.video.path import smoothed
 from lighting.video.shot import Shot, luminance_gain, solve
-from lighting.video.watch import see, shots_watched
+from lighting.video.watch import EVERY, see, shots_watched
 from lighting.video.watched import Circumstances
 
 PARTS = ("clips", "streams", "speed")
-BEST_EVERY = 6  # frames between those that the best answer sees
 SMOOTH = 1.0  # s of the smooth curve that trembling is measured against
 EXPLAINED = (
     "Medians over the clips, angles in deg. `heading`: error of the camera's heading against the first frame, in the "
     "median and at 90 % of a clip's frames. `trembling`: of the sun's azimuth in each frame, the standard deviation of "
     "its error against a smooth curve (a parabola through one second). `to best`: from the clip's sun to what the "
-    "network says of every sixth frame, turned by true rotations. `sun`, `best's sun`: errors of both. `gain`: error "
+    "network says of five frames a second, truly turned. `sun`, `best's sun`: errors of both. `gain`: error "
     "of the exposure against the first frame [%]. `bridged`: frames in which nothing could be followed [%]. `split`: "
     "clips that were taken for several shots."
 )
@@ -131,7 +130,8 @@ def _true_sun(truth: Sequenced, shot: Shot) -> Floats:
 def best_sun(truth: Sequenced, first: int, model: Model) -> SunEstimate:
     """The sun that many frames give with true rotations, as frame `first` sees it."""
     light, azimuth = ShotLight(), truth.path[0]
-    for frame in truth.frames(BEST_EVERY):
+    every = max(1, round(EVERY / float(np.median(np.diff(truth.time)))))
+    for frame in truth.frames(every):
         turn = float(azimuth[frame.index] - azimuth[first])
         light.add(Look(see(model, frame.pixels), turn, truth.vertical_fov))
     return light.answer(Evidence()).sun

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from export.crops import generator
 from export.data import Panorama, decode, read_picture
+from export.turns.sets import exposed
 from export.turns.walk import Standpoint, Walk
-from lighting.colour import luminance, srgb_decode, tone_map
+from lighting.colour import srgb_decode, tone_map
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_directions
 from lighting.video.clip import Frame
 
@@ -24,7 +25,6 @@ FOVS = (35.0, 60.0)  # deg, vertical
 SHAKE = 0.4  # deg, of a hand
 BLURRED = 8  # instants averaged in a frame that is exposed for half of its time
 PACE = 1.4  # m/s
-WHITE = 0.7  # what the brighter parts of a panorama in scene-referred values are exposed to
 KINDS = ("pan", "tilt", "hand", "moving things", "motion blur", "exposure", "walk")
 
 Pixels = NDArray[np.uint8]
@@ -80,10 +80,7 @@ def sun_of(panorama: Panorama) -> tuple[float, float]:
 
 def displayed(panorama: Panorama) -> Pixels:
     """The panorama as sRGB, exposed as a photo would be."""
-    image = read_picture(panorama)
-    if image.dtype == np.uint8:
-        return image
-    return tone_map(image * (WHITE / max(float(np.percentile(luminance(image), 80)), 1e-6)))
+    return read_picture(panorama) if panorama.kind == "ldr" else tone_map(exposed(panorama))
 
 
 def held(path: Angles, i: int) -> tuple[float, float, float]:

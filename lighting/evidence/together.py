@@ -1,7 +1,7 @@
 """Several photos of one place and light: their distributions in one frame, multiplied with a discount.
 
 Crops of one scene share its misleading sides, so the errors of the network are alike: n photos count as fewer. Each is
-raised to the power 1 / (1 + (n - 1) correlation), whose sum over the photos never exceeds 1 / correlation.
+raised to a power that overlap.py gives, whose sum over the photos never exceeds 1 / the correlation of strangers.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,6 @@ from lighting.decoding import light_numbers, light_of_numbers
 from lighting.errors import ParameterError
 from lighting.evidence.frames import Frames, frames
 from lighting.evidence.fusion import (
-    GROSS_ERRORS,
     Evidence,
     Fused,
     compass_prior,
@@ -34,11 +33,10 @@ from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 if TYPE_CHECKING:
     from lighting.turns import Placed
 
-CORRELATION = SUN.far  # of views that share nothing: of the sun's distribution in one frame
-AZIMUTH_CORRELATION = AZIMUTH.far  # of its azimuth at a known elevation
 ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 
 _BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # in spreads, over which a noisy heading is averaged on the grid
+_HIDDEN = 1.5  # deg, errors of a heading that do not show beside the 4 deg between cells
 _ELEVATION_SPREAD = 4.0  # deg, kernel of an elevation's density
 _LOWEST = 1e-12  # density that stands for none
 _BIN_SPREAD = 0.5  # deg, least spread of a heading over whole degrees
@@ -65,7 +63,11 @@ def fuse_together(
     known = _share_time(evidence)
     answers = _on_rings(shared, known, turns) if known[0].candidates else _on_cells(shared, known, turns)
     return tuple(
-        replace(a, warnings=(*single.warnings, *_unmatched(i, turns, placed)), used=_used(a, turns.source))
+        replace(
+            a,
+            warnings=(*single.warnings, *_unmatched(i, turns, placed)),
+            used=_used(a, turns.source if turns.has_company(i) else ""),
+        )
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
 
@@ -82,7 +84,7 @@ def _as_matched(predictions: Sequence[Prediction], placed: "Sequence[Placed]") -
 
 def _unmatched(photo: int, turns: Frames, placed: "Sequence[Placed] | None") -> tuple[str, ...]:
     """A warning where matching was tried and this photo is left alone."""
-    if placed is None or np.count_nonzero(turns.group == turns.group[photo]) > 1:
+    if placed is None or turns.has_company(photo):
         return ()
     return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
 
@@ -146,7 +148,7 @@ def _on_cells(predictions: Sequence[Prediction], evidence: Sequence[Evidence], t
     """The answers where no time is known: each group in its frame, and one elevation for all groups."""
     weights: dict[int, Floats] = {}
     for own in turns.members():
-        found = _in_one_frame([predictions[i] for i in own], turns.turn[own], turns.noise[own])
+        found = _in_one_frame([predictions[i] for i in own], turns.part(own))
         weights |= dict(zip(own.tolist(), found, strict=True))
     in_order = _share_elevation(predictions, [weights[i] for i in range(len(predictions))], turns)
     apart = [on_grid(p, e, w) for p, e, w in zip(predictions, evidence, in_order, strict=True)]
@@ -176,33 +178,38 @@ def _share_elevation(predictions: Sequence[Prediction], weights: Sequence[Floats
     return [w / w.sum() for w in shared]
 
 
-def _in_one_frame(predictions: Sequence[Prediction], turns: Floats, noise: Floats) -> list[Floats]:
-    """Probabilities (N,) of each photo over its own cells, all photos counted."""
+def _in_one_frame(predictions: Sequence[Prediction], turns: Frames) -> list[Floats]:
+    """Probabilities (N,) of each photo of one group over its own cells, all photos counted."""
     if len(predictions) == 1:
         return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
-    exponent = counts(*axes(predictions, turns), SUN)
-    blurred = [_with_noise_on_grid(p, float(n)) for p, n in zip(predictions, noise, strict=True)]
+    exponent = counts(*axes(predictions, turns.turn), SUN)
+    blurred = [_with_noise_on_grid(p, float(n), turns.useless) for p, n in zip(predictions, turns.noise, strict=True)]
     answers = []
-    for own in turns:
-        seen = [seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns, strict=True)]
+    for own in turns.turn:
+        seen = [seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns.turn, strict=True)]
         log = exponent @ np.log(np.maximum(seen, _LOWEST))
         weight = np.exp(log - log.max()) * grid_solid_angle(layout)
         answers.append(weight / weight.sum())
     return answers
 
 
-def _with_noise_on_grid(prediction: Prediction, noise: float) -> Floats:
-    """Probabilities (N,) over the prediction's cells after an error of its heading [deg], which may be gross."""
+def _with_noise_on_grid(prediction: Prediction, noise: float, useless: float) -> Floats:
+    """Probabilities (N,) over the cells after an error of the heading [deg], gross in a `useless` share of cases."""
     if not noise:
         return prediction.sun_probability
     layout = prediction.spec.sun_grid
-    weight = np.exp(-0.5 * np.square(_BLUR_STEPS))
+    anywhere = elevation_density(prediction, angles(grid_directions(layout))[1]) * grid_solid_angle(layout)
+    return np.asarray((1 - useless) * _turned_about(prediction, noise) + useless * anywhere)
+
+
+def _turned_about(prediction: Prediction, noise: float) -> Floats:
+    """Probabilities (N,) over the cells, averaged over a normal error of the heading [deg] that cells can show."""
+    if noise < _HIDDEN:
+        return prediction.sun_probability
+    layout, weight = prediction.spec.sun_grid, np.exp(-0.5 * np.square(_BLUR_STEPS))
     seen = [seen_from(prediction.sun_probability, noise * step, layout) for step in _BLUR_STEPS]
-    near = weight @ np.array(seen) / weight.sum()
-    anywhere = elevation_density(prediction, angles(grid_directions(layout))[1])
-    density = (1 - GROSS_ERRORS) * near + GROSS_ERRORS * anywhere
-    return np.asarray(density * grid_solid_angle(layout))
+    return np.asarray(weight @ np.array(seen) / weight.sum() * grid_solid_angle(layout))
 
 
 def seen_from(probability: Floats, turn: float, layout: str) -> Floats:
@@ -223,7 +230,7 @@ def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Evidence], t
     prior = [compass_prior(e) for e in evidence]
     weights: dict[int, Floats] = {}
     for own in turns.members():
-        noisy = [_with_noise(density[i], float(turns.noise[i])) for i in own]
+        noisy = [_with_noise(density[i], float(turns.noise[i]), turns.useless) for i in own]
         alike = _likeness([evidence[i] for i in own])
         exponent = counts(*axes([predictions[i] for i in own], turns.turn[own]), AZIMUTH, alike)
         found = _share_heading(noisy, [prior[i] for i in own], turns.turn[own], exponent)
@@ -246,12 +253,12 @@ def _share_zone(weights: Sequence[Floats], turns: Frames) -> list[Floats]:
     return [w / m * zone for w, m in zip(weights, mass, strict=True)]
 
 
-def _with_noise(density: Floats, noise: float) -> Floats:
-    """Densities (K, 360) after an error of the heading [deg], which may be gross."""
+def _with_noise(density: Floats, noise: float, useless: float) -> Floats:
+    """Densities (K, 360) after an error of the heading [deg], gross in a `useless` share of cases."""
     if not noise:
         return density
     anywhere = density.mean(axis=1, keepdims=True)
-    return np.asarray((1 - GROSS_ERRORS) * blur(density, noise) + GROSS_ERRORS * anywhere)
+    return np.asarray((1 - useless) * blur(density, noise) + useless * anywhere)
 
 
 def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Floats, exponent: Floats) -> list[Floats]:

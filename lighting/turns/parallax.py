@@ -16,6 +16,8 @@ from lighting.turns.rays import cross_matrix, rotation_about
 from lighting.turns.refine import Fit, minimise
 
 TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys
+PARALLAX, LEAST_MORE = 1.25, 12  # times as many, and so many more, must obey it where the camera moved
+LEAST_MOVED = 24  # matches that agree on a motion, which has more freedom than a rotation
 
 _SURE = 0.999
 _FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) and ours
@@ -41,6 +43,14 @@ def epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
     except cv2.error:  # its way of saying that no model fits
         mask = None
     return np.zeros(len(matches), dtype=bool) if mask is None else np.asarray(mask).ravel().astype(bool)
+
+
+def obeying_more(matches: Matches, agreed: int) -> Matches | None:
+    """The matches that obey one epipolar geometry, where those are clearly more than the `agreed` on a rotation."""
+    obeying = epipolar_inliers(matches)
+    if np.count_nonzero(obeying) < max(PARALLAX * agreed, agreed + LEAST_MORE, LEAST_MOVED):
+        return None
+    return Matches(matches.a[obeying], matches.b[obeying], matches.pixel)
 
 
 def motion(

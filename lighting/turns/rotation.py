@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Floats
 from lighting.turns.match import Features, Matches, match
-from lighting.turns.parallax import epipolar_inliers, motion
+from lighting.turns.parallax import LEAST_MOVED, motion, obeying_more
 from lighting.turns.rays import focal_of, project, rays, rotation_about, vertical_fov_of
 from lighting.turns.refine import Fit, minimise
 from lighting.turns.search import TOLERANCE, search
@@ -20,9 +20,8 @@ DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is un
 LEAST_INLIERS = 12  # matches that agree, below which nothing is said
 LEAST_SHARE = 0.15  # of the matches in the common part of both photos
 LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
-PARALLAX = 1.25  # times as many matches must obey some fundamental matrix before the camera counts as moved
+LEAST_STILL = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
 STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # by which errors exceed what the scatter of the matches says (`export turns`)
-LEAST_MOVED = 24  # matches that agree on a motion, which has more freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +104,11 @@ class Lens:
 
 def _turn(matches: Matches, lens: Lens) -> Turn | None:
     still = _rotated(matches, lens)
-    obeying = epipolar_inliers(matches)
-    agreed = 0 if still is None else still.inliers
-    if np.count_nonzero(obeying) < max(PARALLAX * agreed, agreed + LEAST_INLIERS, LEAST_MOVED):
+    obeying = obeying_more(matches, 0 if still is None else still.inliers)
+    if obeying is None:
         return still
-    return _moved(matches, obeying, lens) or still
+    believed = still if still is not None and still.inliers >= LEAST_STILL * len(obeying) else None
+    return _moved(obeying, len(matches), lens) or believed
 
 
 def _rotated(matches: Matches, lens: Lens) -> Turn | None:
@@ -131,14 +130,13 @@ def _rotated(matches: Matches, lens: Lens) -> Turn | None:
     return _sure_enough(Turn(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
 
 
-def _moved(matches: Matches, obeying: NDArray[np.bool_], lens: Lens) -> Turn | None:
-    """The turn of a camera that walked."""
-    kept = Matches(matches.a[obeying], matches.b[obeying], matches.pixel)
-    found = motion(kept, lens.focal, lens.zooms(), lens.prior())
+def _moved(obeying: Matches, matches: int, lens: Lens) -> Turn | None:
+    """The turn of a camera that walked, by those of so many matches that obey an epipolar geometry."""
+    found = motion(obeying, lens.focal, lens.zooms(), lens.prior())
     if found is None or (count := int(np.count_nonzero(found.inliers))) < LEAST_MOVED:
         return None
     uncertainty = _uncertainty(MOVED_SPREAD**2 * found.covariance, found.zoom, lens)
-    return _sure_enough(Turn(found.rotation, *uncertainty, count, len(matches), translates=True))
+    return _sure_enough(Turn(found.rotation, *uncertainty, count, matches, translates=True))
 
 
 def _uncertainty(covariance: Floats, zoom: float, lens: Lens) -> tuple[Floats, tuple[float, float], float]:

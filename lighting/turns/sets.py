@@ -1,6 +1,6 @@
 """Where the photos of a set look: turns between the pairs that overlap, one lens for all, headings about the vertical.
 
-The vertical is the mean of what the network says of each camera's elevation and roll, carried into one frame.
+The vertical is the median of what the network says of each camera's elevation and roll, carried into one frame.
 """
 
 from collections.abc import Sequence
@@ -9,11 +9,12 @@ from itertools import combinations
 
 import numpy as np
 
-from lighting.geometry import Floats, angles, camera_axes, wrap_azimuth
+from lighting.geometry import Floats, wrap_azimuth
 from lighting.turns.averaging import Oriented, Pairs, average, components
 from lighting.turns.match import Features, Matches, match
 from lighting.turns.rays import focal_of, vertical_fov_of
 from lighting.turns.rotation import Turn, rotation_of
+from lighting.turns.upright import angles_of, common_up, level, up_in_camera
 
 GUESSED_FOV_SIGMA = 7.0  # deg, of what the network says of a field of view
 NOTED_FOV_SIGMA = 1.5  # deg, of what a photo's metadata say
@@ -66,7 +67,7 @@ def place(shots: Sequence[Shot]) -> tuple[Placed, ...]:
     lenses = [(focal * zoom[0], zoom[1]) for focal, _ in lenses]
     pairs = _turns(shots, {pair: matched[pair] for pair in pairs}, lenses)
     groups = [average(members, pairs) for members in components(len(shots), pairs)]
-    return _in_order([_level(number, group, shots, lenses) for number, group in enumerate(groups)], groups)
+    return _in_order([_levelled(number, group, shots, lenses) for number, group in enumerate(groups)], groups)
 
 
 def _matched(shots: Sequence[Shot]) -> dict[tuple[int, int], Matches]:
@@ -129,10 +130,12 @@ def _zoom(shot: Shot, focal: float, turn: Turn) -> tuple[float, float]:
     return log, float(np.radians(turn.fov_sigma) / np.sin(np.radians(fov)))
 
 
-def _level(number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence[tuple[float, float]]) -> list[Placed]:
+def _levelled(
+    number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence[tuple[float, float]]
+) -> list[Placed]:
     """The photos of one group about their common vertical."""
     own = [shots[i] for i in group.members]
-    up = vertical([(shot.camera_elevation, shot.camera_roll) for shot in own], group.rotations)
+    up = common_up(group.rotations, np.stack([up_in_camera(s.camera_elevation, s.camera_roll) for s in own]))
     heading, elevation, roll = about(up, group.rotations)
     sigma = np.hypot(_turn_sigma(group, up), _tilt_sigma(group.rotations, up, len(own)))
     alone = len(own) == 1
@@ -144,36 +147,10 @@ def _level(number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence
     ]
 
 
-def vertical(tilts: Sequence[tuple[float, float]], rotations: Floats) -> Floats:
-    """The unit vector (3,) up in the first camera's frame, by all cameras' elevations and rolls [deg].
-
-    The median, axis by axis, of what each camera says: a few may be far off.
-    """
-    ups = [rotation.T @ own_axes(0.0, *tilt)[:, 1] for tilt, rotation in zip(tilts, rotations, strict=True)]
-    middle = np.median(ups, axis=0)
-    return np.asarray(middle / np.linalg.norm(middle))
-
-
-def own_axes(azimuth: float, elevation: float, roll: float) -> Floats:
-    """The matrix (3, 3) that takes directions in the world to a camera's own frame."""
-    return np.asarray(camera_axes(azimuth, elevation, roll) * np.array([[1.0], [1.0], [-1.0]]))
-
-
 def about(up: Floats, rotations: Floats) -> tuple[Floats, Floats, Floats]:
     """Heading from the first camera's, elevation and roll [deg] (n,) of cameras (n, 3, 3) about a vertical (3,)."""
-    level = _levelling(up)
-    ahead = -rotations[:, 2, :] @ level.T  # -z of each camera in the levelled frame
-    heading, elevation = angles(ahead)
-    right, above = rotations[:, 0, :] @ level.T, rotations[:, 1, :] @ level.T
-    roll = np.degrees(np.arctan2(-right[:, 1], above[:, 1]))
+    heading, elevation, roll = angles_of(rotations, level(up))
     return wrap_azimuth(heading - heading[0]), elevation, roll
-
-
-def _levelling(up: Floats) -> Floats:
-    """The rotation (3, 3) that takes `up` (3,) to +y by the shortest way."""
-    right = np.cross(up, [0.0, 0.0, 1.0])
-    x = right / np.linalg.norm(right)
-    return np.stack([x, up, np.cross(x, up)])
 
 
 def _turn_sigma(group: Oriented, up: Floats) -> Floats:
@@ -187,12 +164,8 @@ def _tilt_sigma(rotations: Floats, up: Floats, count: int) -> Floats:
     spread = UP_SIGMA / np.sqrt(min(count, 4))  # cameras of one place err alike
     straight = about(up, rotations)[0]
     across = np.linalg.svd(up[None])[2][1:]
-    tilted = [about(_unit(up + np.tan(np.radians(spread)) * side), rotations)[0] for side in across]
+    tilted = [about(up + np.tan(np.radians(spread)) * side, rotations)[0] for side in across]
     return np.asarray(np.linalg.norm([wrap_azimuth(t - straight) for t in tilted], axis=0))
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _in_order(placed: Sequence[Sequence[Placed]], groups: Sequence[Oriented]) -> tuple[Placed, ...]:

@@ -12,6 +12,7 @@ from PIL import Image
 
 from lighting.envmap import brighten, render
 from lighting.files import replacing
+from lighting.geometry import wrap_azimuth
 from lighting.preview.ink import Style, rounded, write
 from lighting.preview.palette import SUN, WHITE, display
 from lighting.preview.photo_panel import draw_horizon, draw_sun
@@ -93,11 +94,11 @@ def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: Any) -> NDArray[n
 
 def _words(light: FrameLight) -> str:
     own = light.lighting
-    heading = own.relative_heading if own.camera_heading is None else own.camera_heading
-    name = "turned" if own.camera_heading is None else "heading"
+    turned = round(float(wrap_azimuth(own.relative_heading or 0.0)), 1)
+    where = f"turned {turned or 0.0:+.1f}°" if own.camera_heading is None else f"heading {own.camera_heading:.1f}°"
     bridged = " (bridged)" if light.bridged else ""
     sun = f"sun {own.sun_azimuth:+.1f}°, {own.sun_elevation:.1f}° high"
-    return f"{light.time:5.1f} s   {sun}   {name} {heading:.1f}°{bridged}"
+    return f"{light.time:5.1f} s   {sun}   {where}{bridged}"
 
 
 def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, target: Path) -> None:

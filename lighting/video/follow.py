@@ -29,7 +29,9 @@ _LEVELS = 4  # of the pyramid: a point may move by a fifth of the picture from o
 _CORRECTED = 3.0  # pixels by which the comparison with the keyframe may move a point
 _ALIKE = 12.0  # grey values by which a point's surroundings may differ from those in its keyframe
 _SPREAD = 50.0  # grey values, the standard deviation to which every frame is brought: gains do not disturb
-_CODED = (8, 247)  # coded values between which a gain is measured
+_LIGHT_SIDE = 160  # pixels of the longer side in which a gain is measured
+_LEAST_LIT = 0.02  # share of the picture that must be neither black nor clipped
+_MEASURED = np.where((np.arange(256) > 8) & (np.arange(256) < 248), SRGB_LINEAR, np.float32(np.nan))  # by coded value
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ class Follower:
         self._stretch = self._number = -1
         self._grey = self._key_grey = np.empty((0, 0), np.uint8)
         self._corners = self._at = np.empty((0, 2), np.float32)
-        self._colours = np.empty((0, 3), np.float32)
+        self._light = np.empty((0, 0, 3), np.float32)  # of the keyframe, as `_linear` has it
         self._sought = 1
         self._unproven: Frame | None = None  # the keyframe while no frame was followed from it
         self.new_key: Key | None = None  # from which the last frame was the first to be followed
@@ -86,7 +88,7 @@ class Follower:
             self._make_key(frame, grey)
         else:
             self._prove()
-            self._corners, self._at, self._colours = (v[found] for v in (self._corners, self._at, self._colours))
+            self._corners, self._at = self._corners[found], self._at[found]
         self._grey = grey
         makes = self._number + 1 if not lost and self._is_far() else None
         at = (frame.index, frame.time, self._number, self._stretch)
@@ -139,7 +141,7 @@ class Follower:
         found = self._cv2.goodFeaturesToTrack(grey, POINTS, 0.005, max(6, max(grey.shape) // 64), blockSize=5)
         self._corners = np.empty((0, 2), np.float32) if found is None else found.reshape(-1, 2).astype(np.float32)
         self._at, self._sought = self._corners.copy(), max(len(self._corners), 1)
-        self._colours = self._sampled(frame.pixels)
+        self._light, _ = self._linear(frame.pixels)
         self._unproven = frame
 
     def _is_far(self) -> bool:
@@ -153,19 +155,27 @@ class Follower:
         a, b = (centred(v, width, height).astype(np.float32) for v in (self._corners, self._at))
         return Matches(a, b, pixel)
 
-    def _sampled(self, pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Coded values (N, 3) around the points, averaged over 9 x 9 pixels."""
-        soft = self._cv2.blur(pixels, (9, 9))
-        x, y = np.round(self._at).astype(int).T if len(self._at) else np.empty((2, 0), int)
-        rows, columns = np.clip(y, 0, pixels.shape[0] - 1), np.clip(x, 0, pixels.shape[1] - 1)
-        return np.asarray(soft[rows, columns])
-
     def _gained(self, pixels: NDArray[np.uint8]) -> Floats:
-        """Median ratios (3,) of linear values to the keyframe's, by points that are neither black nor clipped."""
-        now = self._sampled(pixels)
-        both = np.stack([now, self._colours.astype(np.uint8)])
-        fit = np.all((both > _CODED[0]) & (both < _CODED[1]), axis=(0, 2))
-        if np.count_nonzero(fit) < FEWEST // 2:
+        """Median ratios (3,) of linear values to the keyframe's, pixel by pixel where both show the same.
+
+        A homography that the points obey says where that is. Around the points alone things look larger or smaller
+        as the camera turns, so that there the ratio would not be that of the light.
+        """
+        if len(self._at) < FEWEST:
             return np.ones(3)
-        log = np.log(SRGB_LINEAR[both[0][fit]] / SRGB_LINEAR[both[1][fit]])
-        return np.asarray(np.exp(np.median(log, axis=0)), dtype=np.float64)
+        now, scale = self._linear(pixels)
+        moved, _ = self._cv2.findHomography(scale * self._corners, scale * self._at, self._cv2.RANSAC, 1.0)
+        if moved is None:
+            return np.ones(3)
+        before = self._cv2.warpPerspective(self._light, moved, now.shape[1::-1], borderValue=(np.nan,) * 3)
+        both = np.isfinite(before).all(axis=-1) & np.isfinite(now).all(axis=-1)
+        if np.count_nonzero(both) < _LEAST_LIT * both.size:
+            return np.ones(3)
+        return np.asarray(np.median(now[both] / before[both], axis=0), dtype=np.float64)
+
+    def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
+        """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
+        scale = min(1.0, _LIGHT_SIDE / max(pixels.shape[:2]))
+        size = (round(pixels.shape[1] * scale), round(pixels.shape[0] * scale))
+        small = self._cv2.resize(self._cv2.LUT(pixels, _MEASURED), size, interpolation=self._cv2.INTER_AREA)
+        return np.asarray(small), scale

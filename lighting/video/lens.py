@@ -16,6 +16,8 @@ FEW_PAIRS = 4  # fewer keyframes tell too little of the lens
 LEAST_MOVED = 0.1  # half diagonals that points move, below which a turn says nothing of the lens
 LENS_SPREAD = 5.0  # deg, one standard deviation of the network's field of view
 STATED_LENS_SPREAD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
+CLEAR = 0.5  # share of matches that agree with a rotation, below which it tells nothing of the lens
+MOST_SPREADS = 3.0  # of the network's field of view, within which a walk is believed
 LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
 
 
@@ -27,7 +29,7 @@ def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
     stated = around.facts.vertical_fov if around.given.use_exif else None
     values, spreads = [stated or seen], [STATED_LENS_SPREAD if stated else LENS_SPREAD]
     for turn in _lens_turns(watched):
-        if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
+        if turn is not None and tells_lens(turn, values[0]):
             values.append(turn.vertical_fov[0])
             spreads.append(math.hypot(turn.fov_sigma, LENS_FLOOR))
     weight = np.square(1.0 / np.array(spreads))
@@ -46,6 +48,16 @@ def _lens_turns(watched: Watched) -> Iterator[Turn | None]:
         far = [step for step in watched.steps if step.makes is not None] + [watched.steps[-1]]
         for step in [s for s in far if moved(s.matches) > LEAST_MOVED][-FEW_PAIRS:]:
             yield rotation_of(step.matches, watched.size, watched.size)
+
+
+def tells_lens(turn: Turn, said: float) -> bool:
+    """Whether a turn by an unknown lens tells it, where metadata or the network `said` a field of view [deg].
+
+    A camera that walks ahead tells next to nothing of its lens, and now and then something far off.
+    """
+    far = abs(turn.vertical_fov[0] - said) > MOST_SPREADS * LENS_SPREAD
+    clear = not far if turn.translates else turn.inliers >= CLEAR * turn.matches
+    return clear and turn.fov_sigma < 2 * LENS_SPREAD
 
 
 def moved(matches: Matches) -> float:

@@ -11,11 +11,12 @@ from lighting.errors import VideoError
 from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
 from lighting.turns.rays import focal_of
+from lighting.turns.upright import common_up, level, up_in_camera
 from lighting.video.follow import Step
 from lighting.video.keyframes import JOINS, Link, averaged, chained, loops, turn_between
 from lighting.video.lens import lens_of
 from lighting.video.light import Look, ShotLight
-from lighting.video.path import Path, common_up, level, path_of, up_in_camera
+from lighting.video.path import Path, path_of
 from lighting.video.telemetry import Gimbal
 from lighting.video.turning import Turning, turning
 from lighting.video.watched import Circumstances, Watched

@@ -17,12 +17,12 @@ from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
+from lighting.turns.upright import angles_of, level, up_in_camera
 from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
-from lighting.video.lens import LENS_FLOOR, LENS_SPREAD
+from lighting.video.lens import LENS_FLOOR, LENS_SPREAD, tells_lens
 from lighting.video.light import Look, ShotLight
-from lighting.video.path import angles_of, level, up_in_camera
 from lighting.video.shot import is_believed, luminance_gain, north_of
 from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
@@ -190,7 +190,7 @@ class _Lens:
         if self._given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
             return
         turn = turn_between(a, b, None)
-        if turn is not None and not turn.translates and turn.fov_sigma < 2 * LENS_SPREAD:
+        if turn is not None and tells_lens(turn, self._seen):
             weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
 

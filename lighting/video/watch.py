@@ -70,14 +70,22 @@ class Watcher:
 def shots_watched(
     frames: Iterable[Frame], model: Model, every: float = EVERY, progress: Callable[[float], Any] | None = None
 ) -> Iterator[Watched]:
-    """What each shot of a clip shows, as soon as it is over; `progress` is told the time [s] of each frame."""
-    watcher = Watcher(model, every)
-    for frame in frames:
-        yield from watcher.take(frame)
-        if progress is not None:
-            progress(frame.time)
+    """What each shot of a clip shows, as soon as it is over; `progress` is told the time [s] of each frame.
+
+    An interruption by the user ends the last shot where the clip had been read to, and is raised after that.
+    """
+    watcher, interruption = Watcher(model, every), None
+    try:
+        for frame in frames:
+            yield from watcher.take(frame)
+            if progress is not None:
+                progress(frame.time)
+    except KeyboardInterrupt as error:
+        interruption = error
     if (rest := watcher.watched()).steps:
         yield from split(rest)
+    if interruption is not None:
+        raise interruption
 
 
 def see(model: Model, pixels: Pixels) -> Prediction:

@@ -90,7 +90,7 @@ def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
     assert abs(float(angles(best_guess(ring, FINE))[1]) - el) < 6.0
 
 
-def prediction(**values: float) -> Prediction:
+def prediction(**values: Any) -> Prediction:
     grid = "fibonacci:1024"
     given: dict[str, Any] = {
         "sun_visibility": 0.8,

@@ -76,7 +76,7 @@ def test_a_set_with_matched_headings_has_the_sun_of_true_ones(panoramas: list[Pa
 
 
 def test_the_report_is_markdown(data: Path) -> None:
-    text = report.report(data, "val", ["pairs"])
+    text = report.report(report.Asked(data, ["pairs"], count=2))
     assert "## Two photos of one panorama (2 places)" in text
     assert "Photos of two different places: 0 of 2" in text
 

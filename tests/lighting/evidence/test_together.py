@@ -7,9 +7,10 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import Evidence, Fused, fuse
-from lighting.evidence.together import CORRELATION, elevation_density, fuse_together, power, seen_from
+from lighting.evidence.together import ELEVATION_CORRELATION, elevation_density, fuse_together, power, seen_from
 from lighting.geometry import wrap_azimuth
 from lighting.records import Prediction
+from lighting.turns import Placed
 from tests.lighting.evidence.test_fusion import GRID, UNIFORM, lobe, prediction
 
 NOTHING = Evidence()
@@ -55,6 +56,27 @@ def test_known_headings_bring_the_suns_into_one_frame_and_narrow_them() -> None:
     assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
     assert all(a.sun.radius_90 < fuse(p, NOTHING).sun.radius_90 for a, p in zip(answers, said, strict=True))
     assert answers[0].used == ("pixels", "other photos")
+
+
+def test_turns_by_matches_serve_nearly_as_well_as_exact_ones() -> None:
+    said = views(60.0, TURNS)
+    exact = fuse_together(said, [NOTHING] * 3, TURNS)
+    matched = fuse_together(said, [NOTHING] * 3, None, placed((0, 0, 0)))
+    for a, b in zip(matched, exact, strict=True):
+        assert abs(float(wrap_azimuth(a.sun.azimuth - b.sun.azimuth))) < 0.3
+        assert a.used == ("pixels", "turns", "other photos")
+
+
+def test_a_photo_that_no_match_connects_says_so() -> None:
+    answers = fuse_together(views(60.0, TURNS), [NOTHING] * 3, None, placed((0, 0, 1)))
+    assert [a.used for a in answers] == [("pixels", "turns", "other photos")] * 2 + [("pixels", "other photos")]
+    assert [len(a.warnings) for a in answers] == [0, 0, 1]
+
+
+def placed(groups: tuple[int, ...]) -> list[Placed]:
+    """Photos at TURNS, as matches would turn them in these groups."""
+    first = {g: TURNS[groups.index(g)] for g in groups}
+    return [Placed(g, t - first[g], 0.3, 0.0, 0.0, 50.0) for g, t in zip(groups, TURNS, strict=True)]
 
 
 def test_a_photo_that_sees_nothing_leaves_the_others_their_answer() -> None:
@@ -174,10 +196,10 @@ def test_what_contradicts_itself_is_refused(
 
 
 def test_correlated_photos_count_as_fewer() -> None:
-    assert power(1, CORRELATION) == 1.0
+    assert power(1, ELEVATION_CORRELATION) == 1.0
     assert power(4, 0.0) == 1.0
     assert power(4, 1.0) == 0.25
-    assert 8 * power(8, CORRELATION) < 1 / CORRELATION
+    assert 8 * power(8, ELEVATION_CORRELATION) < 1 / ELEVATION_CORRELATION
 
 
 def test_a_turned_camera_sees_the_sun_turned_the_other_way() -> None:

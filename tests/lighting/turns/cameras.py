@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.turns import Matches
 from lighting.turns.rays import focal_of, project
-from lighting.turns.sets import own_axes
+from lighting.turns.upright import own_axes
 
 SIZE = (640, 480)
 PIXEL = 2.0 / float(np.hypot(*SIZE))

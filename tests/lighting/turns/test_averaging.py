@@ -6,7 +6,7 @@ import pytest
 from lighting.turns import Turn
 from lighting.turns.averaging import average, components
 from lighting.turns.rays import rotation_about, rotation_vector
-from lighting.turns.sets import own_axes
+from lighting.turns.upright import own_axes
 
 CAMERAS = [own_axes(azimuth, 3.0, -1.0) for azimuth in (0.0, 25.0, 50.0, 80.0)]
 

@@ -5,7 +5,7 @@ import pytest
 
 from lighting.turns.parallax import epipolar_inliers, motion, sampson
 from lighting.turns.rays import focal_of, rotation_vector
-from lighting.turns.sets import own_axes
+from lighting.turns.upright import own_axes
 from tests.lighting.turns.cameras import SIZE, matches, turn
 
 pytest.importorskip("cv2")

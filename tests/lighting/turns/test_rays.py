@@ -17,7 +17,7 @@ from lighting.turns.rays import (
     rotation_vector,
     vertical_fov_of,
 )
-from lighting.turns.sets import own_axes
+from lighting.turns.upright import own_axes
 from tests.lighting.turns.cameras import SIZE
 
 vectors = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)

@@ -5,7 +5,8 @@ import pytest
 
 from lighting.geometry import wrap_azimuth
 from lighting.turns import Shot, features, place
-from lighting.turns.sets import about, own_axes, vertical
+from lighting.turns.sets import about
+from lighting.turns.upright import own_axes
 from tests.lighting.turns.cameras import Camera, picture, texture
 
 pytest.importorskip("cv2")
@@ -51,14 +52,6 @@ def test_identical_photos_look_the_same_way() -> None:
 def test_one_photo_is_its_own_group() -> None:
     (only,) = place(shots(0, CAMERAS[:1]))
     assert (only.group, only.heading, only.vertical_fov) == (0, 0.0, None)
-
-
-def test_the_vertical_outvotes_one_wrong_camera() -> None:
-    rotations = np.array([own_axes(*c) @ own_axes(*CAMERAS[0]).T for c in CAMERAS])
-    tilts = [(c[1], c[2]) for c in CAMERAS[:2]] + [(30.0, 20.0)]
-    up = vertical(tilts, rotations)
-    true = own_axes(*CAMERAS[0])[:, 1]
-    assert np.degrees(np.arccos(up @ true)) < 3.0
 
 
 def test_angles_about_a_vertical_are_those_of_geometry() -> None:

@@ -34,11 +34,16 @@ def panorama(seed: int = 0) -> Pixels:
 
 def look(azimuth: float, elevation: float = 0.0, roll: float = 0.0, *, seed: int = 0, gain: float = 1.0) -> Pixels:
     """What a camera sees; `gain` multiplies the coded values."""
-    picture = panorama(seed)
-    rays = camera_directions(Pinhole(*SIZE, FOV, azimuth, elevation, roll))
+    shown = seen(panorama(seed), azimuth, elevation, roll)
+    return np.asarray(np.clip(np.asarray(shown, dtype=np.float64) * gain, 0, 255), dtype=np.uint8)
+
+
+def seen(picture: Pixels, azimuth: float, elevation: float = 0.0, roll: float = 0.0, *, fov: float = FOV) -> Pixels:
+    """What a camera sees of a panorama (H, 2H, 3)."""
+    rays = camera_directions(Pinhole(*SIZE, fov, azimuth, elevation, roll))
     pixel = (latlong_pixel(rays, len(picture)) - 0.5).astype(np.float32)
-    seen = cv2.remap(picture, pixel[..., 0], pixel[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    return np.asarray(np.clip(np.asarray(seen, dtype=np.float64) * gain, 0, 255), dtype=np.uint8)
+    shown = cv2.remap(picture, pixel[..., 0], pixel[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    return np.asarray(shown, dtype=np.uint8)
 
 
 def orientation(azimuth: float, elevation: float = 0.0, roll: float = 0.0) -> Floats:

@@ -6,8 +6,9 @@ import pytest
 from lighting.geometry import Floats
 from lighting.turns.rays import focal_of, rotation_vector
 from lighting.video.follow import Follower
+from lighting.video.shot import _gains
 from lighting.video.turning import turning
-from tests.lighting.video.clips import FOV, SIZE, Pixels, frames, look, orientation, pan
+from tests.lighting.video.clips import FOV, SIZE, Pixels, frames, look, orientation, pan, seen
 
 
 def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> None:
@@ -38,6 +39,17 @@ def test_gains_are_followed_and_do_not_disturb() -> None:
     steps = [follower.follow(frame) for frame in frames(pictures)]
     assert {step.stretch for step in steps} == {0}
     assert steps[-1].gain == pytest.approx([0.78**2.3] * 3, rel=0.08)  # sRGB's curve is near a power of 2.3 there
+
+
+def test_a_turn_is_no_gain() -> None:
+    dots = np.full((512, 1024, 3), 150, np.uint8)  # dark dots look larger towards the picture's edge
+    for x, y in np.random.default_rng(0).integers((0, 0), (1024, 512), (1500, 2)).tolist():
+        dots[y : y + 3, x : x + 3] = 40
+    follower = Follower()
+    wide = [seen(dots, 0.0, 1.5 * i, fov=70.0) for i in range(15)]
+    steps = [follower.follow(frame) for frame in frames(wide)]
+    assert {step.stretch for step in steps} == {0}
+    assert _gains(steps)[-1] == pytest.approx([1.0] * 3, rel=0.02)
 
 
 def cuts(pictures: list[Pixels]) -> list[int]:

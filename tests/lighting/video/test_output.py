@@ -176,6 +176,20 @@ def test_what_was_done_before_an_interruption_stays(
     assert not (tmp_path / "out" / "lighting.jsonl").exists()
 
 
+def test_an_interrupted_shot_is_answered_as_far_as_it_was_read(clip: Path, network: Path, tmp_path: Path) -> None:
+    def stop(time: float) -> None:
+        if time > 0.4:
+            raise KeyboardInterrupt
+
+    job = output.Job(clip, tmp_path / "out", wanted=output.Wanted(height=32))
+    with pytest.raises(KeyboardInterrupt):
+        output.process(job, Model.load(network), stop)
+    times = [json.loads(line)["time"] for line in (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()]
+    assert times == sorted(times)
+    assert 0.4 < times[-1] < 0.5
+    assert (tmp_path / "out" / "shot-1.exr").exists()
+
+
 def test_metadata_tell_time_and_place_unless_told_not_to(network: Path, tmp_path: Path) -> None:
     noted = {
         "com.apple.quicktime.location.ISO6709": "+48.1375+011.5750/",

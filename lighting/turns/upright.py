@@ -1,0 +1,54 @@
+"""Up, and angles about it: what several cameras that are turned against each other say of the vertical together.
+
+Orientations are rotations (3, 3) from one common frame (x right, y up, its camera looks along -z) to a camera's own.
+"""
+
+import numpy as np
+
+from lighting.geometry import Floats, angles, camera_axes, direction
+
+
+def own_axes(azimuth: float, elevation: float, roll: float) -> Floats:
+    """The matrix (3, 3) that takes directions in the world to a camera's own frame; its angles in deg."""
+    return np.asarray(camera_axes(azimuth, elevation, roll) * np.array([[1.0], [1.0], [-1.0]]))
+
+
+def up_in_camera(elevation: float, roll: float) -> Floats:
+    """Where up is (3,) in the frame of a camera with these angles [deg]."""
+    return own_axes(0.0, elevation, roll)[:, 1]
+
+
+def common_up(orientations: Floats, ups: Floats) -> Floats:
+    """Up (3,) in the common frame, of what each camera (K, 3, 3) takes for it (K, 3).
+
+    The direction with the least sum of distances, by re-weighted means (Weiszfeld), so that a few far off count little.
+    """
+    there = np.einsum("kji,kj->ki", orientations, ups)
+    mean = _unit(there.mean(axis=0))
+    for _ in range(20):
+        weight = 1.0 / np.maximum(np.linalg.norm(there - mean, axis=1), np.radians(0.5))
+        mean = _unit(weight @ there)
+    return mean
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-12))
+
+
+def level(up: Floats) -> Floats:
+    """The rotation (3, 3) from the common frame to a level one: +Y up, azimuth 0 where the common camera points."""
+    up, ahead = _unit(up), np.array([0.0, 0.0, -1.0])
+    ahead = np.array([0.0, 1.0, 0.0]) * np.sign(-up[2] or 1.0) if abs(up[2]) > 0.999 else ahead
+    back = -_unit(ahead - (ahead @ up) * up)
+    return np.stack([np.cross(up, back), up, back])
+
+
+def angles_of(orientations: Floats, levelled: Floats) -> tuple[Floats, Floats, Floats]:
+    """Headings, elevations and rolls (N,) [deg] of cameras (N, 3, 3) in a frame as `level` gives it."""
+    axes = orientations @ levelled.T
+    right, forward = axes[:, 0], -axes[:, 2]
+    heading, elevation = angles(forward)
+    level_right = direction(heading + 90.0, 0.0)
+    level_up = np.cross(level_right, forward)
+    cosine, sine = np.sum(right * level_right, axis=1), -np.sum(right * level_up, axis=1)
+    return heading, elevation, np.asarray(np.degrees(np.arctan2(sine, cosine)))
