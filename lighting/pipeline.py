@@ -35,7 +35,7 @@ class Estimator:
         Raises ModelError, and ParameterError where the user's own time and place are of night.
         """
         facts = known(photo.facts, given)
-        return with_ground(photo, estimate_of(fuse_photo(self.predict(photo), facts.evidence), facts))
+        return with_ground(photo, estimate_of(fuse_photo(self.predict(photo), facts.evidence, photo.pixels), facts))
 
     def together(
         self,
@@ -51,13 +51,11 @@ class Estimator:
         it from what the photos show in common, by OpenCV of the extra `video`. Raises as a call does, and
         MissingExtraError without OpenCV.
         """
+        if len(photos) == 1:
+            return [self(photos[0], given)]
         facts = known_together([photo.facts for photo in photos], given)
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
-        placed = (
-            _placed(photos, said, [e.vertical_fov for e in evidence])
-            if match and headings is None and len(photos) > 1
-            else None
-        )
+        placed = _placed(photos, said, [e.vertical_fov for e in evidence]) if match and headings is None else None
         fused = fuse_together(said, evidence, headings, placed)
         return [
             with_ground(photo, estimate_of(answer, fact))

@@ -9,10 +9,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lighting.colour import luminance
 from lighting.decoding import best_guess
 from lighting.evidence.fusion import Evidence, Fused, fuse
-from lighting.geometry import Floats, angles, camera_axes, wrap_azimuth
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_pixel, wrap_azimuth
 from lighting.records import RANGES, Prediction
 from lighting.sun_grid import grid_directions, over_cells
 
@@ -23,13 +25,20 @@ _NEAR = 12.0  # deg around the answer
 _MOVED = 25.0  # deg around the answer in which the probability moves with the pixels
 _WIDEST = 16 / 9  # aspect ratio of the widest picture; the prediction does not know the photo's own
 _SAME = 0.02  # share by which two focal lengths may differ and count as one
+_GLARE = 3.0  # deg around its pixel in which a seen sun makes the picture white
+_WHITE = 245  # of 255, coded luminance
+_WHITE_SHARE = 0.03  # least share of the pixels there; 97 % of the crops that show the sun have more
 _FAR = (15.0, 12.0)  # deg of azimuth and elevation, from which the sun of time and place is not the one seen
 
 
-def fuse_photo(prediction: Prediction, evidence: Evidence) -> Fused:
-    """Fuse one photo's prediction with its evidence; errors as in `fuse`."""
+def fuse_photo(prediction: Prediction, evidence: Evidence, pixels: NDArray[np.uint8] | None = None) -> Fused:
+    """Fuse one photo's prediction with its evidence; errors as in `fuse`.
+
+    With its `pixels` (h, w, 3), a photo that is not white where the network has the sun counts as not showing it: then
+    the network knows the direction by more than a pixel.
+    """
     sun = shown_sun(prediction)
-    if sun is None:
+    if sun is None or (pixels is not None and not _glares(pixels, prediction, sun)):
         return fuse(prediction, evidence)
     moved = _through_lens(prediction, evidence.vertical_fov or prediction.vertical_fov, sun)
     return _levelled(fuse(moved, evidence), moved)
@@ -44,6 +53,17 @@ def shown_sun(prediction: Prediction) -> Floats | None:
     inside = abs(up) <= edge and abs(right) <= _WIDEST * edge
     sure = float(probability @ (cells @ sun >= math.cos(math.radians(_NEAR)))) >= _SHOWN
     return sun if inside and sure and prediction.sun_visibility >= 0.5 else None
+
+
+def _glares(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> bool:
+    """Whether the picture is white around the pixel of the sun (3,) by the network's own camera."""
+    height, width = pixels.shape[:2]
+    camera = Pinhole(width, height, prediction.vertical_fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
+    x, y = camera_pixel(sun, camera)
+    reach = camera.focal_length * math.tan(math.radians(_GLARE))
+    rows, columns = (slice(max(0, int(at - reach)), max(0, int(at + reach) + 1)) for at in (y, x))
+    around = pixels[rows, columns]
+    return around.size > 0 and float(np.mean(luminance(around) >= _WHITE)) >= _WHITE_SHARE
 
 
 def _through_lens(prediction: Prediction, vertical_fov: float, sun: Floats) -> Prediction:

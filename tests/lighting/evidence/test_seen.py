@@ -82,3 +82,14 @@ def test_without_a_seen_sun_nothing_changes() -> None:
         assert one.prediction == other.prediction
         assert one.sun == other.sun
         assert angle_between(one.directions, other.directions).max() == 0
+
+
+def test_a_sun_whose_pixel_is_not_white_is_not_moved_by_the_lens() -> None:
+    """As where a thin cloud spreads it: the network then knows its direction by more than a pixel."""
+    said, evidence = seen(), Evidence(vertical_fov=65.0)
+    grey = np.full((300, 400, 3), 120, np.uint8)
+    x, y = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    white = grey.copy()
+    white[int(y) - 5 : int(y) + 6, int(x) - 5 : int(x) + 6] = 255
+    assert fuse_photo(said, evidence, grey).sun == fuse(said, evidence).sun
+    assert fuse_photo(said, evidence, white).sun == fuse_photo(said, evidence).sun != fuse(said, evidence).sun
