@@ -61,11 +61,11 @@ def _strength(light: Light, visibility: float) -> dict[str, Any]:
 
     Under cloud the network states too weak a sky, for most such skies that it learnt from are clipped pictures.
     """
-    sky = light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * min(max(light.cover, 0.0), 1.0))
+    cover = float(np.clip(light.cover, 0.0, 1.0))
     return {
         "sun_irradiance": colour(light.sun_irradiance * fading(visibility), "sun_irradiance"),
-        "sky_irradiance": colour(sky, "sky_irradiance"),
-        "sky_cover": _significant(float(np.clip(light.cover, 0.0, 1.0))),
+        "sky_irradiance": colour(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
+        "sky_cover": _significant(cover),
         "suitable": _significant(float(np.clip(light.suitable, 0.0, 1.0))),
     }
 
