@@ -161,7 +161,7 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 @option("--out", "File to write. [default: RUN/NAME-VERSION.onnx]")
 @option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
-@option("--camera", "Run of a further network, which answers for the camera alone.", multiple=True)
+@option("--camera", "Run of a further network, which answers for the camera instead of the others.", multiple=True)
 @option("--sun", "Run of a further network, which answers for the sun alone.", multiple=True)
 @option("--elevation-scale", "Degrees of `prior`. [default: no prior]", click.FloatRange(10), math.inf)
 def onnx(

@@ -19,10 +19,11 @@ from lighting.sun_grid import grid_directions
 class Served(nn.Module):
     """Networks whose averaged answers are sun probabilities (B, G) and parameters (B, 6).
 
-    Further networks answer for one thing alone: `cameras` for the camera, `suns` for the sun. With an `elevation_scale`
-    [deg], the sun's probabilities are multiplied by exp(-elevation / scale): suns are lower in photographs than in the
-    training crops. A sun that the networks see in the picture enters the probabilities. Networks that learnt it also
-    say the light (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3).
+    Further networks answer for one thing alone: `cameras` for the camera, instead of the others, `suns` for the sun,
+    together with the others. With an `elevation_scale` [deg], the sun's probabilities are multiplied by
+    exp(-elevation / scale): suns are lower in photographs than in the training crops. A sun that the networks see in
+    the picture enters the probabilities. Networks that learnt it also say the light (B, 8) and the radiance around the
+    camera (B, ROWS, COLUMNS, 3).
     """
 
     cells: Tensor
@@ -56,10 +57,11 @@ class Served(nn.Module):
         looking = [*said, *(network(photo) for network in self.suns)]
         sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in looking]).mean(dim=0)
         sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
-        raw = [_raw(one) for one in said]
-        cameras = torch.stack([one[:, 2:5] for one in [*raw, *(_raw(network(photo)) for network in self.cameras)]])
-        mean = torch.stack(raw).mean(dim=0)
-        parameters = decode(torch.cat([mean[:, :2], cameras.mean(dim=0), mean[:, 5:]], dim=1))
+        mean = torch.stack([_raw(one) for one in said]).mean(dim=0)
+        if self.cameras:
+            camera = torch.stack([_raw(network(photo)) for network in self.cameras]).mean(dim=0)
+            mean = torch.cat([mean[:, :2], camera[:, 2:5], mean[:, 5:]], dim=1)
+        parameters = decode(mean)
         seen = [seen_probability(one.seen.float()) for one in looking if one.seen.shape[1]]
         if seen:
             rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])

@@ -60,3 +60,16 @@ def test_networks_together_answer_their_mean() -> None:
     torch.testing.assert_close(both[0], (alone[0][0] + alone[1][0]) / 2)
     torch.testing.assert_close(both[1][:, 2:5], (alone[0][1] + alone[1][1])[:, 2:5] / 2)
     torch.testing.assert_close(both[1][:, :2], (alone[0][1] * alone[1][1])[:, :2].sqrt())  # turbidity and exposure
+
+
+def test_a_network_for_the_camera_answers_for_it_instead_of_the_others() -> None:
+    torch.manual_seed(4)
+    first, camera = (build(SPECS["outdoor"], sees=False).eval() for _ in range(2))
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        sun, parameters = Served([first], GRID, cameras=[camera])(photo)
+        alone, instead = Served([first], GRID)(photo), Served([camera], GRID)(photo)
+    torch.testing.assert_close(sun, alone[0])
+    torch.testing.assert_close(parameters[:, 2:5], instead[1][:, 2:5])
+    torch.testing.assert_close(parameters[:, [0, 1, 5]], alone[1][:, [0, 1, 5]])
+    assert (parameters[:, 2:5] - alone[1][:, 2:5]).abs().max() > 0
