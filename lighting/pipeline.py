@@ -16,7 +16,7 @@ from lighting.evidence import (
     fit,
     fuse_photo,
     fuse_together,
-    known,
+    known_alone,
     known_together,
     series_of,
 )
@@ -51,7 +51,7 @@ class Estimator:
         of night.
         """
         _check_photo(photo)
-        facts = known(photo.facts, given)
+        facts = known_alone(photo.facts, given)
         return with_ground(photo, estimate_of(fuse_photo(self.predict(photo), facts.evidence, photo.pixels), facts))
 
     def together(

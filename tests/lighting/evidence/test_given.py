@@ -38,4 +38,5 @@ def test_the_impossible_and_the_contradictory_are_refused_in_one_sentence(said: 
 
 
 def test_numbers_of_numpy_are_taken() -> None:
-    assert Given(latitude=np.float32(48.5), longitude=np.int64(11)) == Given(latitude=48.5, longitude=11)
+    place: dict[str, Any] = {"latitude": np.float32(48.5), "longitude": np.int64(11)}
+    assert Given(**place) == Given(latitude=48.5, longitude=11)
