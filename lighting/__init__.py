@@ -32,3 +32,8 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     return getattr(import_module(f"lighting.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """With the public names, for completion."""
+    return sorted({*globals(), *__all__})

@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING
 
 from lighting.decoding import colour
 from lighting.envmap import photo_ground
-from lighting.evidence import Fit, Given, estimate_of, fit, fuse_photo, fuse_together, known, known_together, series_of
+from lighting.errors import PhotoError
+from lighting.evidence import (
+    Fit,
+    Given,
+    check_headings,
+    estimate_of,
+    fit,
+    fuse_photo,
+    fuse_together,
+    known_alone,
+    known_together,
+    series_of,
+)
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo, to_tensor
 from lighting.records import Estimate, Prediction
@@ -19,7 +31,10 @@ NOTHING_GIVEN = Given()
 
 
 class Estimator:
-    """A network ready for many photos; `Estimator()(read_photo("photo.jpg"))` is an Estimate."""
+    """A network ready for many photos; `Estimator()(read_photo("photo.jpg"))` is an Estimate.
+
+    Threads may share one. It cannot be pickled: each process loads its own.
+    """
 
     def __init__(self, model: Model | None = None) -> None:
         """Uses the network in this package unless given another; raises ModelError."""
@@ -32,9 +47,11 @@ class Estimator:
     def __call__(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Estimate:
         """The photo's light by its pixels, its metadata and what the user says of it.
 
-        Raises ModelError, and ParameterError where the user's own time and place are of night.
+        Raises ModelError, PhotoError for what is no Photo, and ParameterError where the user's own time and place are
+        of night.
         """
-        facts = known(photo.facts, given)
+        _check_photo(photo)
+        facts = known_alone(photo.facts, given)
         return with_ground(photo, estimate_of(fuse_photo(self.predict(photo), facts.evidence, photo.pixels), facts))
 
     def together(
@@ -48,11 +65,14 @@ class Estimator:
         """The light of photos of one place and time; one Estimate each, in its own camera's frame.
 
         `headings` [deg, clockwise from any common direction] say where each camera points; without them `match` finds
-        it from what the photos show in common, by OpenCV of the extra `video`. Raises as a call does, and
-        MissingExtraError without OpenCV.
+        it from what the photos show in common, by OpenCV of the extra `video`. Raises as a call does, ParameterError
+        unless there is one heading for each of several photos, and MissingExtraError without OpenCV.
         """
-        if len(photos) == 1:
-            return [self(photos[0], given)]
+        check_headings(len(photos), headings)
+        if len(photos) < 2:
+            return [self(photo, given) for photo in photos]
+        for photo in photos:
+            _check_photo(photo)
         facts = known_together([photo.facts for photo in photos], given)
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
         placed = _placed(photos, said, [e.vertical_fov for e in evidence]) if match and headings is None else None
@@ -78,6 +98,12 @@ class Estimator:
         fovs = [given.vertical_fov or photo.facts.vertical_fov for photo in photos]
         placed = _placed(photos, said, fovs) if headings is None and len(photos) > 1 else None
         return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
+
+
+def _check_photo(photo: object) -> None:
+    if not isinstance(photo, Photo):
+        kind = type(photo).__name__
+        raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
 
 
 def with_ground(photo: Photo, estimate: Estimate) -> Estimate:

@@ -134,7 +134,7 @@ class SunEstimate:
 
 @dataclass(frozen=True)
 class Lighting:
-    """The light of one photo and the camera that took it; units and ranges in RANGES."""
+    """The light of one photo and the camera that took it; units and ranges in RANGES. ParameterError for any other."""
 
     sun_azimuth: float
     sun_elevation: float
@@ -166,6 +166,7 @@ class Lighting:
     suitable: float | None = None
 
     def __post_init__(self) -> None:
+        plain_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOUR_RANGES, "camera_heading_probability")
         for name, (low, high) in RANGES.items():
             check_range(name, getattr(self, name), low, high)
         for name, (low, high) in OPTIONAL_RANGES.items():
@@ -281,7 +282,7 @@ class SunDistribution:
     """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""
 
     grid: str  # layout name, see sun_grid.py
-    probability: NDArray[np.float32]  # (N,) over the grid's cells, sums to 1
+    probability: NDArray[np.float32] = field(repr=False)  # (N,) over the grid's cells, sums to 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +291,7 @@ class Estimate:
 
     lighting: Lighting
     distribution: SunDistribution  # with all evidence counted
-    around: NDArray[np.float32] | None = None  # AROUND_SHAPE, radiance of the place without the sun, if predicted
+    around: NDArray[np.float32] | None = field(default=None, repr=False)  # AROUND_SHAPE, radiance without the sun
 
     @property
     def evidence(self) -> tuple[str, ...]:
@@ -345,6 +346,16 @@ def check_range(name: str, value: object, low: float, high: float) -> None:
         raise ParameterError(f"{name} must be a finite number, not {reprlib.repr(value)}.")
     if not low <= float(value) <= high:
         raise ParameterError(f"{name} is {float(value):g}; it must lie in {low:g} to {high:g}.")
+
+
+def plain_numbers(record: object, *names: str) -> None:
+    """Turn numpy's numbers in these fields of a frozen record into Python's, in tuples too."""
+    for name in names:
+        value = getattr(record, name)
+        if isinstance(value, np.generic):
+            object.__setattr__(record, name, value.item())
+        elif isinstance(value, list | tuple | np.ndarray):
+            object.__setattr__(record, name, tuple(v.item() if isinstance(v, np.generic) else v for v in value))
 
 
 def _is_finite(value: object) -> TypeGuard[int | float]:

@@ -18,6 +18,7 @@ from server.service import Service, Services
 
 UNCOUNTED = ("/livez", "/readyz", "/healthz", "/metrics")
 UNMATCHED = "unmatched"  # label of requests that match no route
+METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
 _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
 
 access = logging.getLogger("server.access")
@@ -91,7 +92,8 @@ class Observed:
         route = getattr(scope.get("route"), "path", UNMATCHED)
         if route in UNCOUNTED:
             return
-        method = scope["method"] if route != UNMATCHED else "any"
+        method = scope["method"] if scope["method"] in METHODS else "other"
+        method = "any" if route == UNMATCHED else method
         self.service.metrics.requests.labels(method, route, status).inc()
         self.service.metrics.latency.labels(route).observe(seconds)
         access.info("%s %s %s %.0f ms id=%s", method, route, status, 1000 * seconds, scope["request_id"])

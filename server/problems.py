@@ -77,6 +77,16 @@ KINDS = (
     NOT_READY,
     BUSY,
 )
+_WORDS = {  # plainer than pydantic's, by its name of the error
+    "missing": "is missing",
+    "extra_forbidden": "is not known here",
+    "literal_error": "must be {expected}",
+    "model_type": "must be a JSON object",
+    "list_type": "must be a list",
+    "string_type": "must be a text",
+    "too_short": "must have at least {min_length} values",
+    "too_long": "must have at most {max_length} values",
+}
 _OF_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
 
 
@@ -158,9 +168,11 @@ def _invalid_request(error: RequestValidationError) -> ProblemError:
 
 def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
     """A field, its place, what is wrong with it and, for a number, its range."""
-    limits = {name: value for name, value in found.get("ctx", {}).items() if name in ("minimum", "maximum")}
+    context = found.get("ctx", {})
+    limits = {name: value for name, value in context.items() if name in ("minimum", "maximum")}
     field = ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0])
-    return {"field": field, "place": found["loc"][0], "detail": found["msg"], **limits}
+    detail = _WORDS[found["type"]].format(**context) if found["type"] in _WORDS else found["msg"]
+    return {"field": field, "place": found["loc"][0], "detail": detail, **limits}
 
 
 async def answer(request: Request, error: Exception) -> JSONResponse:

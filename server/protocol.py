@@ -37,10 +37,15 @@ class BoundedProtocol(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         while data and not self.transport.is_closing():
-            size = _PIECE if self.conn.their_state is h11.IDLE else len(data)
+            size = self._piece() if self.conn.their_state is h11.IDLE else len(data)
             super().data_received(data[:size])
             data = data[size:]
         self._watch()
+
+    def _piece(self) -> int:
+        """The number of bytes that h11 sees next of a head, which it measures only where it is not yet whole."""
+        waiting = len(self.conn.trailing_data[0])
+        return max(1, min(_PIECE, HEADER_BYTES - waiting))
 
     def send_400_response(self, msg: str) -> None:
         """Answer what h11 could not read; the exception that is handled just now says why."""

@@ -94,14 +94,19 @@ class Body:
             _refuse_others(form)
             fields = form.getlist(PHOTO_FIELD)
             files = [field for field in fields if isinstance(field, UploadFile)]
-            if not files or len(files) < len(fields):
+            if not 1 <= len(files) == len(fields) <= most:
                 wanted = "one file" if most == 1 else f"1 to {most} files"
                 raise problems.invalid(PHOTO_FIELD, f"The form needs {wanted} in this field and nothing else.", "form")
             return [await file.read() for file in files]
 
     @asynccontextmanager
     async def _form(self, most: int) -> AsyncIterator[FormData]:
-        parser = _Form(self.request.headers, self._chunks(self.limits.max_bytes), max_files=most, max_fields=MAX_FIELDS)
+        parser = _Form(
+            self.request.headers,
+            self._chunks(self.limits.max_bytes),
+            max_files=max(most, MAX_FIELDS),
+            max_fields=MAX_FIELDS,
+        )
         parser.spool_max_size = self.limits.max_bytes + 1  # in memory, never on disk
         try:
             form = await parser.parse()

@@ -22,8 +22,10 @@ def find_photos(pattern: str) -> tuple[str, list[str]]:
     """A folder, and the sorted names of photos relative to it.
 
     `pattern` is a folder, whose photos count at any depth, or a glob, whose folder is the part before its first
-    wildcard. Raises BatchError if there is no photo.
+    wildcard. Raises BatchError if there is no photo, and for an empty pattern, as an unset variable of a shell is.
     """
+    if not pattern:
+        raise BatchError("The input is empty; it must be a folder or a pattern.")
     if Path(pattern).is_dir():
         source, names = pattern, list(_files_below(Path(pattern), SUFFIXES))
     else:

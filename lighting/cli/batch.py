@@ -60,7 +60,7 @@ class _Options:
 @cli.command()
 @click.argument("input")
 @click.argument("out")
-@click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as NAME.exr.")
+@click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @map_options
 @surroundings_option
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")

@@ -25,15 +25,35 @@ if TYPE_CHECKING:
     from lighting.records import Estimate, Lighting
 
 
-def read_bytes(name: str) -> bytes:
-    return stdin().read() if name == "-" else Path(name).read_bytes()
+MOST_OF_RECORD = 1_000_000  # bytes; a record with 360 headings has 4,000
+
+
+@contextmanager
+def opened(name: str) -> Iterator[BinaryIO]:
+    """The file, or stdin for "-", to read from."""
+    if name == "-":
+        yield stdin()
+    else:
+        with Path(name).open("rb") as stream:
+            yield stream
+
+
+def picture_bytes(name: str) -> bytes:
+    """What the file of an EXR holds, or that of a photo as far as a photo may; PhotoTooLargeError or OSError."""
+    from lighting.files import MAGIC
+    from lighting.photo import MAX_BYTES
+
+    with opened(name) as stream:
+        head = stream.read(len(MAGIC))
+        return head + (stream.read() if head == MAGIC else stream.read(MAX_BYTES))
 
 
 def photo_bytes(name: str) -> bytes:
     """What the file of a photo holds, as far as a photo may; PhotoError, PhotoTooLargeError or OSError."""
     from lighting.photo import photo_data
 
-    return photo_data(stdin() if name == "-" else name)
+    with opened(name) as stream:
+        return photo_data(stream)
 
 
 @contextmanager
@@ -63,8 +83,12 @@ def open_lighting(name: str) -> "Lighting":
     """The record in a JSON file, bare or in the line that `estimate --json` printed."""
     from lighting.records import Lighting
 
+    with opened(name) as stream:
+        data = stream.read(MOST_OF_RECORD + 1)
+    if len(data) > MOST_OF_RECORD:
+        raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
     try:
-        record = json.loads(read_bytes(name).decode("utf-8-sig"))
+        record = json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"{shown(name)} does not hold one JSON record: {error}.") from error
     if isinstance(record, dict) and "error" in record:

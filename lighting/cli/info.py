@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import naming, open_lighting, read_bytes
+from lighting.cli.files import naming, open_lighting, picture_bytes
 from lighting.cli.group import cli
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def _describe_picture(file: str) -> dict[str, Any]:
     from lighting.files import MAGIC
     from lighting.photo import read_photo
 
-    data = read_bytes(file)
+    data = picture_bytes(file)
     if data.startswith(MAGIC):
         return _describe_map(data)
     with naming(file):

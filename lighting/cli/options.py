@@ -75,7 +75,9 @@ height_option = click.option(
     "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
 )
 sun_option = click.option(
-    "--sun/--no-sun", default=None, help="Whether direct sunlight is in it; by default if it likely shines."
+    "--sun/--no-sun",
+    default=None,
+    help="Whether direct sunlight is in it; by default where the light states its power, or where it likely shines.",
 )
 
 

@@ -35,6 +35,13 @@ def _point(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tu
     return x, y
 
 
+def _direction(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    found = _point(ctx, param, text)
+    if found is not None and not (abs(found[0]) <= 360.0 and 0.0 <= found[1] <= 90.0):
+        raise click.BadParameter(f"{text!r} is no direction: azimuth -360 to 360, elevation 0 to 90.")
+    return found
+
+
 @probe.command()
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lens", "kind", type=click.Choice(KINDS), required=True, help="What took the pictures.")
@@ -163,7 +170,7 @@ def _fit_in_words(made: "Probe") -> str:
 
 @probe.command()
 @click.argument("sky", metavar="PROBE.exr", type=click.Path(exists=True, dir_okay=False))
-@click.option("--sun", metavar="AZIMUTH,ELEVATION", callback=_point, help="Where it is, deg. [found in the map]")
+@click.option("--sun", metavar="AZIMUTH,ELEVATION", callback=_direction, help="Where it is, deg. [found in the map]")
 @click.option("--json", "as_json", is_flag=True, help="One JSON record.")
 def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
     """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""

@@ -20,7 +20,14 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 @stereo.command()
 @click.argument("day", type=_FOLDER)
-@click.option("-o", "--output", required=True, metavar="FOLDER", type=click.Path(file_okay=False, path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="FOLDER",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Gets what is found.",
+)
 @click.option("--lat", "latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
 @click.option("--lon", "longitude", type=click.FloatRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
 @click.option("--heading", type=float, metavar="DEG", help="Where the camera looks, if EXIF lacks it.")

@@ -90,7 +90,7 @@ def report_unmatched(quiet: bool, together: bool, headings: Sequence[float] | No
 
 def shown(name: str) -> str:
     """The name of a file for a terminal, without anything that the terminal would obey."""
-    return "stdin" if name == "-" else printable(click.format_filename(name))
+    return {"-": "stdin", "": "''"}.get(name) or printable(click.format_filename(name))
 
 
 def printable(text: str) -> str:

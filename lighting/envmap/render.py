@@ -7,6 +7,7 @@ integrals equal them; else they follow from `exposure` x the sky model's radianc
 
 import math
 from dataclasses import replace
+from numbers import Integral
 
 import numpy as np
 
@@ -84,7 +85,12 @@ def with_irradiance(lighting: Lighting) -> Lighting:
 
 
 def _check_height(height: int) -> None:
-    if isinstance(height, bool) or not isinstance(height, int) or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
+    if (
+        isinstance(height, bool)
+        or not isinstance(height, Integral)
+        or height % 2
+        or not MIN_HEIGHT <= height <= MAX_HEIGHT
+    ):
         raise ParameterError(f"height is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}.")
 
 

@@ -43,8 +43,8 @@ def contradictions(
         yield f"The pixels all but exclude the compass heading of {compass[0]:.0f}°."
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
         yield (
-            f"The focal length gives a vertical field of view of {vertical_fov:.0f}°, the pixels "
-            f"{prediction.vertical_fov:.0f}°: the photo may be cropped."
+            f"The vertical field of view is {vertical_fov:.0f}° by what is known of the lens, "
+            f"{prediction.vertical_fov:.0f}° by the pixels: the photo may be cropped."
         )
 
 

@@ -1,12 +1,13 @@
 """What the user says about a photo."""
 
+import reprlib
 from dataclasses import dataclass, field, fields
 from datetime import datetime
 from typing import Any
 
 from lighting.errors import ParameterError
 from lighting.photo import OFFSETS, YEARS
-from lighting.records import OPTIONAL_RANGES, RANGES, check_range
+from lighting.records import OPTIONAL_RANGES, RANGES, check_range, plain_numbers
 
 # The names of options and HTTP parameters that differ from the fields of Given.
 SHORT_NAMES = {"exif": "use_exif", "lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
@@ -29,6 +30,7 @@ class Given:
     keep_location: bool = False  # whether the answer may hold latitude and longitude
 
     def __post_init__(self) -> None:
+        plain_numbers(self, "utc_offset", "latitude", "longitude", "heading", "vertical_fov")
         ranges = {"utc_offset": OFFSETS, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
         for name, (low, high) in {**ranges, **{key: OPTIONAL_RANGES[key] for key in ("latitude", "longitude")}}.items():
             if (value := getattr(self, name)) is not None:
@@ -42,6 +44,9 @@ class Given:
         return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) != f.default}
 
     def _check_time(self) -> None:
+        if not isinstance(self.time, datetime | None):
+            said = reprlib.repr(self.time)
+            raise ParameterError(f"time must be a datetime, not {said}; lighting.photo.read_time makes one of a text.")
         if self.time is not None and not YEARS[0] <= self.time.year <= YEARS[1]:
             raise ParameterError(f"The time must lie in the years {YEARS[0]} to {YEARS[1]}.")
         if self.time is not None and self.time.tzinfo is not None and self.utc_offset is not None:

@@ -54,6 +54,15 @@ def known(facts: PhotoFacts, given: Given) -> Known:
     return Known(evidence, warnings, sun_is_up, bool(candidates) and highest < CIVIL_TWILIGHT, location)
 
 
+def known_alone(facts: PhotoFacts, given: Given) -> Known:
+    """The same for a photo that stands alone, where a heading without time and place tells nothing."""
+    found = known(facts, given)
+    if given.heading is None or found.evidence.candidates or found.warnings:
+        return found
+    warning = "The heading was not used, because time and place of the photo are not both known."
+    return replace(found, warnings=(warning,))
+
+
 def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
     """The evidence of photos taken together. If one of them was taken at night by its metadata, no time is used."""
     there = of_one_place(facts)

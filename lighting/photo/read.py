@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
-from io import BytesIO
+from io import BytesIO, TextIOBase
 from pathlib import Path
 from typing import BinaryIO
 
@@ -30,7 +30,7 @@ from lighting.photo.png import check_chunks
 from lighting.photo.raw import KIND, described, is_raw, preview
 from lighting.photo.webp import canvas
 
-Source = str | os.PathLike[str] | bytes | BinaryIO
+Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 
 MAX_BYTES = 64_000_000
 MAX_PIXELS = 128_000_000  # lets the 108-megapixel photos of phones pass
@@ -49,10 +49,10 @@ _FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 class Photo:
     """An upright photo."""
 
-    pixels: NDArray[np.uint8]  # (h, w, 3) sRGB, perhaps smaller than the photo in the file
+    pixels: NDArray[np.uint8] = field(repr=False)  # (h, w, 3) sRGB, perhaps smaller than the photo in the file
     width: int  # of the upright photo in the file, pixels
     height: int
-    format: str  # "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", "WEBP", "TIFF", "AVIF", "HEIF", "RAW"
+    format: str  # as Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", ...; "RAW", "PIXELS"
     facts: PhotoFacts = field(default_factory=PhotoFacts)  # what its EXIF block says
 
 
@@ -95,7 +95,7 @@ def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
     if isinstance(source, str | os.PathLike):
         with Path(source).open("rb") as stream:
             return photo_data(stream, max_bytes)
-    data = source if isinstance(source, bytes) else _drain(source, max_bytes + 1)
+    data = bytes(source) if isinstance(source, bytes | bytearray | memoryview) else _drain(source, max_bytes + 1)
     if len(data) > max_bytes:
         raise PhotoTooLargeError(f"The photo is larger than the limit of {max_bytes / 1e6:g} MB.")
     if not data:
@@ -104,6 +104,11 @@ def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def _drain(stream: BinaryIO, limit: int) -> bytes:
+    if isinstance(stream, TextIOBase):
+        raise PhotoError("The file is open as text; a photo is read from one that is open in binary mode.")
+    if not hasattr(stream, "read"):
+        kind = type(stream).__name__
+        raise PhotoError(f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_of takes pixels.")
     chunks: list[bytes] = []
     while limit > 0 and (chunk := stream.read(min(limit, _CHUNK))):
         chunks.append(chunk)
@@ -119,7 +124,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     check_scans(data)
     check_chunks(data)
     if size := canvas(data):
-        _check_size(*size, most("WEBP", max_pixels), NAMES["WEBP"])
+        check_size(*size, most("WEBP", max_pixels), NAMES["WEBP"])
     try:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)
@@ -129,7 +134,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
         raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
     if image.format == "TIFF" and image.mode in _FLOATS:
         raise PhotoError("The TIFF holds 32 bits per colour, whose white is unknown; convert it to 8 or 16 bits.")
-    _check_size(*image.size, *admitted(image, data, max_pixels))
+    check_size(*image.size, *admitted(image, data, max_pixels))
     return image
 
 
@@ -147,7 +152,8 @@ def _too_many(photo: str, limit: int) -> str:
     return f"{photo} has more than its limit of {limit / 1e6:g} million pixels."
 
 
-def _check_size(width: int, height: int, limit: int, kind: str) -> None:
+def check_size(width: int, height: int, limit: int, kind: str) -> None:
+    """Raise PhotoTooLargeError over `limit` pixels, PhotoError for a photo too small or too long; `kind` names it."""
     if width * height > limit:
         raise PhotoTooLargeError(_too_many(f"The {kind} of {width} x {height} pixels", limit))
     if min(width, height) < MIN_SIDE:

@@ -111,11 +111,6 @@ def window_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
     return _inverse(total)
 
 
-def gain_over_windows(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
-    """lambda_max (N, ...) of windows with photos at `moments` (..., shots), see `window_inverses`."""
-    return np.asarray(gain_of(window_inverses(matrix, moments)).max(axis=-1))
-
-
 def sphere_normals(count: int) -> Floats:
     """Unit vectors (count, 3) spread evenly over the sphere along a spiral of golden angles."""
     up = 1 - (2 * np.arange(count) + 1) / count

@@ -1,8 +1,10 @@
 """The chain from a photo to its light."""
 
+import pickle
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import lighting
 from lighting import model as model_module
 from lighting import pipeline
 from lighting.decoding import lighting_from
-from lighting.errors import ModelError, PhotoError
+from lighting.errors import ModelError, ParameterError, PhotoError
 from lighting.evidence.answer import UNSUITABLE
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
@@ -53,7 +55,8 @@ def test_the_same_photo_gives_the_same_light_and_another_gives_another(network: 
 def test_estimate_takes_a_path_bytes_or_a_stream(photo_path: Path) -> None:
     expected = Estimator()(read_photo(photo_path))
     assert isinstance(expected.lighting, Lighting)
-    for source in (photo_path, str(photo_path), photo_path.read_bytes(), BytesIO(photo_path.read_bytes())):
+    data = photo_path.read_bytes()
+    for source in (photo_path, str(photo_path), data, bytearray(data), memoryview(data), BytesIO(data)):
         assert estimate(source).lighting == expected.lighting
 
 
@@ -81,8 +84,35 @@ def test_the_public_face_is_lazy_and_small() -> None:
     assert len(lighting.__all__) < 10
     assert lighting.Estimator is Estimator
     assert lighting.estimate is estimate
+    assert set(lighting.__all__) <= set(dir(lighting))
     with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
         _ = lighting.nonsense
+
+
+@pytest.mark.parametrize("thing", ["photo.jpg", np.zeros((64, 64, 3), np.uint8), None])
+def test_an_estimator_says_what_it_takes(network: Path, thing: Any) -> None:
+    estimator = Estimator(Model.load(network))
+    with pytest.raises(PhotoError, match=r"A Photo is needed.*read_photo.*photo_of"):
+        estimator(thing)
+    with pytest.raises(PhotoError, match="A Photo is needed"):
+        estimator.together([thing, thing])
+
+
+def test_no_photos_together_give_no_answers_and_headings_are_one_each(network: Path, photo_path: Path) -> None:
+    estimator, photo = Estimator(Model.load(network)), read_photo(photo_path)
+    assert estimator.together([]) == []
+    with pytest.raises(ParameterError, match="one photo has a heading"):
+        estimator.together([photo], headings=[0.0, 1.0])
+    with pytest.raises(ParameterError, match="2 headings for 3 photos"):
+        estimator.together([photo] * 3, headings=[0.0, 1.0])
+
+
+def test_the_answer_can_be_pickled_and_printed_on_a_line(network: Path, photo_path: Path) -> None:
+    found = Estimator(Model.load(network))(read_photo(photo_path))
+    again = pickle.loads(pickle.dumps(found))
+    assert again.lighting == found.lighting
+    assert np.array_equal(again.distribution.probability, found.distribution.probability)
+    assert "\n" not in repr(found) + repr(read_photo(photo_path))
 
 
 @pytest.mark.usefixtures("packaged")

@@ -48,7 +48,7 @@ PLACES = {  # of each field in the JSON record
 }
 
 
-WRONG = [None, "3", True, [3.0], {"value": 3.0}, math.nan, math.inf, -math.inf, 10**4000, np.float32(3)]
+WRONG = [None, "3", True, [3.0], {"value": 3.0}, math.nan, math.inf, -math.inf, 10**4000, np.bool_(True), np.str_("3")]
 
 
 def record_with(name: str, value: object) -> dict[str, Any]:
@@ -318,6 +318,24 @@ def test_a_colour_is_three_numbers_in_range_and_irradiances_go_together(section:
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record)
     assert sentence(caught.value)
+
+
+def test_numbers_of_numpy_become_plain_ones() -> None:
+    numbers: dict[str, Any] = {
+        "sun_azimuth": np.float32(12.5),
+        "turbidity": np.int64(3),
+        "sun_irradiance": np.array([1.0, 2.0, 3.0], np.float32),
+        "ground_color": [0.25, np.float32(0.5), 1],
+        "latitude": np.float16(8),
+        "longitude": 9,
+    }
+    light = replace(STRONG, **numbers)
+    assert (light.sun_azimuth, light.turbidity, light.latitude) == (12.5, 3, 8.0)
+    assert light.sun_irradiance == (1.0, 2.0, 3.0)
+    assert light.ground_color == (0.25, 0.5, 1)
+    assert Lighting.from_dict(json.loads(json.dumps(light.to_dict()))) == light
+    with pytest.raises(ParameterError, match="turbidity must be a finite number, not nan"):
+        changed("turbidity", np.float32("nan"))
 
 
 def test_cover_needs_irradiances() -> None:

@@ -18,12 +18,15 @@ def test_requests_are_counted_by_route_and_status(client: TestClient, jpeg: byte
     client.get("/nowhere/2")
     client.request("MADE-UP", "/nowhere/3")
     client.head("/v1/model")
+    client.request("MADE-UP", "/v1/model")
+    client.request("MADE-UP-TOO", "/v1/model")
     counts = {
         ("POST", "/v1/lighting", 200): 1,
         ("POST", "/v1/lighting", 400): 1,
         ("GET", "/v1/envmap", 422): 1,
         ("any", "unmatched", 404): 3,
         ("HEAD", "/v1/model", 200): 1,
+        ("other", "/v1/model", 405): 2,
     }
     for (method, route, status), count in counts.items():
         labels = f'{{method="{method}",route="{route}",status="{status}"}}'

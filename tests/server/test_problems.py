@@ -78,16 +78,26 @@ def test_a_height_must_be_even_and_in_range(client: TestClient, value: str, word
 
 
 @pytest.mark.parametrize(
-    "query", [{"format": "jpeg"}, {"sun": "yes"}, {"sun": ""}, {"yaws": "3"}, {"sun_elevaton": "3"}, {"format": ""}]
+    ("query", "words"),
+    [
+        ({"format": "jpeg"}, "must be 'exr', 'hdr' or 'png'"),
+        ({"format": ""}, "must be 'exr', 'hdr' or 'png'"),
+        ({"sun": "yes"}, "must be true or false"),
+        ({"sun": ""}, "must be true or false"),
+        ({"yaws": "3"}, "is not known here"),
+        ({"sun_elevaton": "3"}, "is not known here"),
+    ],
 )
-def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, str]) -> None:
+def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, str], words: str) -> None:
     (error,) = problem(client.get("/v1/envmap", params={**SKY, **query}), 422, "invalid")["errors"]
     assert error["field"] in query
+    assert error["detail"] == words
 
 
 def test_every_missing_parameter_is_named(client: TestClient) -> None:
     errors = problem(client.get("/v1/envmap"), 422, "invalid")["errors"]
     assert {error["field"] for error in errors} == set(SKY) - {"exposure"}
+    assert {error["detail"] for error in errors} == {"is missing"}
 
 
 @pytest.mark.parametrize(
@@ -112,10 +122,29 @@ def test_a_field_of_a_record_out_of_range_is_422_with_its_range(
     assert (error["field"], error["minimum"], error["maximum"]) == (f"{section}.{name}", *limits)
 
 
-@pytest.mark.parametrize("body", ["[]", "3", "null", '"text"', "{}", '{"sun": 3}', '{"sky": {"model": "preetham"}}'])
-def test_json_that_is_no_record_is_422(client: TestClient, body: str) -> None:
+OBJECT = "must be a JSON object"
+BOTH = '"sun": {"azimuth": 1, "elevation": 2}, "sky": {"turbidity": 3, "exposure": 4}'
+
+
+@pytest.mark.parametrize(
+    ("body", "detail"),
+    [
+        ("[]", f"body: {OBJECT}"),
+        ("3", f"body: {OBJECT}"),
+        ("null", f"body: {OBJECT}"),
+        ('"text"', f"body: {OBJECT}"),
+        ("{}", "sun: is missing; sky: is missing"),
+        ('{"sun": 3}', f"sun: {OBJECT}; sky: is missing"),
+        ('{"sky": {"model": "preetham"}}', "sun: is missing; sky.turbidity: is missing; sky.exposure: is missing"),
+        (f'{{{BOTH}, "ground": {{"color": [0.1]}}}}', "ground.color: must have at least 3 values"),
+        (f'{{{BOTH}, "ground": {{"color": [0, 0, 0, 0]}}}}', "ground.color: must have at most 3 values"),
+        (f'{{{BOTH}, "ground": {{"color": 0.1}}}}', "ground.color: must be a list"),
+        (f'{{{BOTH}, "model": {{"name": 7}}}}', "model.name: must be a text"),
+    ],
+)
+def test_json_that_is_no_record_is_422_in_plain_words(client: TestClient, body: str, detail: str) -> None:
     answer = client.post("/v1/envmap", content=body, headers={"Content-Type": "application/json"})
-    assert problem(answer, 422, "invalid")["errors"]
+    assert problem(answer, 422, "invalid")["detail"] == detail
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"\xff\xfe{\x00}\x00", b'{"sun": NaN!}', b"[" * 50_000, b'{"a": "\x80"}'])

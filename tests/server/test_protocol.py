@@ -13,7 +13,7 @@ import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
 
-from server.protocol import HEADER_BYTES, BoundedProtocol
+from server.protocol import _PIECE, HEADER_BYTES, BoundedProtocol
 from server.schemas import Problem
 
 SECONDS = 1.0
@@ -86,6 +86,14 @@ def test_headers_that_are_too_large_are_431(port: int) -> None:
         connection = connected(port)
         connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n" + headers)
         refused(rest(connection), 431, "headers-too-large")
+
+
+@pytest.mark.parametrize("over", [2, 1000, _PIECE, 2 * _PIECE])
+def test_whole_headers_a_little_too_large_are_431_too(port: int, over: int) -> None:
+    connection = connected(port)
+    frame = b"GET / HTTP/1.1\r\nHost: x\r\nX-A: %s\r\n\r\n"
+    connection.sendall(frame % (b"a" * (HEADER_BYTES + over - len(frame % b""))))
+    refused(rest(connection), 431, "headers-too-large")
 
 
 def test_headers_that_come_at_once_have_no_larger_limit(port: int) -> None:

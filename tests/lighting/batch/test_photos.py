@@ -48,6 +48,12 @@ def test_a_folder_of_nothing_else_names_them(tmp_path: Path) -> None:
         find_photos(str(tmp_path))
 
 
+def test_an_empty_name_is_not_the_current_folder(photos: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(photos)
+    with pytest.raises(BatchError, match="The input is empty"):
+        find_photos("")
+
+
 @pytest.mark.parametrize("pattern", ["nothing", "photos/*.tif", "photos/.trash/none"])
 def test_no_photo_at_all_is_an_error(photos: Path, pattern: str) -> None:
     with pytest.raises(BatchError, match="neither a folder with photos"):

@@ -47,3 +47,8 @@ def test_info_of_what_is_neither_is_one_sentence(data: bytes, tmp_path: Path) ->
     error_of(run("info", tmp_path / "file"))
     error_of(run("info", tmp_path / "absent"))
     error_of(run("info", tmp_path))
+
+
+@pytest.mark.parametrize("command", [["info", "/dev/zero"], ["render", "/dev/zero", "-o", "map.exr"]])
+def test_a_file_without_an_end_is_read_as_far_as_it_may_be(command: list[str]) -> None:
+    assert "larger than" in error_of(run(*command))

@@ -123,5 +123,13 @@ def test_a_map_without_a_sky_is_said(tmp_path: Path) -> None:
     assert "No sun is found" in result.stderr
 
 
+@pytest.mark.parametrize("sun", ["nan,10", "10,nan", "400,10", "10,99", "10,-1", "10", "a,b", "1,2,3"])
+def test_a_sun_that_cannot_be_is_wrong_usage(tmp_path: Path, sun: str) -> None:
+    (tmp_path / "a.exr").touch()
+    result = run("fit", tmp_path / "a.exr", "--sun", sun)
+    assert result.exit_code == 2
+    assert "Invalid value for '--sun'" in result.stderr
+
+
 def test_the_lenses_offered_are_those_known() -> None:
     assert KINDS == LENSES

@@ -69,7 +69,7 @@ def horizontal_irradiance(image: Floats) -> Floats:
 # The picture as a whole
 
 
-@pytest.mark.parametrize("height", [16, 18, 512])
+@pytest.mark.parametrize("height", [16, 18, 512, np.int64(64)])
 def test_shape_type_and_finite_values(height: int) -> None:
     image = render(lighting(), height)
     assert image.shape == (height, 2 * height, 3)

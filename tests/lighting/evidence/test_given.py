@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
@@ -26,8 +27,16 @@ from tests.lighting.evidence.samples import MORNING
         {"use_exif": False, "time": MORNING},
         {"use_exif": False, "latitude": 1.0, "longitude": 2.0},
         {"use_exif": False, "utc_offset": 2.0},
+        {"time": "2024-06-01T14:30"},
+        {"time": MORNING.date()},
+        {"latitude": np.float32("nan"), "longitude": 0.0},
     ],
 )
 def test_the_impossible_and_the_contradictory_are_refused_in_one_sentence(said: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=r"^[^\n]*\.$"):
         Given(**said)
+
+
+def test_numbers_of_numpy_are_taken() -> None:
+    place: dict[str, Any] = {"latitude": np.float32(48.5), "longitude": np.int64(11)}
+    assert Given(**place) == Given(latitude=48.5, longitude=11)

@@ -12,7 +12,7 @@ from lighting.evidence import Given
 from lighting.evidence.declination import magnetic_declination
 from lighting.evidence.facts import of_one_place
 from lighting.evidence.fusion import COMPASS_SPREAD, Evidence
-from lighting.evidence.metadata import GIVEN_HEADING_SPREAD, known, known_together
+from lighting.evidence.metadata import GIVEN_HEADING_SPREAD, known, known_alone, known_together
 from lighting.photo.exif import PhotoFacts
 from tests.lighting.evidence.samples import FACTS, MORNING, ZONELESS, evidence_of
 
@@ -81,6 +81,15 @@ def test_what_is_said_in_vain_is_told(facts: PhotoFacts, said: dict[str, Any], p
     (warning,) = known(facts, Given(**said)).warnings
     assert f"The {part}" in warning
     assert "not used" in warning
+
+
+def test_a_heading_without_time_and_place_is_told_of_a_photo_alone() -> None:
+    (warning,) = known_alone(PhotoFacts(), Given(heading=10.0)).warnings
+    assert warning == "The heading was not used, because time and place of the photo are not both known."
+    (warning,) = known_alone(PhotoFacts(), Given(heading=10.0, time=MORNING)).warnings
+    assert "The time was not used" in warning
+    assert known_alone(FACTS, Given(heading=10.0)).warnings == ()
+    assert known_alone(PhotoFacts(heading=10.0), Given()).warnings == ()
 
 
 def test_night_in_the_photo_is_told_and_not_used() -> None:

@@ -9,7 +9,7 @@ from lighting.stereo.gain import (
     angular_error,
     angular_spread,
     covariance,
-    gain_over_windows,
+    gain_of,
     gram,
     interval_95,
     inverse,
@@ -17,6 +17,7 @@ from lighting.stereo.gain import (
     noise_gain,
     rotation_free_gain,
     sphere_normals,
+    window_inverses,
 )
 
 RNG = np.random.default_rng(0)
@@ -105,7 +106,7 @@ def test_noisy_pixels_scatter_as_predicted() -> None:
 def test_windows_gain_what_their_photos_gain() -> None:
     lights = RNG.normal(size=(3, 20, 3))
     moments = np.array([[0, 4, 8, 12], [5, 5, 6, 7]])
-    gains = gain_over_windows(lights, moments)
+    gains = gain_of(window_inverses(lights, moments)).max(axis=-1)
     for row, index in enumerate(moments):
         np.testing.assert_allclose(gains[:, row], largest_gain(lights[:, index]), rtol=1e-9)
 

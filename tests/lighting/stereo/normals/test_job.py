@@ -13,13 +13,11 @@ from scipy.io import savemat
 from lighting.cli import cli
 from lighting.files.exr import write_exr
 from lighting.geometry import latlong_directions, latlong_solid_angle
-from lighting.stereo.normals.files import write_png16
+from lighting.stereo.normals.files import FILES, write_png16
 from lighting.stereo.normals.frame import Pose, to_world
 from lighting.stereo.normals.images import read_shot
 from lighting.stereo.skies import clear_skies
 from tests.lighting.stereo.sphere import JUNE, angles, ball, june_suns, photos
-
-FILES = ["normals_camera", "normals_world", "albedo", "uncertainty"]
 
 
 def run(*arguments: str | Path) -> Result:
