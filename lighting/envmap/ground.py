@@ -42,4 +42,4 @@ def photo_ground(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None
 
 def _quantiles(values: Floats, shares: tuple[float, float]) -> Floats:
     """numpy's quantiles of values (N,), without the module of masked arrays that numpy imports for them."""
-    return np.interp(np.array(shares) * (len(values) - 1), np.arange(len(values)), np.sort(values))
+    return np.asarray(np.interp(np.array(shares) * (len(values) - 1), np.arange(len(values)), np.sort(values)))
