@@ -19,7 +19,7 @@ from lighting.colour import luminance, srgb_encode
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong, wrap_azimuth
 
 HERE = Path(__file__).parent
-LICENCE = "Poly Haven CC0"  # the only one whose crops may be published here
+LICENCES = ("Poly Haven CC0", "CC0 (Poly Haven)")  # the only ones whose crops may be published here
 MIDDLE_GREY = 0.2  # linear value of the crop's median luminance before the curve
 WHITE = 5.0  # linear value that the curve takes to white
 UPSAMPLING = 4  # of the tone-mapped panorama by Lanczos, so that bilinear sampling shows no steps
@@ -64,6 +64,7 @@ EXAMPLES = (
     Example("park_evening.jpg", "h_rooitou_park", -75.0, -4.0, 2.0, 70.0, 640, 480),
     Example("overcast_street.jpg", "h_urban_street_01", 125.0, 2.0, 0.0, 72.0, 640, 480),
     Example("forest_clearing.jpg", "h_epping_forest_01", 158.0, 2.0, 0.0, 72.0, 640, 480, direct="partly"),
+    Example("garden_noon.jpg", "suburban_garden", 170.0, 0.0, 0.5, 75.0, 640, 480),
 )
 
 
@@ -84,7 +85,7 @@ def main() -> None:
 def read_rows(table: Path) -> dict[str, dict[str, str]]:
     """The rows of the panoramas whose crops may be published, by name."""
     with table.open(newline="", encoding="utf-8") as lines:
-        return {row["name"]: row for row in csv.DictReader(lines) if row["licence"] == LICENCE}
+        return {row["name"]: row for row in csv.DictReader(lines) if row["licence"] in LICENCES}
 
 
 def read_panorama(path: Path) -> Floats:

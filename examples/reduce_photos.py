@@ -22,8 +22,8 @@ QUALITY = 82
 THUMB = (240, 180)
 THUMB_QUALITY = 75
 SHOWN = (
-    *("overcast_street.jpg", "park_evening.jpg", "forest_clearing.jpg"),
-    *("rome/noon_steps.jpg", "rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
+    *("garden_noon.jpg", "overcast_street.jpg", "park_evening.jpg", "forest_clearing.jpg"),
+    *("rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
 )
 
 

@@ -106,6 +106,7 @@ def _session(file: Path, threads: int, for_one_photo: bool) -> Any:
     options.log_severity_level = _ERRORS_ONLY
     if for_one_photo:
         options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
+        options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # memory planned for runs that never come
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")

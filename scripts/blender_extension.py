@@ -18,10 +18,11 @@ SKY = (
     "lighting/geometry.py",
     "lighting/records.py",
     "lighting/colour.py",
-    *(f"lighting/envmap/{name}.py" for name in ("clear", "disc", "mixture", "render")),
+    *(f"lighting/envmap/{name}.py" for name in ("changing", "clear", "disc", "mixture", "render")),
     *(f"lighting/sky/{path.name}" for path in sorted((ROOT / "lighting" / "sky").glob("*.py"))),
     "lighting/scene/axes.py",
 )
+ENVMAP = '"""Maps of the sky."""\n\nfrom .changing import change\nfrom .render import render, sun_irradiance\n'
 COEFFICIENTS = "lighting/data/hosek_wilkie.npz"
 _IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # so that the same files make the same zip
@@ -54,7 +55,7 @@ def members() -> Iterator[tuple[str, bytes]]:
     yield "scene.py", (ROOT / SCRIPT).read_bytes()
     yield COEFFICIENTS, (ROOT / COEFFICIENTS).read_bytes()
     yield "lighting/__init__.py", b'"""The parts of outdoor-lighting that paint a sky."""\n'
-    yield "lighting/envmap/__init__.py", b'"""Maps of the sky."""\n\nfrom .render import render, sun_irradiance\n'
+    yield "lighting/envmap/__init__.py", ENVMAP.encode()
     yield "lighting/scene/__init__.py", b'"""The parts of it that know Blender\'s frame."""\n'
     for name in SKY:
         text = (ROOT / name).read_text(encoding="utf-8")

@@ -61,7 +61,7 @@ def _remember(settings: Any, record: dict[str, Any], numbers: dict[str, Any], co
     settings.collection = collection
     settings.sun = next(thing for thing in collection.objects if thing.type == "LIGHT")
     settings.shines = numbers["sun"]["irradiance"] > 0
-    settings.ground_albedo = numbers["ground"]["albedo"]
+    settings.record = json.dumps(record)
     settings.environment = environment_node(world).image
     estimate = (record["sun"]["azimuth"], record["sun"]["elevation"], record["sky"]["turbidity"])
     settings.estimate = (*estimate, record["sky"]["exposure"])

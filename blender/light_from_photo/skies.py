@@ -1,14 +1,25 @@
-"""The sky and the sun of four numbers, by the project's own model; nothing here needs Blender."""
+"""The sky and the sun that the sliders say, by the project's own model; nothing here needs Blender."""
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from .lighting.envmap import render, sun_irradiance
-from .lighting.records import Lighting
+from .lighting.envmap import change, render, sun_irradiance
+from .lighting.records import RANGES, Lighting
 from .lighting.scene.axes import colour_and_strength, to_z_up
 
 HEIGHT = 512  # rows of the map, as in the scenes
+
+
+def moved(record: str, sliders: Mapping[str, float]) -> Lighting:
+    """The light of a record (JSON) with sun, turbidity and exposure as the sliders say; its power follows them.
+
+    Blender keeps numbers in single precision, which may lie just outside their range.
+    """
+    inside = {name: min(max(value, RANGES[name][0]), RANGES[name][1]) for name, value in sliders.items()}
+    return change(Lighting.from_dict(json.loads(record)), inside)
 
 
 def pixels(light: Lighting, shines: bool) -> Any:

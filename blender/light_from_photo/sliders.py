@@ -37,7 +37,7 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         "exposure", "Exposure", "Factor of sun and sky", default=1.0, soft_min=0.01, soft_max=100.0, precision=3
     )
     estimate: bpy.props.FloatVectorProperty(size=4)  # type: ignore[valid-type]
-    ground_albedo: bpy.props.FloatProperty()  # type: ignore[valid-type]
+    record: bpy.props.StringProperty()  # type: ignore[valid-type]
     shines: bpy.props.BoolProperty()  # type: ignore[valid-type]
     environment: bpy.props.PointerProperty(type=bpy.types.Image)  # type: ignore[valid-type]
     sun: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
@@ -50,7 +50,7 @@ def shine(settings: Any) -> None:
     if settings.world is None or settings.sun is None:
         return
     said = [getattr(settings, name) for name in _NAMES]
-    light = Lighting(**dict(zip(_NAMES, said, strict=True)), ground_albedo=settings.ground_albedo)
+    light = skies.moved(settings.record, dict(zip(_NAMES, said, strict=True)))
     numbers = skies.sun(light, settings.shines)
     script.aim_sun(settings.sun, numbers)
     node = environment_node(settings.world)

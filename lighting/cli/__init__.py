@@ -8,6 +8,7 @@ import sys
 
 from lighting.cli import batch, commands, info, probe, scene, stereo, stereo_normals, video
 from lighting.cli.group import cli
+from lighting.cli.process import leave, prepare
 
 __all__ = ["batch", "cli", "commands", "info", "main", "probe", "scene", "stereo", "stereo_normals", "video"]
 
@@ -17,4 +18,10 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if stream is not None and hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    cli(prog_name="lighting")
+    prepare(sys.argv[1:])
+    try:
+        cli(prog_name="lighting")
+    except SystemExit as end:
+        if isinstance(end.code, int):
+            leave(end.code)
+        raise

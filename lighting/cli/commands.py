@@ -15,6 +15,7 @@ from lighting.cli.files import (
     place_in,
     refuse_collisions,
     refuse_idle_compression,
+    rehearse,
     write_map,
     write_preview,
 )
@@ -105,7 +106,7 @@ def envmap(
     refuse_idle_compression(output, view["compression"])
     with naming(photo):
         data = photo_bytes(photo)
-        picture, estimate = estimated(data, given, model)
+        picture, estimate = estimated(data, given, model, rehearse)
     place = place_in(data, picture, estimate, view["height"], surroundings)
     write_map(output, estimate.lighting, place=place, **view)
     if preview:

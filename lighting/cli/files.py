@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -103,8 +103,13 @@ def load_estimator(model: str | None, *, for_one_photo: bool = False) -> "Estima
     return Estimator(Model.load(model, for_one_photo=for_one_photo))
 
 
-def estimated(photo: bytes, given: "Given", model: str | None) -> "tuple[Photo, Estimate]":
-    """The photo in bytes and its estimate; the network is loaded in a thread while the photo is decoded."""
+def estimated(
+    photo: bytes, given: "Given", model: str | None, meanwhile: Callable[[], object] = lambda: None
+) -> "tuple[Photo, Estimate]":
+    """The photo in bytes and its estimate.
+
+    The network is loaded in a thread while the photo is decoded; `meanwhile` is called while it answers.
+    """
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
@@ -112,7 +117,19 @@ def estimated(photo: bytes, given: "Given", model: str | None) -> "tuple[Photo, 
         from lighting.photo import read_photo
 
         picture = read_photo(photo)
-    return picture, estimator.result()(picture, given)
+        estimate = pool.submit(lambda: estimator.result()(picture, given))
+        meanwhile()
+    return picture, estimate.result()
+
+
+def rehearse() -> None:
+    """Render and pack a small map, so that all it takes is imported and read."""
+    from lighting.envmap import MIN_HEIGHT, render
+    from lighting.files import encode_envmap
+    from lighting.records import Lighting
+
+    light = Lighting(sun_azimuth=0.0, sun_elevation=45.0, turbidity=3.0, exposure=1.0)
+    encode_envmap(render(light, MIN_HEIGHT), light)
 
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:

@@ -33,8 +33,13 @@ def photo_ground(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None
         return None
     ground = SRGB_LINEAR[small[seen]]
     grey = ground.mean(axis=1)
-    low, high = np.quantile(grey, _KEPT)
+    low, high = _quantiles(grey, _KEPT)
     inside = (grey >= low) & (grey <= high)
     sun = np.array(lighting.sun_irradiance) * max(float(lighting.sun_direction[1]), 0.0)
     level = np.maximum(np.array(lighting.sky_irradiance) + sun, 1e-6)
     return np.asarray(np.clip(np.pi * ground[inside].mean(axis=0) / level, *_RANGE))
+
+
+def _quantiles(values: Floats, shares: tuple[float, float]) -> Floats:
+    """numpy's quantiles of values (N,), without the module of masked arrays that numpy imports for them."""
+    return np.asarray(np.interp(np.array(shares) * (len(values) - 1), np.arange(len(values)), np.sort(values)))

@@ -29,7 +29,7 @@ def main() -> None:
     settings = scene.light_from_photo
     found["made"] = sorted({thing.name for thing in scene.objects} - kept)
     found["kept"] = kept <= {thing.name for thing in scene.objects}
-    found["first"] = state(scene)
+    found["first"], found["record"] = state(scene), json.loads(settings.record)
     settings.sun_azimuth, settings.sun_elevation = -90.0, 40.0
     settings.turbidity, settings.exposure = 2.0, 2 * settings.exposure
     found["moved"] = state(scene)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.envmap import render, sun_irradiance
+from lighting.envmap import change, render, sun_irradiance
 from lighting.records import Lighting
 from lighting.scene import zip_scene
 from scripts.blender_extension import ROOT, build, relative
@@ -102,6 +102,19 @@ def test_its_sky_and_sun_are_those_of_the_library(unpacked: str) -> None:
     sun = skies.sun(light, shines=True)
     assert np.array(sun["colour"]) * sun["irradiance"] == pytest.approx(sun_irradiance(ours))
     assert skies.sun(light, shines=False)["irradiance"] == 0
+
+
+def test_the_lights_power_follows_the_sliders(unpacked: str) -> None:
+    """Its irradiances keep their ratio to the model's; single precision is no reason to fail."""
+    skies = importlib.import_module(f"{unpacked}.skies")
+    irradiance: dict[str, Any] = {"sun_irradiance": (1.9, 1.5, 0.9), "sky_irradiance": (0.4, 0.5, 0.8)}
+    stated = Lighting(-40.0, 35.0, 3.0, 2.0, sky_cover=0.3, ground_color=(0.2, 0.1, 0.1), **irradiance)
+    record = json.dumps(stated.to_dict())
+    as_estimated = skies.moved(record, {"sun_azimuth": stated.sun_azimuth, "exposure": stated.exposure})
+    assert as_estimated.sky_irradiance == pytest.approx(stated.sky_irradiance)
+    low = skies.moved(record, {"sun_elevation": 5.0, "turbidity": float(np.float32(10.0000001)), "exposure": 9.9e-7})
+    ours = change(stated, {"sun_elevation": 5.0, "turbidity": 10.0, "exposure": 1e-6})
+    assert Lighting.from_dict(low.to_dict()) == ours
 
 
 # The command
@@ -248,9 +261,13 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert first["packed"]
     assert "Ground" in first["catcher"]
     assert moved["sun"] == pytest.approx([-np.cos(np.radians(40)), 0, np.sin(np.radians(40))], abs=1e-5)
-    light = Lighting(*moved["sliders"])
+    names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
+    stated = Lighting.from_dict(found["record"])
+    assert stated.sky_irradiance is not None
+    light = change(stated, dict(zip(names, moved["sliders"], strict=True)))
     assert moved["energy"] == pytest.approx(float(sun_irradiance(light).max()), rel=1e-4)
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
+    assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)
     assert reset == first
     assert found["undone"] == [4, 0, 4, 0]
     assert found["sun lamps"] == 1

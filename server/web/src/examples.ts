@@ -1,14 +1,14 @@
 /** Example photos; `examples/CREDITS.md` names their origins. */
 
 import forest from "../../../examples/forest_clearing.jpg";
+import noon from "../../../examples/garden_noon.jpg";
 import overcast from "../../../examples/overcast_street.jpg";
 import park from "../../../examples/park_evening.jpg";
 import golden from "../../../examples/rome/golden_hour.jpg";
-import noon from "../../../examples/rome/noon_steps.jpg";
 import alley from "../../../examples/rome/street_in_shade.jpg";
 import forestThumb from "../../../examples/thumbs/forest_clearing.jpg";
+import noonThumb from "../../../examples/thumbs/garden_noon.jpg";
 import goldenThumb from "../../../examples/thumbs/golden_hour.jpg";
-import noonThumb from "../../../examples/thumbs/noon_steps.jpg";
 import overcastThumb from "../../../examples/thumbs/overcast_street.jpg";
 import parkThumb from "../../../examples/thumbs/park_evening.jpg";
 import alleyThumb from "../../../examples/thumbs/street_in_shade.jpg";
@@ -26,7 +26,7 @@ const HAVEN = "Poly Haven, CC0";
 
 export const EXAMPLES: Example[] = [
   { name: "golden_hour.jpg", title: "Golden hour", url: golden, thumb: goldenThumb, credit: ROME },
-  { name: "noon_steps.jpg", title: "Noon", url: noon, thumb: noonThumb, credit: ROME },
+  { name: "garden_noon.jpg", title: "Noon", url: noon, thumb: noonThumb, credit: HAVEN },
   { name: "overcast_street.jpg", title: "Overcast", url: overcast, thumb: overcastThumb, credit: HAVEN },
   { name: "forest_clearing.jpg", title: "Forest", url: forest, thumb: forestThumb, credit: HAVEN },
   { name: "park_evening.jpg", title: "Park", url: park, thumb: parkThumb, credit: HAVEN },

@@ -1,6 +1,8 @@
 """What commands read and write."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -85,3 +87,12 @@ def test_a_write_that_fails_is_one_sentence_and_leaves_nothing(
     monkeypatch.setattr(Path, "replace", full)
     assert "No space left on device" in error_of(run("render", record_path, "-o", tmp_path / "a.exr", "--height", "16"))
     assert [p.name for p in tmp_path.iterdir()] == ["lighting.json"]
+
+
+def test_a_map_needs_no_masked_arrays(network: Path, photo_path: Path, tmp_path: Path) -> None:
+    """numpy imports them with some functions, which a process of its own waits for."""
+    code = "import sys; from lighting.cli import cli; cli(sys.argv[1:], standalone_mode=False)"
+    code += "; print('numpy.ma' in sys.modules)"
+    command = [sys.executable, "-c", code, "envmap", photo_path, "-o", tmp_path / "a.exr", "-q", "--model", network]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "False"

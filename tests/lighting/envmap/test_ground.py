@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.colour import tone_map
-from lighting.envmap.ground import photo_ground
+from lighting.envmap.ground import _quantiles, photo_ground
 from lighting.records import Lighting
 from tests.lighting.envmap.test_render import given_light
 
@@ -38,3 +38,9 @@ def test_without_irradiances_nothing_is_known() -> None:
 def test_a_black_or_white_picture_stays_in_range() -> None:
     assert photo_ground(np.zeros((40, 60, 3), np.uint8), given_light()) == pytest.approx([0.02] * 3)
     assert photo_ground(np.full((40, 60, 3), 255, np.uint8), given_light(1.0)) is not None
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 50, 999])
+def test_quantiles_are_numpys(count: int) -> None:
+    values = np.random.default_rng(count).integers(0, 40, count).astype(np.float32) / 7
+    assert _quantiles(values, (0.25, 0.75)) == pytest.approx(np.quantile(values, (0.25, 0.75)))

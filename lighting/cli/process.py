@@ -1,0 +1,41 @@
+"""The process of a command: made ready for a short life, and ended at once."""
+
+import atexit
+import gc
+import os
+import sys
+from collections.abc import Sequence
+
+from lighting.heap import keep_memory
+
+_BRIEF = frozenset({"estimate", "envmap", "preview", "render"})  # commands that mostly end in less than a second
+_GARBAGE = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
+
+
+def prepare(arguments: Sequence[str]) -> None:
+    """Save a brief command what pays in long ones alone; call this before numpy is imported.
+
+    OpenBLAS's threads would spin while they wait for products of matrices that are too small to share.
+    """
+    if _BRIEF.isdisjoint(arguments):
+        return
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    gc.set_threshold(_GARBAGE)
+    keep_memory()
+
+
+def leave(status: int) -> None:
+    """End the process without taking its objects apart; what waits for its end is called, and what is said is written.
+
+    It returns where somebody watches the program (a profiler or a debugger), or where a stream cannot be written, and
+    leaves the end to Python.
+    """
+    if sys.gettrace() or sys.getprofile():
+        return
+    atexit._run_exitfuncs()
+    try:
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+    except (OSError, ValueError):
+        return
+    os._exit(status)

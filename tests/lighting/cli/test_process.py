@@ -1,0 +1,83 @@
+"""How the process of a command starts and ends."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.lighting.cli.runners import LIGHTING, sub
+
+STARTED = """
+import gc, os, sys
+from lighting.cli.process import prepare
+prepare(sys.argv[1:])
+print(os.environ.get("OPENBLAS_NUM_THREADS"), gc.get_threshold()[0] > 10_000, "numpy" in sys.modules)
+"""
+ENDED = """
+import atexit, sys
+from lighting.cli.process import leave
+class Loud:
+    def __del__(self):
+        sys.stderr.write("taken apart")
+loud = Loud()
+loud.itself = loud
+atexit.register(print, "called")
+print("said", end=" ")
+if sys.argv[1] == "watched":
+    sys.setprofile(lambda *_: None)
+leave(3)
+print("still here")
+"""
+
+
+def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["envmap", "a.jpg"], "1 True False"),
+        (["--debug", "render", "a.json"], "1 True False"),
+        (["batch", "a", "b"], "None False False"),
+        (["stereo", "normals"], "None False False"),
+    ],
+)
+def test_brief_commands_alone_are_made_ready(arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    assert python(STARTED, *arguments).stdout.strip() == said
+
+
+def test_what_the_user_set_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    assert python(STARTED, "envmap").stdout.startswith("3 ")
+
+
+def test_it_ends_at_once_with_its_status_and_what_was_said() -> None:
+    done = python(ENDED, "alone")
+    assert (done.returncode, done.stdout, done.stderr) == (3, "said called\n", "")
+
+
+def test_a_profiler_sees_the_end() -> None:
+    done = python(ENDED, "watched")
+    assert (done.returncode, "still here" in done.stdout) == (0, True)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_what_cannot_be_written_fails_as_ever(record_path: Path) -> None:
+    with Path("/dev/full").open("wb") as full:
+        command = [sys.executable, "-m", "lighting", "render", str(record_path), "-o", "-", "--height", "32"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert done.returncode == 1
+    assert b"No space left" in done.stderr
+    assert b"Traceback" not in done.stderr
+
+
+def test_a_whole_map_goes_through_a_pipe(record_path: Path, tmp_path: Path) -> None:
+    written = sub("render", record_path, "-o", tmp_path / "a.exr", "--height", "256")
+    piped = sub("render", record_path, "-o", "-", "--height", "256")
+    assert (written.returncode, piped.returncode) == (0, 0)
+    assert piped.stdout == (tmp_path / "a.exr").read_bytes()
+    assert LIGHTING.model_name.encode() in piped.stdout
