@@ -5,24 +5,19 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFilter
+from PIL import Image, ImageDraw
 
 from export.crops.augment import recompress
-from export.crops.rooms import room_picture
 from export.crops.sources import Source
 from export.data import read_table
 from lighting.colour import tone_map
-from lighting.geometry import Floats
 from lighting.photo import fit_size, read_photo
 from lighting.records import ModelSpec
 
 Picture = NDArray[np.uint8]
 
 TABLE = "unsuitable.csv"
-MADE = (
-    *("on its side", "whole panorama", "night", "black", "blown out", "drawing", "plain"),
-    *("room", "vehicle", "close-up"),
-)
+MADE = ("on its side", "whole panorama", "night", "black", "blown out", "drawing", "plain")
 
 
 def read_unsuitable(folder: Path) -> list[tuple[str, Picture]]:
@@ -64,12 +59,6 @@ def made(kind: str, crop: Picture, source: Source, rng: np.random.Generator, spe
             return np.asarray(np.clip(crop * rng.uniform(0.0, 0.2) + rng.uniform(235, 255), 0, 255), dtype=np.uint8)
         case "drawing":
             return _drawing(crop.shape, rng)
-        case "room":
-            return room_picture(crop, (crop.shape[0], crop.shape[1]), rng)
-        case "vehicle":
-            return _vehicle(crop, rng)
-        case "close-up":
-            return _close_up(crop, rng)
         case _:
             colour = rng.uniform(0, 255, 3)
             return np.clip(colour + rng.normal(0, rng.uniform(0, 8), crop.shape), 0, 255).astype(np.uint8)
@@ -80,68 +69,6 @@ def _whole(source: Source, rng: np.random.Generator, spec: ModelSpec) -> Picture
     picture = level if level.dtype == np.uint8 else tone_map(level * rng.uniform(0.5, 1.0))
     turned = np.roll(picture, int(rng.integers(picture.shape[1])), axis=1)
     return np.asarray(Image.fromarray(turned).resize(fit_size(2, 1, spec), Image.Resampling.HAMMING))
-
-
-def _vehicle(crop: Picture, rng: np.random.Generator) -> Picture:
-    """The place through the windows of a dark frame, with round things before them."""
-    height, width = crop.shape[:2]
-    open_, things = Image.new("L", (width, height), 0), Image.new("L", (width, height), 0)
-    draw = ImageDraw.Draw(open_)
-    left = 0.0
-    top, sill = rng.uniform(0.05, 0.3), rng.uniform(0.5, 0.75)
-    for _ in range(int(rng.integers(1, 4))):  # windows beside each other, with pillars between
-        end = left + rng.uniform(0.25, 1.0)
-        lean = rng.uniform(-0.12, 0.12, 4)
-        corners = ((left + lean[0], top + lean[1]), (end, top + lean[1]), (end, sill), (left + lean[2], sill + lean[3]))
-        draw.polygon([(x * width, y * height) for x, y in corners], fill=255)
-        left = end + rng.uniform(0.03, 0.12)
-    if rng.random() < 0.4:  # a roof light
-        draw.rectangle((0.2 * width, 0, 0.8 * width, 0.5 * top * height), fill=255)
-    draw = ImageDraw.Draw(things)
-    for _ in range(int(rng.integers(1, 6))):  # seats, heads, a wheel
-        x, y, a, b = rng.uniform((0, 0.4, 0.08, 0.1), (1, 1.1, 0.3, 0.45))
-        box = ((x - a) * width, (y - b) * height, (x + a) * width, (y + b) * height)
-        draw.ellipse(box, fill=255)
-    through = _soft(open_, rng.uniform(0.5, 2)) * (1 - _soft(things, rng.uniform(0.5, 2)))
-    inside = np.exp(rng.normal(-3.6, 0.6)) * np.exp(rng.normal(0, 0.15, 3))
-    relief = _soft(things, 6) * rng.uniform(0.3, 2) * np.exp(rng.normal(0, 0.4, 3)) + rng.uniform(0.5, 1.5)
-    noise = np.exp(rng.normal(0, 0.15, crop.shape))
-    outside = (crop / 255.0) ** 2.2 * rng.uniform(0.8, 2.5)
-    linear = through * outside + (1 - through) * inside * relief * noise
-    return np.asarray(np.clip(255 * linear ** (1 / 2.2), 0, 255), dtype=np.uint8)
-
-
-def _soft(mask: Image.Image, radius: float) -> Floats:
-    """A mask (h, w, 1) of 0 to 1 with soft edges."""
-    blurred = mask.filter(ImageFilter.GaussianBlur(radius))
-    return np.asarray(blurred, dtype=np.float64)[..., None] / 255
-
-
-def _close_up(crop: Picture, rng: np.random.Generator) -> Picture:
-    """A small part of the lower picture, enlarged, or things that fill the picture before a blurred ground."""
-    image, (height, width) = Image.fromarray(crop), crop.shape[:2]
-
-    def part(share: float) -> Image.Image:
-        left, top = rng.uniform(0, 1 - share) * width, (1 - share * rng.uniform(1, 1.6)) * height
-        box = (left, max(top, 0.0), left + share * width, max(top, 0.0) + share * height)
-        return image.resize((width, height), Image.Resampling.BICUBIC, box=box)
-
-    far = part(rng.uniform(0.15, 0.5)).filter(ImageFilter.GaussianBlur(rng.uniform(0, 8)))
-    for _ in range(int(rng.integers(0, 5))):
-        mask = Image.new("L", (width, height), 0)
-        x, y, a, b = rng.uniform((0.2, 0.2, 0.1, 0.1), (0.8, 0.9, 0.4, 0.45))
-        box = ((x - a) * width, (y - b) * height, (x + a) * width, (y + b) * height)
-        draw = ImageDraw.Draw(mask)
-        (draw.ellipse if rng.random() < 0.6 else draw.rectangle)(box, fill=255)
-        mask = mask.rotate(rng.uniform(-40, 40), center=(x * width, y * height))
-        shade = mask.filter(ImageFilter.GaussianBlur(rng.uniform(3, 10)))
-        far = Image.composite(Image.new("RGB", (width, height)), far, shade.point(lambda v: v // 2))
-        grain = np.asarray(part(rng.uniform(0.1, 0.4)), dtype=np.float64) / 255
-        slope = np.linspace(rng.uniform(0.4, 1), rng.uniform(0.6, 1.6), width)[:, None]
-        tint = rng.uniform(0.2, 1, 3) * slope * (grain.mean() + rng.uniform(0, 1) * (grain - grain.mean()))
-        near = Image.fromarray(np.clip(255 * tint, 0, 255).astype(np.uint8))
-        far = Image.composite(near, far, mask.filter(ImageFilter.GaussianBlur(rng.uniform(0.3, 1.5))))
-    return np.asarray(far)
 
 
 def _drawing(shape: tuple[int, ...], rng: np.random.Generator) -> Picture:

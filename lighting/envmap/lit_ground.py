@@ -44,7 +44,7 @@ def lit_ground(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None
     shines = lighting.sun_painted if sun is None else sun
     step = predicted_step(lighting) if shines else 0.0
     grey = _blocks(luminance(SRGB_LINEAR[small].astype(np.float64)))
-    ground = _below_horizon(grey.shape, small.shape, lighting)
+    ground = _below_horizon(grey.shape, lighting)
     if step < _LEAST_STEP or ground.mean() < _LEAST:
         return np.ones((height, width), dtype=np.float32)
     stops = np.log2(np.clip(grey, *np.exp2(_STOPS)))[ground]
@@ -121,8 +121,8 @@ def _blocks(grey: Floats) -> Floats:
     return np.asarray(sums / np.outer(*sizes))
 
 
-def _below_horizon(blocks: tuple[int, ...], picture: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
-    """Which blocks (rows, columns) of a picture (h, w, 3) show ground, if nothing stands on it."""
+def _below_horizon(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
+    """Which blocks (rows, columns) of a picture show ground, if nothing stands on it."""
     tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
     rays = camera_directions(Pinhole(blocks[1], blocks[0], lighting.vertical_fov, **tilt))
     return np.asarray(rays[..., 1] < -_BELOW)

@@ -29,6 +29,10 @@ LEAST_SUN = 0.5  # share of the sun that clouds let through
 WHOLE = 0.03  # share of the ground up to which a picture counts as all lit, or as all in shade
 LIKELY = 0.8  # visibility of the sun where the light is the true one
 LEAST = 1e-6  # luminance
+NOTE = (
+    "Shade on level ground [%], and how far the shadow of a thing that is put there is off [hundredths of a stop], by "
+    "the true light and by the network's. Photos by what their ground shows: sunlight, shade or both."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +47,7 @@ class Scene:
 
     @property
     def kind(self) -> str:
-        """"lit", "shade" or "both", by what the ground shows."""
+        """ "lit", "shade" or "both", by what the ground shows."""
         share = float(self.lit[self.ground].mean())
         return "lit" if share > 1 - WHOLE else "shade" if share < WHOLE else "both"
 
@@ -85,9 +89,8 @@ def _scene(number: int) -> Scene | None:
     return Scene(tone_map(gain * radiance), light, seen.ground, seen.lit, gain * luminance(seen.sky))
 
 
-def shade_report(model: Model, count: int) -> str:
+def shade_report(model: Model, found: Sequence[Scene]) -> str:
     """Tables of the masks by the true light and by the network's, beside no mask and the true one."""
-    found = list(scenes(count))
     estimator = Estimator(model)
     said = [estimator(Photo(s.picture, WIDTH, HEIGHT, "PNG")).lighting for s in found]
     true = [s.light for s in found]
@@ -100,7 +103,7 @@ def shade_report(model: Model, count: int) -> str:
         "true mask": (said, [np.asarray(s.lit, dtype=np.float64) for s in found]),
     }
     kinds = np.array([s.kind for s in found])
-    sections = []
+    sections = [NOTE]
     for kind in ("both", "lit", "shade"):
         chosen = np.flatnonzero(kinds == kind).tolist()
         rows = {
@@ -118,7 +121,7 @@ def mask(scene: Scene, light: Lighting) -> Floats:
 
 
 def figures(found: Sequence[Scene], lights: Sequence[Lighting], masks: Sequence[Floats]) -> dict[str, float]:
-    """Precision, recall and accuracy [%] of shade over all ground, and the size of the shadow's error [stops]."""
+    """Precision, recall and accuracy [%] of shade over all ground, and errors of the shadow [hundredths of a stop]."""
     said = np.concatenate([m[s.ground] < 0.5 for s, m in zip(found, masks, strict=True)])
     true = np.concatenate([~s.lit[s.ground] for s in found])
     errors = [shadow_error(*one) for one in zip(found, lights, masks, strict=True)]
@@ -126,9 +129,9 @@ def figures(found: Sequence[Scene], lights: Sequence[Lighting], masks: Sequence[
         "precision of shade": 100 * _share(true, said),
         "recall": 100 * _share(said, true),
         "right": 100 * float(np.mean(said == true)),
-        "shadow off by, mean": float(np.mean(np.abs(np.concatenate(errors)))),
-        "median photo": float(np.median([np.mean(np.abs(e)) for e in errors])),
-        "too dark by, mean": float(np.mean(np.maximum(-np.concatenate(errors), 0.0))),
+        "shadow off by, mean": 100 * float(np.mean(np.abs(np.concatenate(errors)))),
+        "median photo": 100 * float(np.median([np.mean(np.abs(e)) for e in errors])),
+        "too dark by, mean": 100 * float(np.mean(np.maximum(-np.concatenate(errors), 0.0))),
     }
 
 
