@@ -1,4 +1,4 @@
-"""`python -m export`: label, synthesize, train, merge, onnx, evaluate, probe, stereo, turns, video."""
+"""`python -m export`: label, synthesize, train, merge, onnx, evaluate, shade, probe, stereo, turns, video."""
 
 import math
 import sys
@@ -220,6 +220,17 @@ def probe(stack: Path | None) -> None:
 
     for line in report(stack):
         click.echo(line)
+
+
+@cli.command()
+@click.option("--count", type=click.IntRange(1), default=24, show_default=True, help="Photos of rendered places.")
+@network
+def shade(count: int, model: Path | None) -> None:
+    """Print how well the shade on the ground is found, and what shadows that are put there then look like."""
+    from export.shade.report import scenes, shade_report
+    from lighting.model import Model
+
+    click.echo(shade_report(Model.load(model), list(scenes(count))))
 
 
 @cli.command()

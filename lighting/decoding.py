@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, best_angle
+from lighting.colour import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.records import COLOUR_RANGES, RANGES, Colour, Light, Lighting, Prediction, SunEstimate
+from lighting.sky import sun_radiance
 from lighting.sun_grid import grid_directions, radii
 
 _CANDIDATES = 64  # the likeliest cells; only they may be the answer, so that it never lies between two modes
@@ -18,6 +20,9 @@ _DARKEST = 1e-6  # irradiance that stands for none where logarithms are averaged
 _REFINED = 25.0  # deg around the best cell over which the answer is averaged
 _SURE = 0.8  # visibility from which the sun has its full irradiance
 _FADING = 4.0  # power of the fall below it; chosen on `val`, since skies seen in training are told apart without it
+_LOW = (3.0, 12.0)  # deg of elevation between which the sun's colour follows its known elevation
+_TINT = 0.5  # power of the ratio of clear suns' colours; fitted to the HDR panoramas of `train`
+_CLEAR = 3.0  # turbidity of those suns
 _HIDDEN_SKY = 0.85  # stops by which an overcast sky is understated, by the overcast HDR panoramas of `train`
 
 
@@ -77,6 +82,18 @@ def fading(visibility: float) -> float:
     it doubts that the sun shines, a sun painted at that power casts a shadow that is not in the photo.
     """
     return float(np.clip(visibility / _SURE, 0.0, 1.0) ** _FADING)
+
+
+def tinted(irradiance: Colour, said: float, known: float) -> Colour:
+    """The sun's irradiance, as bright as before, where its elevation [deg] is `known` and the pixels `said` another.
+
+    The network states the colour of a sun where it has it, and it puts low suns too high: their light is too white.
+    Above 12 deg the elevation changes no colour.
+    """
+    suns = [sun_radiance(direction(0.0, float(np.clip(e, *_LOW))), _CLEAR) for e in (known, said)]
+    values = np.array(irradiance) * (suns[0] / suns[1]) ** _TINT
+    brightness = float(luminance(np.array(irradiance))) / max(float(luminance(values)), _DARKEST)
+    return colour(values * brightness, "sun_irradiance")
 
 
 def colour(values: Floats, name: str) -> Colour:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops import Source, load_sources
+from export.crops import Source, load_sources, take
 from export.data import Label, labels_of, read_index, write_table
 from export.evaluation import suncompass
 from export.evaluation.baselines import sun_elevations, without_network
@@ -21,6 +21,7 @@ from export.evaluation.records import answers, select
 from export.evaluation.report import in_view_report, report
 from export.evaluation.simulated_metadata import take_metadata
 from export.evaluation.views import CROPS_EACH, aimed, cameras, interpret, see
+from lighting.colour import tone_map
 from lighting.files import replacing
 from lighting.model import Model
 
@@ -123,7 +124,9 @@ def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str
     if not chosen.any():
         return []
     ours = next(iter(seen.values()))[1]
-    known = in_view_evidence(select(truth, chosen), [ours[i] for i in np.flatnonzero(chosen)])
+    spec, shown = next(iter(models.values())).spec, np.flatnonzero(chosen).tolist()
+    pictures = [tone_map(take(*views[i], spec).linear) for i in shown]
+    known = in_view_evidence(select(truth, chosen), [ours[i] for i in shown], pictures)
     return [in_view_report(select(truth, chosen), said, known)]
 
 

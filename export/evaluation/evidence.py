@@ -5,6 +5,7 @@ from dataclasses import replace
 from textwrap import fill
 
 import numpy as np
+from numpy.typing import NDArray
 
 from export.evaluation.intervals import difference_interval
 from export.evaluation.metrics import azimuth_error, elevation_error, median, share, sun_error
@@ -65,8 +66,11 @@ def _fuse(prediction: Prediction, taken: Taken, parts: tuple[str, ...]) -> Fused
     return fuse_photo(prediction, known(only(taken.facts, parts), Given()).evidence)
 
 
-def in_view_evidence(truth: Truth, said: Sequence[Prediction]) -> str:
-    """What the lens, and the sun's elevation by time and place, add for crops that show the sun: sun and camera."""
+def in_view_evidence(truth: Truth, said: Sequence[Prediction], pictures: Sequence[NDArray[np.uint8]]) -> str:
+    """What the lens, and the sun's elevation by time and place, add for crops that show the sun: sun and camera.
+
+    `pictures` are the crops' own pixels (h, w, 3), sRGB.
+    """
     _, elevation = angles(truth.sun)
     lens = truth.camera[:, 2].tolist()
     sun = [((height, 0.0),) for height in elevation.tolist()]
@@ -78,7 +82,7 @@ def in_view_evidence(truth: Truth, said: Sequence[Prediction]) -> str:
     }
     rows = {}
     for name, evidence in known_parts.items():
-        fused = [fuse_photo(p, e) for p, e in zip(said, evidence, strict=True)]
+        fused = [fuse_photo(*photo) for photo in zip(said, evidence, pictures, strict=True)]
         error = sun_error(
             truth, answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
         )

@@ -1,5 +1,7 @@
 """HDR panoramas of coloured quads under a sky, path traced by Mitsuba 3."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,10 +11,11 @@ from export.towns.llvm import find_llvm
 from export.towns.mesh import Mesh
 from export.towns.place import EYE
 from export.towns.sky import Sky
-from lighting.geometry import Floats, direction
+from lighting.geometry import Floats, Pinhole, camera_directions, direction
 
 SKY_SAMPLES, SUN_SAMPLES = 12, 4  # paths per pixel
 BOUNCES = 2
+LEVEL, LOW = 0.9, 0.5  # least slope of a normal and greatest height [m] of level ground
 ARM, CROWDED = 1.2, 0.1  # m, and the share of the horizon that may be nearer than that
 
 _PAINTED = {"type": "mesh_attribute", "name": "vertex_color"}
@@ -23,6 +26,19 @@ _LACQUER = {
     "paint": _MATTE,
     "shine": {"type": "roughconductor", "material": "none", "alpha": 0.08},
 }
+
+
+Towards = Callable[[Any, Any, int], Any]  # of pixels' x and y, and the picture's rows, to directions
+
+
+@dataclass(frozen=True, eq=False)
+class Photographed:
+    """A photo of a rendered place, in its parts."""
+
+    sky: NDArray[np.float32]  # (h, w, 3) linear, lit by the sky alone
+    sun: NDArray[np.float32]  # (h, w, 3) what the sun adds, without its disc
+    ground: NDArray[np.bool_]  # (h, w) where level ground is seen
+    lit: NDArray[np.bool_]  # (h, w) where the sun reaches it
 
 
 class RenderedPlace:
@@ -51,31 +67,55 @@ class RenderedPlace:
 
     def panorama(self, height: int, seed: int) -> NDArray[np.float32]:
         """The panorama (height, 2 height, 3) seen from EYE, linear, in the sky's unit."""
-        image = self._trace(self.scene, SKY_SAMPLES, height, seed)
+        size = (height, 2 * height)
+        image = self._trace(self.scene, SKY_SAMPLES, size, _all_around, seed)
         if self.sky.is_overcast:
             return image
-        image += self._trace(self.sunny, SUN_SAMPLES, height, seed + 1)
+        image += self._trace(self.sunny, SUN_SAMPLES, size, _all_around, seed + 1)
         return image + self.sky.disc(height) if self.sees_the_sun() else image
 
-    def _trace(self, scene: Any, samples: int, height: int, seed: int) -> NDArray[np.float32]:
+    def photo(self, camera: Pinhole, seed: int) -> Photographed:
+        """What a camera at EYE sees, in its parts."""
+        size, towards = (camera.height, camera.width), _through(camera)
+        sky = self._trace(self.scene, SKY_SAMPLES, size, towards, seed)
+        sun = np.zeros_like(sky)
+        if not self.sky.is_overcast:
+            sun = self._trace(self.sunny, SUN_SAMPLES, size, towards, seed + 1)
+        return Photographed(sky, sun, *self._ground(camera))
+
+    def _ground(self, camera: Pinhole) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which pixels (h, w) of a camera show level ground, and which of these the sun reaches."""
+        import mitsuba as mi
+
+        rays = camera_directions(camera).reshape(-1, 3).T.astype(np.float32)
+        hit = self.scene.ray_intersect(mi.Ray3f(mi.Point3f(0, EYE, 0), mi.Vector3f(*rays)))
+        up = np.abs(np.array(hit.n.y)) > LEVEL
+        level = np.array(hit.is_valid()) & up & (np.array(hit.p.y) < LOW)
+        sun = mi.Vector3f(*(float(v) for v in self.sky.lighting.sun_direction))
+        hidden = np.array(self.scene.ray_test(mi.Ray3f(hit.p + mi.Vector3f(0, 1e-3, 0), sun)))
+        shape = (camera.height, camera.width)
+        return level.reshape(shape), (level & ~hidden).reshape(shape)
+
+    def _trace(
+        self, scene: Any, samples: int, size: tuple[int, int], towards: Towards, seed: int
+    ) -> NDArray[np.float32]:
+        """A picture (h, w, 3) of `size`, along the directions in which its pixels look."""
         import drjit as dr
         import mitsuba as mi
 
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
         sampler.set_samples_per_wavefront(samples)
-        count = 2 * height * height * samples
+        height, width = size
+        count = height * width * samples
         sampler.seed(seed, count)
         pixel = dr.arange(mi.UInt32, count) // samples
         jitter = sampler.next_2d()
-        azimuth = ((pixel % (2 * height) + jitter.x) / height - 1) * dr.pi
-        elevation = (0.5 - (pixel // (2 * height) + jitter.y) / height) * dr.pi
-        flat = dr.cos(elevation)
-        towards = mi.Vector3f(dr.sin(azimuth) * flat, dr.sin(elevation), -dr.cos(azimuth) * flat)
-        ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(0, EYE, 0), towards))
+        along = towards(pixel % width + jitter.x, pixel // width + jitter.y, height)
+        ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(0, EYE, 0), along))
         integrator = mi.load_dict({"type": "path", "max_depth": BOUNCES + 1})
         radiance, _, _ = integrator.sample(scene, sampler, ray)
         mean = [np.array(dr.block_sum(c, samples)) / samples for c in (radiance.x, radiance.y, radiance.z)]
-        return despeckle(np.stack(mean, -1).reshape(height, 2 * height, 3).astype(np.float32))
+        return despeckle(np.stack(mean, -1).reshape(height, width, 3).astype(np.float32))
 
     def is_clear(self) -> bool:
         """Whether the camera stands free: under CROWDED of its horizon is nearer than ARM."""
@@ -99,6 +139,30 @@ class RenderedPlace:
             mi.Ray3f(origin, mi.Vector3f(*(float(v) for v in self.sky.lighting.sun_direction)))
         )
         return 1.0 - float(np.mean(np.array(hidden)))
+
+
+def _all_around(x: Any, y: Any, height: int) -> Any:
+    """Directions of continuous pixels of a panorama with `height` rows."""
+    import drjit as dr
+    import mitsuba as mi
+
+    azimuth, elevation = (x / height - 1) * dr.pi, (0.5 - y / height) * dr.pi
+    flat = dr.cos(elevation)
+    return mi.Vector3f(dr.sin(azimuth) * flat, dr.sin(elevation), -dr.cos(azimuth) * flat)
+
+
+def _through(camera: Pinhole) -> Towards:
+    """Directions of a camera's continuous pixels."""
+
+    def towards(x: Any, y: Any, _: int) -> Any:
+        import drjit as dr
+        import mitsuba as mi
+
+        right, up, forward = (mi.Vector3f(*(float(v) for v in axis)) for axis in camera.axes)
+        aside, above = x - camera.width / 2, camera.height / 2 - y
+        return dr.normalize(right * aside + up * above + forward * camera.focal_length)
+
+    return towards
 
 
 def despeckle(image: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,7 +1,6 @@
 """Where the ground that a photo shows lies in sunlight, and where in shade.
 
-The page in the browser looks for it in the same way, but for the step that the light predicts
-(`server/web/src/picture/ground.ts`).
+The page in the browser has the same rule (`server/web/src/picture/ground.ts`), tested on the same numbers.
 """
 
 from dataclasses import dataclass
@@ -15,52 +14,96 @@ from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.geometry import Floats, Pinhole, camera_directions
 from lighting.records import Lighting
 
-_SIDE = 640  # pixels of the answer's longer side, at most
-_GRAIN = 4  # pixels over which brightness is averaged, so that a dark stone is no shade
+_SIDE = 256  # pixels of the answer's longer side, at most
+_GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade
 _BELOW = np.sin(np.radians(1.0))  # sine of the angle below the horizon from which a pixel counts as ground
 _LEAST = 0.02  # share of the picture that must show ground
 _STOPS = (-7.0, 0.0)  # range of the log2 of luminance
 _BINS = 64
 _LEAST_STEP = 1.0  # stops between shade and sunlight; a smaller difference is the ground's own
-_OF_PREDICTED = 0.6  # share of the predicted step; in photos of examples/ shadows reach 0.78 to 1.1 of it, grass 0.5
+_OF_PREDICTED = 0.6  # share of the predicted step
 _LEAST_PART = 0.03  # share of the ground that the rarer of both takes
+_ALBEDO = (-3.4, 1.2)  # log2 of a ground's reflectance: the mean, and the spread with the errors of irradiance
+_SUNLIT = 0.8  # share of the ground that the sun reaches where it reaches the scene
+_RARE = 0.05  # least such share
+_NEAR = 1.0  # stops from the threshold of ordinary ground, within which the picture's own is sought
 
 
 def lit_ground(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None) -> NDArray[np.float32]:
     """How much of the sun reaches what each pixel of a photo (h, w, 3, sRGB) shows: (H, W), 0 in shade, 1 in sunlight.
 
-    It has the photo's aspect and at most 640 pixels on its longer side. It is 1 above the horizon, where the light has
-    no sun (`sun` as in `render`), and everywhere unless the ground falls into two kinds, a dark and a bright one
-    (Otsu's threshold on log luminance), at least a stop apart and about as far as shade and sunlight are in this light.
-    So ground that is all in shade counts as lit, and what is dark by itself may count as shade.
+    It has the photo's aspect and at most 256 pixels on its longer side. It is 1 above the horizon, and everywhere where
+    the light has no sun (`sun` as in `render`) or shade and sunlight lie less than a stop apart. Else the ground falls
+    into a bright and a dark kind (Otsu's threshold on log luminance), if the threshold lies near that between ordinary
+    ground in the sun and in shade, and the kinds about as far apart as these. If not, all ground is of one kind: it
+    counts as shade if it is so dark that ordinary ground would rather be that dark in shade, in view of the probability
+    that the sun reaches the scene. What is dark by itself may count as shade.
     """
     small = _reduced(photo)
-    lit = np.ones(small.shape[:2], dtype=np.float32)
+    height, width = small.shape[:2]
     shines = lighting.sun_painted if sun is None else sun
-    predicted = _predicted_step(lighting) if shines else 0.0
-    ground = _below_horizon(small, lighting)
-    if predicted < _LEAST_STEP or ground.mean() < _LEAST:
-        return lit
-    stops = np.log2(np.clip(_smooth(luminance(SRGB_LINEAR[small])), *np.exp2(_STOPS)))[ground]
-    kinds = _two_kinds(stops)
-    if kinds is not None and kinds.step >= max(_LEAST_STEP, _OF_PREDICTED * predicted):
-        lit[ground] = np.clip((stops - kinds.threshold) / (0.5 * kinds.step) + 0.5, 0, 1)
-    return lit
+    step = predicted_step(lighting) if shines else 0.0
+    grey = _blocks(luminance(SRGB_LINEAR[small].astype(np.float64)))
+    ground = _below_horizon(grey.shape, lighting)
+    if step < _LEAST_STEP or ground.mean() < _LEAST:
+        return np.ones((height, width), dtype=np.float32)
+    stops = np.log2(np.clip(grey, *np.exp2(_STOPS)))[ground]
+    lit = np.ones(grey.shape, dtype=np.float32)
+    lit[ground] = _lit(stops, lit_level(lighting), step, lighting.sun_visibility)
+    return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+
+
+def predicted_step(lighting: Lighting) -> float:
+    """Stops between level ground in the sun and in shade."""
+    sky, direct = _levels(lighting)
+    return float(np.log2(1 + direct / max(sky, 1e-9)))
+
+
+def lit_level(lighting: Lighting) -> float:
+    """Log2 of the luminance of a level white surface in the sun."""
+    return float(np.log2(max(sum(_levels(lighting)), 1e-9) / np.pi))
+
+
+def _levels(lighting: Lighting) -> tuple[float, float]:
+    """Luminance of level ground's irradiance by sky and by sun."""
+    direct = float(luminance(sun_irradiance(lighting))) * max(float(lighting.sun_direction[1]), 0.0)
+    return float(luminance(sky_irradiance(lighting))), direct
+
+
+def _lit(stops: Floats, level: float, step: float, visibility: float) -> Floats:
+    """The share (N,) of the sun at ground of log2 luminance (N,)."""
+    kinds = two_kinds(stops, level + _ALBEDO[0] - step / 2)
+    if kinds is None or kinds.step < max(_LEAST_STEP, _OF_PREDICTED * step):
+        return np.full(len(stops), float(np.median(stops) >= level + darkest_lit(step, visibility)))
+    return np.clip((stops - kinds.threshold) / (0.5 * kinds.step) + 0.5, 0, 1)
+
+
+def darkest_lit(step: float, visibility: float) -> float:
+    """Log2 of the reflectance, if it were lit, of ground that is as likely to lie in shade.
+
+    By Bayes' rule with a normal distribution of log2 reflectance: in shade it would be a `step` more than it seems.
+    """
+    mean, spread = _ALBEDO
+    lit = _SUNLIT * visibility
+    return float(mean - step / 2 - spread**2 * np.log(max(lit, _RARE) / (1 - lit)) / step)
 
 
 @dataclass(frozen=True)
-class _Kinds:
-    """Dark and bright ground."""
+class Kinds:
+    """Dark and bright ground, in log2 of luminance."""
 
-    threshold: float  # stops, halfway between the two means
-    step: float  # stops between the means
+    dark: float  # means
+    bright: float
 
+    @property
+    def threshold(self) -> float:
+        """Halfway between the two means."""
+        return (self.dark + self.bright) / 2
 
-def _predicted_step(lighting: Lighting) -> float:
-    """Stops between level ground in the sun and in shade."""
-    sky = float(luminance(sky_irradiance(lighting)))
-    direct = float(luminance(sun_irradiance(lighting))) * max(float(lighting.sun_direction[1]), 0.0)
-    return float(np.log2(1 + direct / max(sky, 1e-9)))
+    @property
+    def step(self) -> float:
+        """Stops between the means."""
+        return self.bright - self.dark
 
 
 def _reduced(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -70,24 +113,23 @@ def _reduced(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
 
 
-def _below_horizon(picture: NDArray[np.uint8], lighting: Lighting) -> NDArray[np.bool_]:
-    """Which pixels of a picture (h, w, 3) show ground, if nothing stands on it."""
-    height, width = picture.shape[:2]
+def _blocks(grey: Floats) -> Floats:
+    """Means of blocks of _GRAIN pixels each way of a picture (h, w); the last ones take what is left over."""
+    starts = [np.arange(max(1, count // _GRAIN)) * _GRAIN for count in grey.shape]
+    sums = np.add.reduceat(np.add.reduceat(grey, starts[0], axis=0), starts[1], axis=1)
+    sizes = [np.diff([*start, count]) for start, count in zip(starts, grey.shape, strict=True)]
+    return np.asarray(sums / np.outer(*sizes))
+
+
+def _below_horizon(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
+    """Which blocks (rows, columns) of a picture show ground, if nothing stands on it."""
     tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
-    rays = camera_directions(Pinhole(width, height, lighting.vertical_fov, **tilt))
+    rays = camera_directions(Pinhole(blocks[1], blocks[0], lighting.vertical_fov, **tilt))
     return np.asarray(rays[..., 1] < -_BELOW)
 
 
-def _smooth(grey: Floats) -> NDArray[np.float32]:
-    """A picture (h, w) without what is finer than _GRAIN."""
-    height, width = grey.shape
-    few = (max(1, width // _GRAIN), max(1, height // _GRAIN))
-    mean = Image.fromarray(grey.astype(np.float32)).resize(few, Image.Resampling.BOX)
-    return np.asarray(mean.resize((width, height), Image.Resampling.BILINEAR))
-
-
-def _two_kinds(stops: Floats) -> _Kinds | None:
-    """The two kinds into which values (N,) fall; None if one of them is rare."""
+def two_kinds(stops: Floats, likely: float) -> Kinds | None:
+    """The two kinds into which log2 luminances (N,) fall, their threshold near a likely one; None if one is rare."""
     counts, edges = np.histogram(stops, _BINS, _STOPS)
     middle = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)[:-1]
@@ -95,7 +137,9 @@ def _two_kinds(stops: Floats) -> _Kinds | None:
     sums = np.cumsum(counts * middle)
     dark = sums[:-1] / np.maximum(below, 1)
     bright = (sums[-1] - sums[:-1]) / np.maximum(above, 1)
-    best = int(np.argmax(np.where((below > 0) & (above > 0), below * above * (bright - dark) ** 2, 0.0)))
-    if min(below[best], above[best]) < _LEAST_PART * len(stops):
+    near = np.abs((dark + bright) / 2 - likely) <= _NEAR
+    spread = np.where((below > 0) & (above > 0) & near, below * above * (bright - dark) ** 2, -1.0)
+    best = int(np.argmax(spread))
+    if spread[best] < 0 or min(below[best], above[best]) < _LEAST_PART * len(stops):
         return None
-    return _Kinds(float(dark[best] + bright[best]) / 2, float(bright[best] - dark[best]))
+    return Kinds(float(dark[best]), float(bright[best]))

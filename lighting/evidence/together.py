@@ -25,7 +25,6 @@ from lighting.evidence.fusion import (
     ring_density,
 )
 from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts
-from lighting.evidence.seen import fuse_photo
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import EVIDENCE, Light, Prediction, SunEstimate, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
@@ -48,15 +47,13 @@ def fuse_together(
     headings: Sequence[float] | None = None,
     placed: "Sequence[Placed] | None" = None,
 ) -> tuple[Fused, ...]:
-    """One answer a photo, in its own camera's frame, for photos of one place and light.
+    """One answer a photo, in its own camera's frame, for two or more photos of one place and light.
 
     `headings` [deg, clockwise from any common direction] are exact; without them `placed` says how matches turn the
     photos, compass headings are used where all have one, and else relative headings are unknown. A photo without time
     takes the candidates of the first that has one. Times may differ (a time-lapse): then candidate k of each photo is
     the sun in the same zone k.
     """
-    if len(predictions) == 1:
-        return (fuse_photo(predictions[0], evidence[0]),)
     alone = [fuse(p, e) for p, e in zip(predictions, evidence, strict=True)]
     turns = frames(evidence, headings, placed)
     shared = _share_sky(_as_matched(predictions, placed) if placed else predictions)

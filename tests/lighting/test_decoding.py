@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.circular import HEADINGS, von_mises
+from lighting.colour import luminance
 from lighting.decoding import (
     best_guess,
     colour,
@@ -19,6 +20,7 @@ from lighting.decoding import (
     light_of_numbers,
     lighting_from,
     sun_on_rings,
+    tinted,
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.records import RANGES, Light, Prediction
@@ -160,6 +162,17 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert sure.sun_irradiance == (4.0, 4.0, 4.0)
     assert doubtful.sun_irradiance == pytest.approx((0.25, 0.25, 0.25))
     assert doubtful.sky_irradiance == sure.sky_irradiance
+
+
+def test_a_sun_that_is_known_to_be_low_is_warmer_and_as_bright() -> None:
+    white = (3.0, 3.0, 3.0)
+    red, green, blue = tinted(white, 14.0, 5.0)
+    assert red > green > blue
+    assert luminance(np.array([red, green, blue])) == pytest.approx(3.0, rel=1e-4)
+    assert tinted((red, green, blue), 5.0, 14.0) == pytest.approx(white, rel=1e-4)
+    assert tinted(white, 20.0, 60.0) == tinted(white, 7.0, 7.0) == white
+    assert tinted(white, 40.0, 0.0) == tinted(white, 40.0, 3.0)
+    assert tinted((0.0, 0.0, 0.0), 14.0, 5.0) == (0.0, 0.0, 0.0)
 
 
 def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:

@@ -14,6 +14,7 @@ from lighting import model as model_module
 from lighting import pipeline
 from lighting.decoding import lighting_from
 from lighting.errors import ModelError, ParameterError, PhotoError
+from lighting.evidence import Given
 from lighting.evidence.answer import UNSUITABLE
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
@@ -145,6 +146,15 @@ def test_what_is_no_such_photo_earns_a_warning(tmp_path: Path, photo_path: Path)
     doubtful = {"light": np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.1])}
     estimator = Estimator(Model.load(write_network(tmp_path / "n.onnx", more=doubtful)))
     assert estimator(read_photo(photo_path)).warnings == (UNSUITABLE,)
+
+
+def test_one_photo_together_is_answered_as_alone(lit_network: Path, photo_path: Path) -> None:
+    """The service takes every request as photos of one place."""
+    estimator, given = Estimator(Model.load(lit_network)), Given(vertical_fov=62.0)
+    photo = read_photo(photo_path)
+    (together,), alone = estimator.together([photo], given), estimator(photo, given)
+    assert together.lighting == alone.lighting
+    assert together.lighting.evidence == ("pixels", "focal length")
 
 
 def test_photos_together_share_the_strength_of_the_light(lit_network: Path, photo_path: Path) -> None:

@@ -44,7 +44,7 @@ export function viewOf(photo: Photo, answer: Estimate): View {
   return {
     ...{ photo, answer, history: new History(look), power: { sun: [0, 0, 0], sky: [0, 0, 0] } },
     ground: groundColour(photo.pixels, camera),
-    lit: litGround(photo.pixels, camera),
+    lit: litGround(photo.pixels, answer),
   };
 }
 

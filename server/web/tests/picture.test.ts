@@ -1,11 +1,46 @@
+import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
-import { groundColour, litGround } from "../src/picture/ground";
+import { groundColour, litGround, type Told } from "../src/picture/ground";
 import { encoded, linear, type Pixels } from "../src/picture/pixels";
 import { quietSpot } from "../src/picture/room";
 import { fold, layAround, withSurroundings } from "../src/picture/surroundings";
 
 const LEVEL = { elevation: 0, roll: 0, vertical_fov: 60 };
 const UP = { elevation: 60, roll: 0, vertical_fov: 40 };
+
+/** A picture and its light in tests/lighting/envmap/lit_ground.json, with the service's answer. */
+interface Case extends Light {
+  width: number;
+  height: number;
+  pixels: string;
+  lit: string;
+}
+
+interface Light {
+  sun_elevation: number;
+  visibility: number;
+  sun: [number, number, number];
+  sky: [number, number, number] | undefined;
+  camera_elevation: number;
+  roll: number;
+  vertical_fov: number;
+}
+
+const DARK: Light = {
+  ...{ sun_elevation: 40, visibility: 0.8, sun: [9, 8, 6], sky: [0.4, 0.5, 0.8] },
+  ...{ camera_elevation: 0, roll: 0, vertical_fov: 60 },
+};
+
+const bytesOf = (text: string): Uint8Array => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+
+function toldBy({ sun_elevation, visibility, sun, sky, ...camera }: Light): Told {
+  const { camera_elevation: elevation, roll, vertical_fov } = camera;
+  return {
+    sun: { ...{ azimuth: 0, elevation: sun_elevation, direction: [0, 1, 0] }, visibility, irradiance: sun },
+    sky: { ...{ model: "", turbidity: 3, ground_albedo: 0.3, exposure: 1 }, ...(sky ? { irradiance: sky } : {}) },
+    camera: { elevation, roll, vertical_fov },
+  };
+}
 
 /** A photo of 64 x 48 pixels by a rule for its grey levels or colours. */
 function photo(rule: (x: number, y: number) => number | [number, number, number]): Pixels {
@@ -32,33 +67,39 @@ describe("the photo's ground", () => {
     ).toBeUndefined();
   });
 
-  it("is in shade where it is dark beside what is bright", () => {
-    const lit = litGround(
-      photo((x, y) => (y < 24 ? 250 : x < 24 ? 60 : 180)),
-      LEVEL,
-    );
-    const row = 40 * 64;
-    expect([lit[row + 5], lit[row + 55]]).toEqual([0, 255]);
-    expect(lit[10 * 64 + 5]).toBe(255);
+  it("is in shade where the service finds it in shade", () => {
+    const file = readFileSync(new URL("../../../tests/lighting/envmap/lit_ground.json", import.meta.url));
+    const { cases } = JSON.parse(new TextDecoder().decode(file)) as { cases: Case[] };
+    expect(cases.length).toBeGreaterThan(3);
+    for (const given of cases) {
+      const { width, height } = given;
+      const rgb = bytesOf(given.pixels);
+      const data = Uint8ClampedArray.from({ length: 4 * width * height }, (_, i) =>
+        i % 4 < 3 ? (rgb[3 * (i >> 2) + (i % 4)] as number) : 255,
+      );
+      const lit = litGround({ width, height, data }, toldBy(given));
+      const expected = bytesOf(given.lit);
+      expect(lit).toHaveLength(expected.length);
+      expect(Math.max(...lit.map((value, i) => Math.abs(value - (expected[i] as number))))).toBeLessThanOrEqual(1);
+    }
   });
 
-  it("counts as lit where its kinds hardly differ, and where there is none", () => {
+  it("counts as lit where the record states no irradiances", () => {
+    const [given] = [{ ...DARK, sky: undefined }];
     expect(
       new Set(
         litGround(
-          photo((x, y) => (y < 24 ? 250 : 110 + (x % 7))),
-          LEVEL,
+          photo(() => 10),
+          toldBy(given),
         ),
       ),
     ).toEqual(new Set([255]));
     expect(
-      new Set(
-        litGround(
-          photo((x) => (x < 30 ? 10 : 200)),
-          UP,
-        ),
-      ),
-    ).toEqual(new Set([255]));
+      litGround(
+        photo(() => 10),
+        toldBy(DARK),
+      )[40 * 64],
+    ).toBe(0);
   });
 });
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from export.evaluation.evidence import SUBSETS, evidence_report, warning_shares
+from export.evaluation.evidence import SUBSETS, evidence_report, in_view_evidence, warning_shares
 from export.evaluation.records import Truth
 from export.evaluation.simulated_metadata import take_metadata
-from lighting.geometry import angles
+from lighting.geometry import angles, direction
 from lighting.records import Prediction
 from tests.export.evaluation.examples import EACH, truth_of
 from tests.lighting.evidence.test_fusion import lobe
@@ -45,3 +45,17 @@ def test_sharp_pixels_find_out_false_records_and_pass_true_ones() -> None:
     shares = warning_shares(truth, seeing(truth, concentration=300.0), take_metadata(truth, EACH))
     assert [row["true"] for row in shares.values()] == [0.0, 0.0, 0.0]
     assert [row["false"] for row in shares.values()] == pytest.approx([100.0, 100.0, 100.0], abs=10.0)
+
+
+def test_a_seen_sun_moves_with_the_lens_only_where_the_picture_is_white() -> None:
+    """The focal length is told; the network's own is 50 deg, the true one another."""
+    truth = truth_of(2, 15.0)
+    truth.sun[:] = direction(20.0, 15.0)
+    truth.camera[:] = (2.0, 0.0, 65.0)
+    said = [lobe(20.0, 15.0, 300.0)] * len(truth.sun)
+    rows = {}
+    for name, level in (("grey", 120), ("white", 255)):
+        pictures = [np.full((300, 400, 3), level, np.uint8)] * len(said)
+        table = in_view_evidence(truth, said, pictures)
+        rows[name] = [float(line.split("|")[2]) for line in table.splitlines() if "focal length" in line]
+    assert rows["grey"][0] < 1.0 < 3.0 < rows["white"][0]

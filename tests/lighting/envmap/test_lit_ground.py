@@ -1,6 +1,9 @@
 """Where a picture's ground lies in the sun."""
 
+import base64
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +16,9 @@ from tests.lighting.envmap.test_render import given_light
 
 LIGHT = given_light(40.0, camera_elevation=-10.0)
 SKY, SUN = np.array([0.4, 0.5, 0.8]), np.sin(np.radians(40.0)) * np.array([1.9, 1.5, 0.9])
-SUNLIT, SHADED = 0.3 / np.pi * (SKY + SUN), 0.3 / np.pi * SKY
+ALBEDO = 0.15
+SUNLIT, SHADED = ALBEDO / np.pi * (SKY + SUN), ALBEDO / np.pi * SKY
+CASES = Path(__file__).with_name("lit_ground.json")
 
 
 def photo(bright: NDArray[np.float64], dark: NDArray[np.float64], size: int = 1) -> NDArray[np.uint8]:
@@ -35,25 +40,61 @@ def test_shade_is_told_from_sunlight() -> None:
 
 def test_a_large_photo_has_a_small_answer() -> None:
     lit = lit_ground(photo(SUNLIT, SHADED, size=8), LIGHT)
-    assert lit.shape == (480, 640)
-    assert lit[300, [100, 500]].tolist() == [1.0, 0.0]
+    assert lit.shape == (192, 256)
+    assert lit[120, [40, 200]].tolist() == [1.0, 0.0]
 
 
-def test_the_step_counts_and_not_the_brightness() -> None:
-    dim = lit_ground(photo(0.3 * SUNLIT, 0.3 * SHADED), LIGHT)
+def test_a_threshold_of_the_pictures_own_counts_near_the_likely_one() -> None:
+    """Ground of half the reflectance."""
+    dim = lit_ground(photo(0.5 * SUNLIT, 0.5 * SHADED), LIGHT)
     assert [dim[50:, :76].min(), dim[50:, 84:].max()] == [1.0, 0.0]
 
 
-@pytest.mark.parametrize("level", [SUNLIT, SHADED, np.zeros(3), np.full(3, 5.0)])
-def test_ground_of_one_kind_counts_as_lit(level: NDArray[np.float64]) -> None:
-    assert lit_ground(photo(level, level), LIGHT).min() == 1.0
+@pytest.mark.parametrize(("albedo", "lit"), [(0.9, 1.0), (0.3, 1.0), (0.1, 1.0), (0.01, 0.0)])
+def test_ground_of_one_kind_is_lit_unless_it_is_too_dark_for_that(albedo: float, lit: float) -> None:
+    level = albedo / ALBEDO * SUNLIT
+    assert lit_ground(photo(level, level), LIGHT)[50:] == pytest.approx(lit)
+
+
+def test_ground_that_is_all_in_shade_is_told_where_the_sun_is_strong() -> None:
+    hard = replace(LIGHT, sun_irradiance=tuple(6 * np.array(LIGHT.sun_irradiance)))
+    lit = lit_ground(photo(SHADED, SHADED), hard)
+    assert lit[50:].max() == 0.0
+    assert lit[:30].min() == 1.0
+
+
+def test_doubt_that_the_sun_shines_makes_shade_likelier() -> None:
+    level = 0.04 / ALBEDO * SUNLIT
+    there, doubtful = (lit_ground(photo(level, level), replace(LIGHT, sun_visibility=v)) for v in (1.0, 0.3))
+    assert [there[50:].min(), doubtful[50:].max()] == [1.0, 0.0]
 
 
 def test_a_difference_that_the_light_does_not_make_is_the_grounds_own() -> None:
-    picture = photo(SUNLIT, 0.45 * SUNLIT)
-    assert lit_ground(picture, LIGHT).min() == 0.0
+    """What is dark in itself, and bright things over lit ground."""
     hard = replace(LIGHT, sun_irradiance=(19.0, 15.0, 9.0))
-    assert lit_ground(picture, hard).min() == 1.0
+    level = 0.15 / np.pi * (SKY + 10 * SUN)
+    assert lit_ground(photo(level, 0.45 * level), hard).min() == 1.0
+    assert lit_ground(photo(5 * SUNLIT, SUNLIT), LIGHT).min() == 1.0
+
+
+def test_the_page_has_the_same_rule() -> None:
+    """`server/web/tests/picture.test.ts` reads the same file."""
+    for case in json.loads(CASES.read_text())["cases"]:
+        sizes = (case["height"], case["width"])
+        pixels = np.frombuffer(base64.b64decode(case["pixels"]), np.uint8).reshape(*sizes, 3)
+        light = replace(
+            LIGHT,
+            sun_elevation=case["sun_elevation"],
+            sun_visibility=case["visibility"],
+            sun_irradiance=tuple(case["sun"]),
+            camera_elevation=case["camera_elevation"],
+            camera_roll=case["roll"],
+            vertical_fov=case["vertical_fov"],
+        )
+        assert light.sky_irradiance == tuple(case["sky"])
+        expected = np.frombuffer(base64.b64decode(case["lit"]), np.uint8).reshape(sizes)
+        found = np.round(255 * lit_ground(pixels, light))
+        assert np.abs(found - expected).max() <= 1
 
 
 @pytest.mark.parametrize(
@@ -77,4 +118,4 @@ def test_the_caller_may_say_whether_the_sun_shines() -> None:
 
 
 def test_a_picture_of_one_pixel_is_answered() -> None:
-    assert lit_ground(np.zeros((1, 1, 3), np.uint8), replace(LIGHT, camera_elevation=-60.0)).tolist() == [[1.0]]
+    assert lit_ground(np.zeros((1, 1, 3), np.uint8), replace(LIGHT, camera_elevation=-60.0)).tolist() == [[0.0]]

@@ -5,6 +5,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
 import pytest
 
 from lighting.evidence import Given
@@ -12,7 +13,7 @@ from lighting.evidence.answer import estimate_of
 from lighting.evidence.fusion import fuse
 from lighting.evidence.metadata import known
 from lighting.photo.exif import PhotoFacts
-from lighting.records import Lighting
+from lighting.records import Light, Lighting
 from lighting.sun_grid import soft_label
 from tests.conftest import TINY
 from tests.lighting.evidence.samples import FACTS, answer, prediction
@@ -47,6 +48,21 @@ def test_the_sun_is_a_compass() -> None:
     assert light.camera_heading == pytest.approx(azimuth - light.sun_azimuth, abs=1.0)
     assert light.camera_heading == pytest.approx(azimuth - 30, abs=15.0)
     assert light.sun_elevation == pytest.approx(elevation, abs=0.1)
+
+
+def test_the_suns_colour_follows_its_known_elevation() -> None:
+    """Pixels that have it at 37 deg, a record of the hour in which it sets."""
+    ahead = soft_label([0.0, 0.6, -0.8], 80.0, TINY.sun_grid)
+    said = replace(prediction(ahead), light=Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0))
+    evening = known(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), Given())
+    alone, told = (estimate_of(fuse(said, k.evidence), k).lighting for k in (known(PhotoFacts(), Given()), evening))
+    assert told.sun_elevation < 10
+    assert alone.sun_irradiance == (2.0, 2.0, 2.0)
+    assert told.sun_irradiance is not None
+    red, green, blue = told.sun_irradiance
+    assert red > 2.0 > blue
+    assert red > green > blue
+    assert told.sky_irradiance == alone.sky_irradiance
 
 
 def test_the_place_is_told_only_if_asked_for() -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from lighting.evidence.fusion import Evidence, fuse
 from lighting.evidence.seen import fuse_photo, shown_sun
-from lighting.evidence.together import fuse_together
 from lighting.geometry import Pinhole, angle_between, camera_pixel, direction
 from lighting.records import Prediction
 from tests.lighting.evidence.test_fusion import UNIFORM, lobe, prediction
@@ -59,14 +58,6 @@ def test_the_mark_then_stands_near_the_seen_sun() -> None:
     before = pixel(said, (AZIMUTH, ELEVATION), 50.0)
     after = pixel(fused.prediction, (fused.sun.azimuth, fused.sun.elevation), 62.0)
     assert np.hypot(*(after - before)) < 12
-
-
-def test_one_photo_taken_together_is_answered_as_alone() -> None:
-    """The service takes every request as photos of one place."""
-    evidence = Evidence(((12.0, 200.0),), vertical_fov=62.0)
-    (one,), other = fuse_together([seen()], [evidence]), fuse_photo(seen(), evidence)
-    assert one.sun == other.sun
-    assert one.prediction.camera_elevation == other.prediction.camera_elevation != seen().camera_elevation
 
 
 @pytest.mark.parametrize("elevation", [40.0, 60.0])

@@ -26,16 +26,6 @@ def azimuth_errors(answers: tuple[Fused, ...], sun: float, turns: tuple[float, .
     return [abs(float(wrap_azimuth(a.sun.azimuth - (sun - t)))) for a, t in zip(answers, turns, strict=True)]
 
 
-@pytest.mark.parametrize("evidence", [NOTHING, Evidence(((33.0, 120.0),), 80.0, vertical_fov=44.0)])
-@pytest.mark.parametrize("headings", [None, [12.0]])
-def test_one_photo_together_is_one_alone(evidence: Evidence, headings: list[float] | None) -> None:
-    said = lobe(40.0, 30.0)
-    (answer,), alone = fuse_together([said], [evidence], headings), fuse(said, evidence)
-    assert answer.sun == alone.sun
-    assert answer.used == alone.used
-    assert (answer.probability == alone.probability).all()
-
-
 @pytest.mark.parametrize("suns", [(), ((38.0, 60.0),)])
 @pytest.mark.parametrize("headings", [None, TURNS])
 def test_the_order_of_the_photos_does_not_matter(

@@ -1,8 +1,10 @@
 /** The ground as the photo shows it: its colour, and where it lies in the sun or in shade. */
 
+import type { Lighting } from "../api";
+import { radians } from "../pure/angles";
 import type { Camera } from "../pure/camera";
 import type { Triple } from "../sky/model";
-import { groundPixels, linear, luminance, type Pixels } from "./pixels";
+import { elevationOf, groundPixels, linear, luminance, type Pixels } from "./pixels";
 
 const DEPRESSION = 4; // degrees below the horizon, where ground begins: nearer to it stand things
 const LEAST = 0.02; // of the photo's pixels, below which it shows no ground to speak of
@@ -21,42 +23,110 @@ export function groundColour(pixels: Pixels, camera: Camera): Triple | undefined
 const BINS = 64;
 const [DARKEST, BRIGHTEST] = [-7, 0]; // stops
 const LEAST_STEP = 1; // stops between shade and sun, else the difference is the ground's own
+const OF_PREDICTED = 0.6; // share of the step that the light predicts
 const LEAST_PART = 0.03; // of the ground, that the smaller of both takes
-const GRAIN = 4; // pixels that are averaged, so that a dark stone is no shade
+const GRAIN = 2; // pixels that are averaged, so that a dark stone is no shade
+const DEPTH = 1; // degree below the horizon, where ground begins that may lie in shade
+const ALBEDO = { mean: -3.4, spread: 1.2 }; // log2 of a ground's reflectance
+const SUNLIT = 0.8; // share of the ground that the sun reaches where it reaches the scene
+const RARE = 0.05; // least such share
+const NEAR = 1; // stops from the threshold of ordinary ground, within which the picture's own is sought
+
+/** What the shade is told by: the light of the estimate, as its record states it. */
+export type Told = Pick<Lighting, "sky" | "camera"> & { sun: Omit<Lighting["sun"], "radius_50" | "radius_90"> };
 
 /**
- * How much of the sun reaches each pixel's ground, 0 to 255, as far as the picture tells: 255 everywhere unless the
- * ground falls into two kinds, a dark and a bright one, at least a stop apart (Otsu's threshold on log luminance).
+ * How much of the sun reaches each pixel's ground, 0 to 255: the rule of `lit_ground` in `lighting/envmap`, where it is
+ * described. 255 everywhere if the record states no irradiances.
  */
-export function litGround(pixels: Pixels, camera: Camera): Uint8Array {
-  const lit = new Uint8Array(pixels.width * pixels.height).fill(255);
-  const ground = groundPixels(pixels, camera, 1);
-  if (ground.length < LEAST * lit.length) return lit;
-  const stops = ground.map((i) => Math.log2(Math.max(smooth(pixels, i), 2 ** DARKEST)));
-  const { threshold, step, part } = split(stops);
-  if (step < LEAST_STEP || part < LEAST_PART) return lit;
-  ground.forEach((i, n) => {
-    const share = ((stops[n] as number) - threshold) / (0.5 * step) + 0.5;
-    lit[i / 4] = Math.round(255 * Math.min(Math.max(share, 0), 1));
+export function litGround(pixels: Pixels, told: Told): Uint8Array {
+  const all = new Uint8Array(pixels.width * pixels.height).fill(255);
+  const { sun, sky } = told;
+  if (!sun.irradiance || !sky.irradiance) return all;
+  const open = grey(sky.irradiance);
+  const direct = grey(sun.irradiance) * Math.max(Math.sin(radians(sun.elevation)), 0);
+  const step = Math.log2(1 + direct / Math.max(open, 1e-9));
+  const level = Math.log2(Math.max(open + direct, 1e-9) / Math.PI);
+  const blocks = blocksOf(pixels);
+  const ground = blocks.values.flatMap((_, i) => {
+    const [x, y] = [i % blocks.width, Math.floor(i / blocks.width)];
+    return elevationOf(x, y, told.camera, blocks) < -DEPTH ? [i] : [];
   });
-  return lit;
+  if (step < LEAST_STEP || ground.length < LEAST * blocks.values.length) return all;
+  const stops = ground.map((i) => Math.log2(Math.min(Math.max(blocks.values[i] as number, 2 ** DARKEST), 1)));
+  const shares = litShares(stops, level, step, sun.visibility);
+  const lit = blocks.values.map(() => 1);
+  ground.forEach((i, n) => {
+    lit[i] = shares[n] as number;
+  });
+  return all.map((_, i) => Math.round(255 * between(lit, blocks, pixels, i)));
 }
 
-/** Mean luminance around a pixel. */
-function smooth({ width, height, data }: Pixels, i: number): number {
-  const [x, y] = [(i / 4) % width, Math.floor(i / 4 / width)];
-  let [sum, count] = [0, 0];
-  for (let v = Math.max(0, y - GRAIN / 2); v <= Math.min(height - 1, y + GRAIN / 2); v++) {
-    for (let u = Math.max(0, x - GRAIN / 2); u <= Math.min(width - 1, x + GRAIN / 2); u++) {
-      sum += luminance(data, 4 * (v * width + u));
-      count++;
-    }
+const grey = ([red, green, blue]: Triple): number => 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+
+/** The share of the sun at ground of log2 luminance; `level` is that of a white surface in the sun. */
+function litShares(stops: number[], level: number, step: number, visibility: number): number[] {
+  const kinds = twoKinds(stops, level + ALBEDO.mean - step / 2);
+  if (!kinds || kinds.bright - kinds.dark < Math.max(LEAST_STEP, OF_PREDICTED * step)) {
+    const whole = Number(median(stops) >= level + darkestLit(step, visibility));
+    return stops.map(() => whole);
   }
-  return sum / count;
+  const { dark, bright } = kinds;
+  const threshold = (dark + bright) / 2;
+  return stops.map((stop) => Math.min(Math.max((stop - threshold) / (0.5 * (bright - dark)) + 0.5, 0), 1));
 }
 
-/** The threshold between two kinds of values, the step between their means, and the share of the rarer kind. */
-function split(values: number[]): { threshold: number; step: number; part: number } {
+/** Log2 of the reflectance, if it were lit, of ground that is as likely to lie in shade. */
+function darkestLit(step: number, visibility: number): number {
+  const lit = SUNLIT * visibility;
+  return ALBEDO.mean - step / 2 - (ALBEDO.spread ** 2 * Math.log(Math.max(lit, RARE) / (1 - lit))) / step;
+}
+
+function median(values: number[]): number {
+  const sorted = values.toSorted((a, b) => a - b);
+  const [low, high] = [(sorted.length - 1) >> 1, sorted.length >> 1];
+  return ((sorted[low] as number) + (sorted[high] as number)) / 2;
+}
+
+interface Blocks {
+  width: number;
+  height: number;
+  values: number[];
+}
+
+/** Mean luminance of blocks of GRAIN pixels each way; the last ones take what is left over. */
+function blocksOf({ width, height, data }: Pixels): Blocks {
+  const [columns, rows] = [Math.max(1, Math.floor(width / GRAIN)), Math.max(1, Math.floor(height / GRAIN))];
+  const sums = new Array<number>(columns * rows).fill(0);
+  const counts = sums.slice();
+  for (let i = 0; i < width * height; i++) {
+    const x = Math.min(Math.floor((i % width) / GRAIN), columns - 1);
+    const at = Math.min(Math.floor(i / width / GRAIN), rows - 1) * columns + x;
+    sums[at] = (sums[at] as number) + luminance(data, 4 * i);
+    counts[at] = (counts[at] as number) + 1;
+  }
+  return { width: columns, height: rows, values: sums.map((sum, at) => sum / (counts[at] as number)) };
+}
+
+/** The value at a pixel between those of the blocks, linearly. */
+function between(values: number[], blocks: Blocks, { width, height }: Pixels, i: number): number {
+  const x = place((i % width) + 0.5, width, blocks.width);
+  const y = place(Math.floor(i / width) + 0.5, height, blocks.height);
+  const at = (column: number, row: number): number => values[row * blocks.width + column] as number;
+  const upper = at(x.low, y.low) * (1 - x.share) + at(x.high, y.low) * x.share;
+  const lower = at(x.low, y.high) * (1 - x.share) + at(x.high, y.high) * x.share;
+  return upper * (1 - y.share) + lower * y.share;
+}
+
+/** The two blocks of `count` that a place along `length` pixels lies between, and how far it is on its way. */
+function place(at: number, length: number, count: number): { low: number; high: number; share: number } {
+  const where = Math.min(Math.max((at * count) / length - 0.5, 0), count - 1);
+  const low = Math.floor(where);
+  return { low, high: Math.min(low + 1, count - 1), share: where - low };
+}
+
+/** The means of the two kinds into which values fall (Otsu), their threshold near a likely one; null if one is rare. */
+function twoKinds(values: number[], likely: number): { dark: number; bright: number } | null {
   const counts = new Array<number>(BINS).fill(0);
   const width = (BRIGHTEST - DARKEST) / BINS;
   for (const value of values) {
@@ -65,7 +135,7 @@ function split(values: number[]): { threshold: number; step: number; part: numbe
   }
   const middle = (bin: number): number => DARKEST + (bin + 0.5) * width;
   const whole = counts.reduce((sum, count, bin) => sum + count * middle(bin), 0);
-  let best = { threshold: 0, step: 0, part: 0, spread: -1 };
+  let best = { dark: 0, bright: 0, part: 0, spread: -1 };
   let [below, sum] = [0, 0];
   for (let bin = 0; bin < BINS - 1; bin++) {
     below += counts[bin] as number;
@@ -74,8 +144,8 @@ function split(values: number[]): { threshold: number; step: number; part: numbe
     if (below === 0 || above === 0) continue;
     const [dark, bright] = [sum / below, (whole - sum) / above];
     const spread = below * above * (bright - dark) ** 2;
-    const part = Math.min(below, above) / values.length;
-    if (spread > best.spread) best = { threshold: (dark + bright) / 2, step: bright - dark, part, spread };
+    if (Math.abs((dark + bright) / 2 - likely) > NEAR || spread <= best.spread) continue;
+    best = { dark, bright, part: Math.min(below, above) / values.length, spread };
   }
-  return best;
+  return best.part < LEAST_PART ? null : best;
 }
