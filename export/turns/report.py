@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from export.data import Panorama, read_index
 from export.evaluation.tables import table
 from export.turns import groups, overlap, pairs
@@ -84,13 +86,16 @@ def _sets(asked: Asked, panoramas: Sequence[Panorama]) -> str:
 
 
 def _overlap(asked: Asked, panoramas: Sequence[Panorama]) -> str:
-    views = overlap.views_of(_network(asked), _few_of_each(panoramas)[: asked.count])
+    network, few = _network(asked), _few_of_each(panoramas)[: asked.count]
+    views, tilted = overlap.views_of(network, few), overlap.views_of(network, few, tilted=True)
     rows = {
         f"{size}, {kind}": overlap.coverage(views, size, kind) for size in overlap.SIZES for kind in overlap.kinds(size)
     }
+    sizes = [size for size in overlap.SIZES if size <= overlap.TILTED]
+    rows |= {f"{size}, tilted by up to 20°": overlap.coverage(tilted, size, overlap.KINDS[0]) for size in sizes}
     title = f"## Views of {len(views)} panoramas of {len({v.place for v in views})} places"
-    learnt = ["Correlation of the errors", _figures({"learnt": overlap.learn(views)})] if asked.split == "train" else []
-    return "\n\n".join([title, *learnt, _figures(rows)])
+    learnt = _figures({**overlap.halves(views), "all places": overlap.learn(views) | {"NLL of the other half": np.nan}})
+    return "\n\n".join([title, "How the errors correlate", learnt, _figures(rows)])
 
 
 def _few_of_each(panoramas: Sequence[Panorama]) -> list[Panorama]:
@@ -118,6 +123,8 @@ def _figures(rows: dict[str, dict[str, float]]) -> str:
 
 
 def _shown(value: float) -> str:
+    if not np.isfinite(value):
+        return "-"
     if value >= 100 and value == round(value):
         return f"{value:.0f}"
     return f"{value:.2f}" if abs(value) < 10 else f"{value:.1f}"

@@ -55,15 +55,27 @@ def video(
     unless stated here. The exit status is 1 where part of the clip has no answer.
     """
     from lighting.model import Model
-    from lighting.video.output import Job, Wanted, check_folder, process
+    from lighting.video.output import PART, Job, Wanted, check_folder, process
 
     every, overwrite = options.pop("every"), options.pop("overwrite")
     job = Job(Path(clip), Path(output), given, every, Wanted(**options))
     check_folder(job.folder, overwrite=overwrite)
-    with _progress(clip, quiet) as bar:
-        done = process(job, Model.load(model), lambda time: bar.update(round(time, 2) - bar.n))
+    network = Model.load(model)
+    try:
+        with _progress(clip, quiet) as bar:
+            done = process(job, network, lambda time: bar.update(round(time, 2) - bar.n))
+    except KeyboardInterrupt:
+        _tell_interrupted(job.folder / PART)
+        raise
     _report(clip, done, quiet)
     ctx.exit(1 if done.failed else 0)
+
+
+def _tell_interrupted(records: Path) -> None:
+    """Where the records of what was read lie, if there are any."""
+    if records.is_file() and records.stat().st_size:
+        name = click.format_filename(records)
+        click.echo(f"Interrupted: what was read so far is in {name}; --overwrite starts over.", err=True)
 
 
 def _progress(clip: str, quiet: bool) -> Any:
@@ -95,9 +107,10 @@ def in_words(number: int, shot: "Shot") -> str:
     path, sun = shot.path, shot.fused.sun
     turned = path.heading.max() - path.heading.min()
     north = "" if shot.north is None else f", first heading {(shot.north + path.heading[0]) % 360.0:.0f}°"
+    frames = "1 frame" if len(shot.frames) == 1 else f"{len(shot.frames)} frames"
     bridged = f", {path.bridged.sum()} bridged" if path.bridged.any() else ""
     return (
-        f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {len(shot.frames)} frames{bridged}: "
+        f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {frames}{bridged}: "
         f"sun {sun.elevation:.1f}° high and {abs(sun.azimuth):.1f}° {'right' if sun.azimuth >= 0 else 'left'} of the "
         f"first frame (50 % within {sun.radius_50:.1f}°, 90 % within {sun.radius_90:.1f}°), "
         f"direct sunlight {100 * shot.fused.prediction.sun_visibility:.0f} %; "

@@ -1,8 +1,11 @@
-"""How much each of several views counts: those that overlap see the same evidence, and even others err alike.
+"""How much each of several views counts: those that overlap see the same evidence, and at times all err alike.
 
-The errors of two views correlate by FAR where they share nothing and by up to NEAR where they show the same. A view
-counts by one over the sum of its correlations with all, itself included; that is the weight of the best linear mean
-where all correlate alike. `python -m export turns overlap` fits both numbers.
+The errors of two views correlate by a number FAR where they share nothing and by 1 where they show the same; in
+between by the square of the overlap. A view counts by one over the sum of its correlations with all, itself included;
+that is the weight of the best linear mean where all correlate alike. In a share of cases, though, one thing misleads
+all views, and then they say no more than one does: the answer is a mixture of both products. Without it, a few places
+where all views err would have to be paid for by too wide regions everywhere. `python -m export turns overlap` fits
+both numbers.
 """
 
 from collections.abc import Sequence
@@ -19,25 +22,45 @@ UNLIKE = 30.0  # deg of the sun's motion after which the same view is another wi
 
 @dataclass(frozen=True)
 class Correlation:
-    """Of the errors of two views."""
+    """Of the errors of views."""
 
-    far: float  # without overlap
-    near: float  # of one and the same view
-
-
-SUN = Correlation(0.2, 1.0)  # of the sun's distribution in one frame
-AZIMUTH = Correlation(0.1, 1.0)  # of its azimuth at a known elevation
+    far: float  # of two views without overlap
+    misled: float  # share of cases in which all views say no more than one
 
 
-def counts(ahead: Floats, vertical_fov: Floats, correlation: Correlation, likeness: Floats | float = 1.0) -> Floats:
+SUN = Correlation(0.05, 0.15)  # of the sun's distribution in one frame
+AZIMUTH = Correlation(0.0, 0.05)  # of its azimuth at a known elevation
+
+
+def counts(
+    ahead: Floats,
+    vertical_fov: Floats,
+    correlation: Correlation,
+    likeness: Floats | float = 1.0,
+    present: Floats | None = None,
+) -> Floats:
     """How much each of n views counts (n,), 0 to 1, by their optical axes (n, 3) and fields of view (n,) [deg].
 
     `likeness` (n, n) is how alike their light is, 0 to 1: the same view under another sun is another witness.
+    `present` (n,) is how far each is there at all, 0 to 1.
     """
-    shared = overlap(ahead, vertical_fov) * likeness
-    matrix = correlation.far + (correlation.near - correlation.far) * shared
-    np.fill_diagonal(matrix, 1.0)
-    return np.asarray(1.0 / matrix.sum(axis=1))
+    shared = np.square(overlap(ahead, vertical_fov)) * likeness
+    matrix = correlation.far + (1.0 - correlation.far) * shared
+    np.fill_diagonal(matrix, 0.0)
+    there = np.ones(len(ahead)) if present is None else present
+    return np.asarray(there / (1.0 + matrix @ there))
+
+
+def multiplied(log: Floats, share: Floats, correlation: Correlation, area: Floats | float = 1.0) -> Floats:
+    """Probabilities (...), 1 in sum, of cells of some area (...) by log densities (n, ...) of views that count (n,)."""
+    apart, alike = (_product(log, power, area) for power in (share, share / share.sum()))
+    return np.asarray((1.0 - correlation.misled) * apart + correlation.misled * alike)
+
+
+def _product(log: Floats, power: Floats, area: Floats | float) -> Floats:
+    total = np.tensordot(power, log, axes=1)
+    weight = np.exp(total - total.max()) * area
+    return np.asarray(weight / weight.sum())
 
 
 def overlap(ahead: Floats, vertical_fov: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Several photos of one place and light: their distributions in one frame, multiplied with a discount.
 
 Crops of one scene share its misleading sides, so the errors of the network are alike: n photos count as fewer. Each is
-raised to a power that overlap.py gives, whose sum over the photos never exceeds 1 / the correlation of strangers.
+raised to a power that overlap.py gives.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from lighting.evidence.fusion import (
     on_rings,
     ring_density,
 )
-from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts
+from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts, multiplied
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import EVIDENCE, Light, Prediction, SunEstimate, check_range
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
@@ -185,9 +185,7 @@ def _in_one_frame(predictions: Sequence[Prediction], turns: Frames) -> list[Floa
     answers = []
     for own in turns.turn:
         seen = [seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns.turn, strict=True)]
-        log = exponent @ np.log(np.maximum(seen, _LOWEST))
-        weight = np.exp(log - log.max()) * grid_solid_angle(layout)
-        answers.append(weight / weight.sum())
+        answers.append(multiplied(np.log(np.maximum(seen, _LOWEST)), exponent, SUN, grid_solid_angle(layout)))
     return answers
 
 
@@ -261,14 +259,9 @@ def _with_noise(density: Floats, noise: float, useless: float) -> Floats:
 def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Floats, exponent: Floats) -> list[Floats]:
     """Weights (K, 360) of each photo when one heading gives all; compass errors are shared, so priors are averaged."""
     compasses = max(1, sum(p.min() < p.max() for p in prior))
-    log = np.sum(
-        [
-            _turned(share * np.log(np.maximum(d, _LOWEST)) + np.log(p) / compasses, turn)
-            for d, p, turn, share in zip(density, prior, turns, exponent, strict=True)
-        ],
-        axis=0,
-    )
-    weight = np.exp(log - np.max(log))
+    log = np.stack([_turned(np.log(np.maximum(d, _LOWEST)), turn) for d, turn in zip(density, turns, strict=True)])
+    compass = np.sum([_turned(np.log(p) / compasses, turn) for p, turn in zip(prior, turns, strict=True)], axis=0)
+    weight = multiplied(log, exponent, AZIMUTH) * np.exp(compass - compass.max())
     return [_turned(weight, -turn) for turn in turns]
 
 

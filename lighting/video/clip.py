@@ -74,7 +74,7 @@ class Clip:
         """The frames in the order in which they are shown, or only those of some indices; may be read once."""
         start, last, lost = float(self._first.time or 0.0), -1.0, 0
         for index, picture in enumerate(self._decoded()):
-            time = float(picture.time) - start if picture.time is not None else last + self._interval()
+            time = float(picture.time) - start if picture.time is not None else max(0.0, last + self._interval())
             if time <= last or picture.is_corrupt:
                 lost += 1
                 continue
@@ -82,7 +82,7 @@ class Clip:
             if only is not None and index not in only:
                 continue
             yield Frame(index, time, upright(picture, self.side, self._stretch))
-        self._tell(last, lost)
+        self._tell(max(last, 0.0), lost)
 
     def _tell(self, last: float, lost: int) -> None:
         """Write down what is missing."""
@@ -139,9 +139,12 @@ def _opened(path: Path) -> Any:
 
 
 def _video_stream(container: Any) -> Any:
-    if not container.streams.video:
-        raise VideoError("The file has no picture, only sound or other data.")
-    stream = container.streams.video[0]
+    from av.stream import Disposition
+
+    moving = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]  # not a song's cover
+    if not moving:
+        raise VideoError("The file has no moving picture, only sound or other data.")
+    stream = moving[0]
     stream.thread_type = "AUTO"
     stream.codec_context.thread_count = THREADS
     return stream

@@ -13,7 +13,7 @@ from lighting.circular import HEADINGS
 from lighting.decoding import light_numbers, light_of_numbers
 from lighting.evidence import seen_from
 from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density
-from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, overlap
+from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts, multiplied
 from lighting.geometry import Floats, direction
 from lighting.records import Light, Prediction
 from lighting.sun_grid import grid_solid_angle
@@ -89,9 +89,9 @@ class ShotLight:
         """
         if self._last is None:
             raise ValueError("There was no look yet.")
-        log = self._counts(SUN) @ np.stack([s.log_cells for s in self._sectors.values()])
-        weight = np.exp(log - log.max()) * grid_solid_angle(self._last.spec.sun_grid)
-        by_pixels = replace(self._averaged(self._last), sun_probability=(weight / weight.sum()).astype(np.float32))
+        cells = np.stack([s.log_cells for s in self._sectors.values()])
+        weight = multiplied(cells, self._counts(SUN), SUN, grid_solid_angle(self._last.spec.sun_grid))
+        by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
         fused = fuse(by_pixels, evidence)
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
             fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
@@ -103,8 +103,8 @@ class ShotLight:
         rings = [sector.log_rings for sector in self._sectors.values()]
         if any(len(ring) != len(up) for ring in rings):
             return None
-        log = np.einsum("s,skh->kh", self._counts(AZIMUTH), np.stack(rings))[up]
-        return np.asarray(np.exp(log - log.max()) * compass_prior(evidence))
+        weight = multiplied(np.stack(rings)[:, up], self._counts(AZIMUTH), AZIMUTH)
+        return np.asarray(weight * compass_prior(evidence))
 
     def _present(self) -> Floats:
         """How far (S,) each sector is there at all, 0 to 1: one that was only brushed counts for little."""
@@ -112,13 +112,9 @@ class ShotLight:
         return np.asarray(np.minimum(weight / (BRUSHED * weight.mean()), 1.0))
 
     def _counts(self, correlation: Correlation) -> Floats:
-        """How much each sector (S,) counts: as `overlap.counts` has it, the others as far as they are there."""
+        """How much each sector (S,) counts."""
         ahead = direction(SECTOR * np.array(list(self._sectors)), 0.0)
-        shared = overlap(ahead, np.full(len(ahead), self._vertical_fov))
-        alike = correlation.far + (correlation.near - correlation.far) * shared
-        np.fill_diagonal(alike, 0.0)
-        present = self._present()
-        return np.asarray(present / (1.0 + alike @ present))
+        return counts(ahead, np.full(len(ahead), self._vertical_fov), correlation, present=self._present())
 
     def _averaged(self, last: Prediction) -> Prediction:
         """The numbers of all sectors, each counted once however many looks it has."""

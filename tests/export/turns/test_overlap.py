@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export.turns.overlap import SIZES, VIEWS, Views, coverage, kinds, learn, parts
+from export.turns.overlap import SIZES, VIEWS, Views, coverage, halves, kinds, learn, parts
 from lighting.evidence import seen_from
 from lighting.geometry import Floats, direction
 from tests.lighting.evidence.test_fusion import GRID, lobe
@@ -16,7 +16,7 @@ def views(number: int, error: Floats) -> Views:
     azimuth = np.linspace(-180, 180, VIEWS, endpoint=False)
     said = [lobe(20.0 + e - a, 40.0, 30.0) for e, a in zip(error, azimuth, strict=True)]
     density = [seen_from(p.sun_probability, -a, GRID) for p, a in zip(said, azimuth, strict=True)]
-    return Views(np.log(np.maximum(density, 1e-12)), azimuth, said, SUN, f"place{number}")
+    return Views(np.log(np.maximum(density, 1e-12)), azimuth, said, SUN, f"{number} place")
 
 
 @pytest.fixture(scope="module")
@@ -48,3 +48,17 @@ def test_coverage_counts_the_truth_inside_the_regions(apart: list[Views]) -> Non
     row = coverage(apart, 1, kinds(1)[0])
     assert row["under 45° [%]"] > 90.0
     assert 0.0 <= row["in 50 % region [%]"] <= row["in 90 % region [%]"] <= 100.0
+
+
+def test_each_half_of_the_places_is_tested_on_the_other(apart: list[Views]) -> None:
+    found = halves(apart)
+    assert len(found) == 2
+    for row in found.values():
+        assert row["NLL"] <= row["NLL, as shipped"]
+        assert np.isfinite(row["NLL of the other half"])
+
+
+def test_places_with_one_answer_each_have_a_standard_error(alike: list[Views]) -> None:
+    row = coverage(alike, VIEWS, kinds(VIEWS)[0])
+    inside = row["in 50 % region [%]"] / 100
+    assert row["+- of that"] == pytest.approx(100 * np.sqrt(inside * (1 - inside) / 3))

@@ -96,6 +96,33 @@ def make_sound(path: Path) -> Path:
     return path
 
 
+def make_song(path: Path, cover: Pixels) -> Path:
+    with av.open(str(path), "w") as film:
+        picture, sound = film.add_stream("mjpeg", rate=1), film.add_stream("libmp3lame", rate=44100)
+        picture.width, picture.height, picture.pix_fmt = cover.shape[1], cover.shape[0], "yuvj420p"
+        picture.disposition = av.stream.Disposition.attached_pic
+        film.mux(picture.encode(av.VideoFrame.from_ndarray(cover, format="rgb24")))
+        film.mux(picture.encode())
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 44100), np.float32), format="fltp", layout="mono")
+        frame.rate = 44100
+        film.mux(sound.encode(frame))
+        film.mux(sound.encode())
+    return path
+
+
+def test_a_songs_cover_is_no_clip(tmp_path: Path) -> None:
+    song = make_song(tmp_path / "a.mp3", TOP_RED)
+    with pytest.raises(VideoError, match="no moving picture"):
+        Clip(song)
+
+
+def test_frames_without_times_begin_at_0(tmp_path: Path) -> None:
+    with Clip(write_clip(tmp_path / "a.h264", pan(6))) as clip:
+        times = [frame.time for frame in clip.frames()]
+    assert times[0] == 0.0
+    np.testing.assert_allclose(np.diff(times), 1 / clip.info.frame_rate)
+
+
 @pytest.mark.parametrize("kind", ["text", "empty", "truncated", "sound", "tiny"])
 def test_what_is_no_clip_is_said_in_a_sentence(tmp_path: Path, kind: str) -> None:
     path = tmp_path / ("a.wav" if kind == "sound" else "a.mp4")

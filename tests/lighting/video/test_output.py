@@ -1,6 +1,7 @@
 """What `lighting video` writes of whole clips."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -188,6 +189,23 @@ def test_an_interrupted_shot_is_answered_as_far_as_it_was_read(clip: Path, netwo
     assert times == sorted(times)
     assert 0.4 < times[-1] < 0.5
     assert (tmp_path / "out" / "shot-1.exr").exists()
+
+
+def test_an_interruption_says_where_the_records_are(
+    clip: Path, network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Stopping:
+        n = 0.0
+
+        def update(self, time: float) -> None:
+            if time > 0.4:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr("lighting.cli.video._progress", lambda *_: nullcontext(Stopping()))
+    done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32)
+    assert done.exit_code == 1
+    assert f"what was read so far is in {tmp_path / 'out' / 'lighting.jsonl.part'}" in done.output
+    assert (tmp_path / "out" / "lighting.jsonl.part").stat().st_size > 0
 
 
 def test_metadata_tell_time_and_place_unless_told_not_to(network: Path, tmp_path: Path) -> None:
