@@ -1,6 +1,7 @@
 """The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate.
 
-Names and units are the same in Python, JSON, command-line options, HTTP parameters, EXR attributes and CSV columns.
+Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables;
+JSON groups them.
 """
 
 import json

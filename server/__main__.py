@@ -54,7 +54,12 @@ def serve() -> None:
         app.state.service.load()
         share_compression(settings.places)
     except ValidationError as error:
-        sys.exit("\n".join(f"{PREFIX}{'.'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors()))
+        sys.exit(
+            "\n".join(
+                f"{PREFIX}{'.'.join(map(str, e['loc'])).upper()}: {e['msg'].removeprefix('Value error, ')}"
+                for e in error.errors()
+            )
+        )
     except (LightingError, OSError) as error:
         sys.exit(str(error))
     uvicorn.run(

@@ -179,16 +179,17 @@ async def answer(request: Request, error: Exception) -> JSONResponse:
     """The answer to a request that ended with an error; unexpected errors are logged."""
     problem = problem_of(error)
     if problem.kind is METHOD_NOT_ALLOWED:
-        problem.headers = _allowed(request) or problem.headers
+        problem.headers = _allowed(request, (problem.headers or {}).get("Allow", ""))
     if problem.kind is INTERNAL:
         log.error("request %s failed", request.scope.get("request_id"), exc_info=error)
     return response(request, problem)
 
 
-def _allowed(request: Request) -> dict[str, str]:
-    """All methods of a path; the router names only those of its first route."""
+def _allowed(request: Request, told: str) -> dict[str, str]:
+    """All methods of a path; the router tells only those of its first route, which do for the page, and never HEAD."""
     path = getattr(request.scope.get("route"), "path", "")
     methods = {method.upper() for method in request.app.openapi()["paths"].get(path, ())}
+    methods = methods or set(told.replace(",", " ").split())
     also = {"HEAD"} if "GET" in methods else set()
     return {"Allow": ", ".join(sorted(methods | also))} if methods else {}
 

@@ -1,5 +1,7 @@
 """Every setting of the service; each is read from an environment variable LIGHTING_<NAME>."""
 
+import re
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +15,8 @@ from lighting.photo import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
 from lighting.photo.apart import SECONDS
 
 PREFIX = "LIGHTING_"
+
+_ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s]+")  # as browsers send it
 
 
 class SettingsError(LightingError):
@@ -81,6 +85,24 @@ class Settings(BaseSettings):
     def _limit_can_be_read(cls, text: str) -> str:
         if text:
             parse_many(text)
+        return text
+
+    @field_validator("cors_origins")
+    @classmethod
+    def _origins_can_be_met(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
+        for origin in origins:
+            if origin != "*" and not _ORIGIN.fullmatch(origin):
+                raise ValueError(f"{origin} is not an origin such as https://example.org, without a slash at its end.")
+        return origins
+
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _proxies_are_addresses(cls, text: str) -> str:
+        for address in filter(None, (part.strip() for part in text.split(","))):
+            try:
+                ip_network(address if address != "*" else "0.0.0.0/0")
+            except ValueError as error:
+                raise ValueError(f"{address} is not an IP address or network; names are not looked up.") from error
         return text
 
     @property

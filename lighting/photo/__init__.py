@@ -3,7 +3,7 @@
 from lighting.photo.canvas import fit_size, place, to_tensor
 from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
 from lighting.photo.exif import PhotoFacts, vertical_fov
-from lighting.photo.held import photo_of
+from lighting.photo.held import checked_pixels, photo_of
 from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
 from lighting.photo.read import (
     MAX_BYTES,
@@ -31,6 +31,7 @@ __all__ = [
     "Photo",
     "PhotoFacts",
     "Source",
+    "checked_pixels",
     "develop_raw",
     "facts_of",
     "fit_size",

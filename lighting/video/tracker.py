@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap import brighten
+from lighting.errors import ParameterError
 from lighting.evidence import Fused, Given, Known, estimate_of
 from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.model import Model
+from lighting.photo import checked_pixels
 from lighting.records import Lighting
 from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
 from lighting.turns.upright import angles_of, level, up_in_camera
@@ -72,9 +74,12 @@ class Tracker:
     def __call__(self, pixels: NDArray[np.uint8], time: float) -> Sighting | None:
         """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
 
-        Raises ParameterError where the time and place given are of night.
+        Raises PhotoError for pixels of another shape or type, ParameterError for a time that is not finite and where
+        the time and place given are of night.
         """
-        frame = Frame(self._count, time, _shrunk(pixels))
+        if not math.isfinite(time):
+            raise ParameterError(f"The time of a frame must be a finite number of seconds, not {time}.")
+        frame = Frame(self._count, time, _shrunk(checked_pixels(pixels)))
         self._count += 1
         step = self._follower.follow(frame)
         size = (frame.pixels.shape[1], frame.pixels.shape[0])

@@ -313,7 +313,9 @@ def test_help_lists_every_setting() -> None:
     [
         ({"model": "/nowhere/none.onnx"}, "There is no network at /nowhere/none.onnx."),
         ({"port": "http", "queue": "-1"}, "LIGHTING_QUEUE: Input should be greater than or equal to 0"),
-        ({"rate_limit": "often"}, "LIGHTING_RATE_LIMIT: "),
+        ({"rate_limit": "often"}, "LIGHTING_RATE_LIMIT: couldn't parse"),
+        ({"cors_origins": "example.org"}, "LIGHTING_CORS_ORIGINS: example.org is not an origin"),
+        ({"trusted_proxies": "proxy"}, "LIGHTING_TRUSTED_PROXIES: proxy is not an IP address"),
         ({"api_keys_file": "/nowhere/keys"}, "LIGHTING_API_KEYS_FILE: /nowhere/keys cannot be read: No such file"),
     ],
 )

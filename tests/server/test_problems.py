@@ -47,6 +47,7 @@ def test_an_unknown_path_is_404_and_names_itself_without_harm(client: TestClient
         ("OPTIONS", "/v1/preview", "POST"),
         ("HEAD", "/v1/preview", "POST"),
         ("TEAPOT", "/v1/envmap", "GET, HEAD, POST"),
+        ("POST", "/", "GET, HEAD"),
     ],
 )
 def test_a_method_that_is_not_allowed_is_405_and_names_all_that_are(

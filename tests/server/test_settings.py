@@ -65,3 +65,20 @@ def test_a_setting_that_makes_no_sense_is_refused(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(ValidationError) as caught:
         Settings()
     assert caught.value.errors()[0]["loc"] == (name.lower(),)
+
+
+@pytest.mark.parametrize("origin", ["example.org", "https://example.org/", "https://", "https://a/b", "//a"])
+def test_an_origin_that_no_browser_sends_is_refused(origin: str) -> None:
+    with pytest.raises(ValidationError, match="is not an origin"):
+        Settings(cors_origins=("https://a", origin))
+
+
+@pytest.mark.parametrize("trusted", ["", "*", "127.0.0.1", "10.0.0.0/8, ::1", "fd00::/8,"])
+def test_proxies_are_addresses_or_networks(trusted: str) -> None:
+    assert Settings(trusted_proxies=trusted).trusted_proxies == trusted
+
+
+@pytest.mark.parametrize("trusted", ["proxy", "127.0.0.1, proxy", "10.0.0.1/8", "300.1.1.1"])
+def test_other_proxies_would_never_be_met(trusted: str) -> None:
+    with pytest.raises(ValidationError, match="is not an IP address or network"):
+        Settings(trusted_proxies=trusted)

@@ -56,7 +56,7 @@ def test_pixels_that_are_read_only_are_taken_and_a_tensor_is() -> None:
         (np.dstack([PIXELS, PIXELS[..., :1]]), r"shape \(120, 160, 4\)"),
         (PIXELS.transpose(2, 0, 1), r"shape \(3, 120, 160\)"),
         (PIXELS[None], r"shape \(1, 120, 160, 3\)"),
-        (PIXELS[:0], "160 x 0 pixels"),
+        (PIXELS[:0], r"shape \(0, 160, 3\)"),
         (PIXELS[:1, :1], "1 x 1 pixels"),
         (np.zeros((10, 10_000, 3), np.uint8), "10000 x 10 pixels"),
         (np.zeros((40, 400, 3), np.uint8), "400 x 40 pixels"),

@@ -2,10 +2,12 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from lighting.errors import ParameterError, PhotoError
 from lighting.evidence import Given
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
@@ -57,6 +59,19 @@ def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
 
 def test_in_the_dark_there_is_no_answer(model: Model) -> None:
     assert Tracker(model)(np.zeros((180, 320, 3), np.uint8), 0.0) is None
+
+
+@pytest.mark.parametrize(
+    "frame", [np.zeros((180, 320)), np.zeros((180, 320), np.uint8), np.zeros((0, 320, 3), np.uint8), "frame"]
+)
+def test_what_is_no_frame_is_a_sentence(model: Model, frame: Any) -> None:
+    with pytest.raises(PhotoError, match=r"^The pixels "):
+        Tracker(model)(frame, 0.0)
+
+
+def test_a_frame_has_a_time(model: Model) -> None:
+    with pytest.raises(ParameterError, match="finite number of seconds, not nan"):
+        Tracker(model)(np.zeros((180, 320, 3), np.uint8), float("nan"))
 
 
 def test_memory_does_not_grow(model: Model) -> None:
