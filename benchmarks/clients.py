@@ -44,11 +44,11 @@ class Outcome:
         """Seconds within which so many per cent of the answers came."""
         return statistics.quantiles(self.latencies, n=100, method="inclusive")[share - 1]
 
-    def row(self) -> str:
-        """Requests per second and percentiles for a table."""
+    def row(self, busy: float) -> str:
+        """Requests per second, percentiles, and the processor time `busy` [ms] of one, for a table."""
         times = "".join(f"{1000 * self.percentile(share):9.0f}" for share in (50, 95, 99))
         others = ", ".join(f"{count} x {what}" for what, count in sorted(self.counts.items()) if what != "200")
-        return f"{self.rate:8.1f}{times}{self.counts['200']:9d}   {others}"
+        return f"{self.rate:8.1f}{times}{self.counts['200']:9d}{busy:7.0f}   {others}"
 
 
 class Connection:

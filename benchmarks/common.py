@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import resource
 import subprocess
 import sys
 import tempfile
@@ -62,6 +63,14 @@ def run_lighting(*arguments: object) -> float:
     if done.returncode not in (0, 1):
         raise SystemExit(f"{' '.join(command)} ended with status {done.returncode}.")
     return time.perf_counter() - started
+
+
+def processor_seconds(*arguments: object) -> float:
+    """Processor time [s] of all threads of a `lighting` command in a process of its own, for a busy machine."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    run_lighting(*arguments)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
 _TELL_PEAK = """

@@ -22,7 +22,15 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from common import TWELVE_MEGAPIXELS, machine, make_photo, milliseconds, peak_memory, run_lighting
+from common import (
+    TWELVE_MEGAPIXELS,
+    machine,
+    make_photo,
+    milliseconds,
+    peak_memory,
+    processor_seconds,
+    run_lighting,
+)
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -183,7 +191,9 @@ def main() -> None:
 def print_process(command: list[str], runs: int) -> None:
     """Print the time of the command in a process of its own, and of its imports."""
     seconds = min(run_lighting(*command) for _ in range(runs))
-    print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, peak memory {peak_memory(*command):.0f} MB")
+    busy = min(processor_seconds(*command) for _ in range(runs))
+    print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, of the processors {1000 * busy:.0f} ms")
+    print(f"its peak memory: {peak_memory(*command):.0f} MB")
     profile = import_profile(command)
     print(f"of that importing, as python -X importtime sees it: {profile.total():.0f} ms")
     for name, spent in profile.most_common(8):

@@ -3,7 +3,9 @@
     python benchmarks/load.py [--seconds 60] [--beside PYTHON]
 
 1, 4, 16 and 64 clients send a 12-megapixel JPEG each, again and again, and wait for a 1024 x 512 EXR: requests per
-second and latency in milliseconds. PYTHON is one with litserve, python-multipart and this project's requirements:
+second, latency in milliseconds, and the processor time [ms] that a request costs the service with all its processes,
+which other work on the machine changes least. PYTHON is one with litserve, python-multipart and this project's
+requirements:
 
     python -m venv lit && lit/bin/pip install litserve==0.2.19 python-multipart .
 
@@ -32,7 +34,7 @@ from common import ROOT, make_photo
 LEVELS = (1, 4, 16, 64)  # clients
 EXR, RECORD = b"v/1\x01", b'{"model"'
 START = 60  # seconds
-HEAD = f"{'clients':>26}{'req/s':>8}{'p50':>9}{'p95':>9}{'p99':>9}{'replies':>9}"
+HEAD = f"{'clients':>26}{'req/s':>8}{'p50':>9}{'p95':>9}{'p99':>9}{'replies':>9}{'CPU':>7}"
 
 
 def main() -> None:
@@ -44,22 +46,24 @@ def main() -> None:
         photo = stack.enter_context(_photo())
         port, ours = stack.enter_context(started([sys.executable, "-m", "server"], "/readyz", options.queue))
         print(f"photo of {len(photo) / 1e6:.1f} MB\n\n{HEAD}")
-        jobs = {"POST /v1/envmap": Job(port, "/v1/envmap", photo, EXR)}
+        jobs, groups = {"POST /v1/envmap": Job(port, "/v1/envmap", photo, EXR)}, {"POST /v1/envmap": ours.pid}
         if options.beside:
             other = [options.beside, str(ROOT / "benchmarks/litserve_app.py")]
-            other_port, _ = stack.enter_context(started(other, "/health"))
+            other_port, other_process = stack.enter_context(started(other, "/health"))
             jobs["LitServe"] = Job(other_port, "/predict", photo, EXR)
+            groups["LitServe"] = other_process.pid
         for job in jobs.values():  # every buffer and thread exists afterwards
             run(job, max(LEVELS), share)
         before = memory(ours.pid)
         for clients in LEVELS:
-            outcomes = {name: run(job, clients, share) for name, job in jobs.items()}
-            for name, outcome in outcomes.items():
-                report(name, clients, outcome)
+            outcomes = {}
+            for name, job in jobs.items():
+                outcomes[name] = measured(name, job, groups[name], clients, share)
             if options.beside:
                 compare(*outcomes.values())
         for clients in LEVELS:
-            report("POST /v1/lighting", clients, run(Job(port, "/v1/lighting", photo, RECORD), clients, share / 2))
+            light = Job(port, "/v1/lighting", photo, RECORD)
+            measured("POST /v1/lighting", light, ours.pid, clients, share / 2)
         after = memory(ours.pid)
         print(f"\nmemory {before:.0f} MB after warm-up, {after:.0f} MB at the end: {after / before - 1:+.1%}")
         interrupt(jobs["POST /v1/envmap"], ours, share)
@@ -119,9 +123,23 @@ def run(job: Job, clients: int, seconds: float) -> Outcome:
     return asyncio.run(ask_for(job, clients, seconds))
 
 
-def report(name: str, clients: int, outcome: Outcome) -> None:
-    """One line of the table."""
-    print(f"{name:<18}{clients:>8}{outcome.row()}", flush=True)
+def measured(name: str, job: Job, group: int, clients: int, seconds: float) -> Outcome:
+    """`run`, printed as a line of the table; `group` is the process group of the service."""
+    before = processor_time(group)
+    outcome = run(job, clients, seconds)
+    busy = 1000 * (processor_time(group) - before) / max(1, outcome.counts["200"])
+    print(f"{name:<18}{clients:>8}{outcome.row(busy)}", flush=True)
+    return outcome
+
+
+def processor_time(group: int) -> float:
+    """Seconds that the processes of a group have worked; those that have ended do not count."""
+    ticks = 0
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = status.read_text().rpartition(")")[2].split()  # from the state on, field 3 of proc(5)
+            ticks += int(fields[11]) + int(fields[12]) if int(fields[2]) == group else 0
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def compare(ours: Outcome, other: Outcome) -> None:
