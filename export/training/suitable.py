@@ -137,7 +137,7 @@ def caught(good: Tensor, other: Tensor, wrong: Tensor, fold: NDArray[np.intp]) -
 
     Pictures of fold -1 are seen by all heads and judged by all.
     """
-    found = {rate: np.zeros(len(fold)) for rate in RATES}
+    found: dict[float, Floats] = {rate: np.zeros(len(fold)) for rate in RATES}
     folds = [number for number in range(FOLDS) if np.any(fold == number)]
     for number in folds:
         head = fit(good, wrong[torch.from_numpy(fold != number)], other)

@@ -100,7 +100,7 @@ def _lit(stops: Floats, level: float, step: float, visibility: float) -> Floats:
 def _kinds(stops: Floats, middle: float, least: float) -> Kinds | None:
     """Ground in the sun and in shade, a `least` step apart: by a threshold near the middle or by any.
 
-    By a threshold farther off only if the dark kind is dark: light paving is split, and no lit ground before white walls.
+    One farther off counts only if the dark kind is dark: it splits light paving, not lit ground from walls.
     """
     near, any_ = (two_kinds(stops, middle, reach) for reach in (_NEAR, np.inf))
     if near is not None and near.step >= least:
