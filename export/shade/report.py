@@ -104,13 +104,13 @@ def shade_report(model: Model, found: Sequence[Scene]) -> str:
     }
     kinds = np.array([s.kind for s in found])
     sections = [NOTE]
-    for kind in ("both", "lit", "shade"):
+    for kind in sorted(set(kinds.tolist())):
         chosen = np.flatnonzero(kinds == kind).tolist()
         rows = {
             name: figures([found[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
             for name, (lights, masks) in methods.items()
         }
-        sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)] if chosen else []
+        sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)]
     return "\n\n".join(sections)
 
 
