@@ -1,6 +1,7 @@
 """Pictures that the estimate is not for: those of `unsuitable.csv`, and made ones."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,22 @@ TABLE = "unsuitable.csv"
 MADE = ("on its side", "whole panorama", "night", "black", "blown out", "drawing", "plain")
 
 
-def read_unsuitable(folder: Path) -> list[tuple[str, Picture]]:
-    """Kind and pixels of the folder's unsuitable pictures; none if it lists none."""
+@dataclass(frozen=True, eq=False)
+class Unsuitable:
+    """A picture that the estimate is not for."""
+
+    kind: str
+    group: str  # whose it is: pictures of one group are alike
+    pixels: Picture
+
+
+def read_unsuitable(folder: Path) -> list[Unsuitable]:
+    """The folder's unsuitable pictures; none if it lists none."""
     if not (folder / TABLE).exists():
         return []
     return [
-        (row["kind"], read_photo(folder / row["file"]).pixels) for row in read_table(folder / TABLE, ("file", "kind"))
+        Unsuitable(row["kind"], row["source"].partition(":")[0], read_photo(folder / row["file"]).pixels)
+        for row in read_table(folder / TABLE, ("file", "kind", "source"))
     ]
 
 
@@ -92,13 +103,13 @@ def _drawing(shape: tuple[int, ...], rng: np.random.Generator) -> Picture:
 
 
 def pictures(
-    known: list[tuple[str, Picture]], crops: Iterator[tuple[Picture, Source]], each: int, spec: ModelSpec
+    known: list[Unsuitable], crops: Iterator[tuple[Picture, Source]], each: int, spec: ModelSpec
 ) -> Iterator[tuple[str, Picture]]:
     """Kinds and pictures: `each` variants of every known one, and one made of each crop, kind by kind in turn."""
     rng = np.random.default_rng(0)
-    for kind, pixels in known:
+    for picture in known:
         for _ in range(each):
-            yield kind, varied(pixels, rng, spec)
+            yield picture.kind, varied(picture.pixels, rng, spec)
     for number, (crop, source) in enumerate(crops):
         kind = MADE[number % len(MADE)]
         yield kind, made(kind, crop, source, rng, spec)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.evaluation.tables import figures_table
-from export.towns import RenderedPlace, place, random_sky
+from export.towns import RenderedPlace, random_place, random_sky
 from lighting.colour import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap import lit_ground, row_levels, sky_irradiance, sun_irradiance
 from lighting.geometry import Floats, Pinhole, wrap_azimuth
@@ -66,7 +66,7 @@ def scenes(count: int) -> Iterator[Scene]:
 def _scene(number: int) -> Scene | None:
     rng = np.random.default_rng([17, number])
     sky = random_sky(rng)
-    there = RenderedPlace(*place(rng), sky)
+    there = RenderedPlace(*random_place(rng), sky)
     angles = {"azimuth": rng.uniform(-180, 180), "elevation": rng.uniform(-18, 5)}
     camera = Pinhole(WIDTH, HEIGHT, rng.uniform(42, 65), **angles)
     if sky.sunlight < LEAST_SUN or not there.is_clear():
@@ -94,7 +94,7 @@ def shade_report(model: Model, found: Sequence[Scene]) -> str:
     estimator = Estimator(model)
     said = [estimator(Photo(s.picture, WIDTH, HEIGHT, "PNG")).lighting for s in found]
     true = [s.light for s in found]
-    methods = {
+    methods: dict[str, tuple[list[Lighting], list[Floats]]] = {
         "no mask, true light": (true, [np.ones(s.lit.shape) for s in found]),
         "mask, true light": (true, [mask(s, s.light) for s in found]),
         "true mask, true light": (true, [np.asarray(s.lit, dtype=np.float64) for s in found]),
@@ -104,13 +104,13 @@ def shade_report(model: Model, found: Sequence[Scene]) -> str:
     }
     kinds = np.array([s.kind for s in found])
     sections = [NOTE]
-    for kind in ("both", "lit", "shade"):
+    for kind in sorted(set(kinds.tolist())):
         chosen = np.flatnonzero(kinds == kind).tolist()
         rows = {
             name: figures([found[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
             for name, (lights, masks) in methods.items()
         }
-        sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)] if chosen else []
+        sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)]
     return "\n\n".join(sections)
 
 

@@ -29,15 +29,33 @@ _RARE = 0.05  # least such share
 _NEAR = 1.0  # stops from the threshold of ordinary ground, within which the picture's own is sought
 
 
+@dataclass(frozen=True)
+class Kinds:
+    """Dark and bright ground, in log2 of luminance."""
+
+    dark: float  # means
+    bright: float
+
+    @property
+    def threshold(self) -> float:
+        """Halfway between the two means."""
+        return (self.dark + self.bright) / 2
+
+    @property
+    def step(self) -> float:
+        """Stops between the means."""
+        return self.bright - self.dark
+
+
 def lit_ground(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None) -> NDArray[np.float32]:
     """How much of the sun reaches what each pixel of a photo (h, w, 3, sRGB) shows: (H, W), 0 in shade, 1 in sunlight.
 
     It has the photo's aspect and at most 256 pixels on its longer side. It is 1 above the horizon, and everywhere where
     the light has no sun (`sun` as in `render`) or shade and sunlight lie less than a stop apart. Else the ground falls
-    into a bright and a dark kind (Otsu's threshold on log luminance), if the threshold lies near that between ordinary
-    ground in the sun and in shade, and the kinds about as far apart as these. If not, all ground is of one kind: it
-    counts as shade if it is so dark that ordinary ground would rather be that dark in shade, in view of the probability
-    that the sun reaches the scene. What is dark by itself may count as shade.
+    into a bright and a dark kind (Otsu's threshold on log luminance, sought first near that between ordinary ground in
+    the sun and in shade), if the dark one is darker than that and they lie about as far apart as shade and sunlight do.
+    If not, all ground is of one kind: it counts as shade if it is so dark that ordinary ground would rather be that
+    dark in shade, in view of the probability that the sun reaches the scene. What is dark by itself may count as shade.
     """
     small = _reduced(photo)
     height, width = small.shape[:2]
@@ -72,10 +90,22 @@ def _levels(lighting: Lighting) -> tuple[float, float]:
 
 def _lit(stops: Floats, level: float, step: float, visibility: float) -> Floats:
     """The share (N,) of the sun at ground of log2 luminance (N,)."""
-    kinds = two_kinds(stops, level + _ALBEDO[0] - step / 2)
-    if kinds is None or kinds.step < max(_LEAST_STEP, _OF_PREDICTED * step):
+    middle = level + _ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
+    kinds = _kinds(stops, middle, max(_LEAST_STEP, _OF_PREDICTED * step))
+    if kinds is None:
         return np.full(len(stops), float(np.median(stops) >= level + darkest_lit(step, visibility)))
-    return np.clip((stops - kinds.threshold) / (0.5 * kinds.step) + 0.5, 0, 1)
+    return np.asarray(np.clip((stops - kinds.threshold) / (0.5 * kinds.step) + 0.5, 0, 1))
+
+
+def _kinds(stops: Floats, middle: float, least: float) -> Kinds | None:
+    """Ground in the sun and in shade, a `least` step apart: by a threshold near the middle or by any.
+
+    One farther off counts only if the dark kind is dark: it splits light paving, not lit ground from walls.
+    """
+    near, any_ = (two_kinds(stops, middle, reach) for reach in (_NEAR, np.inf))
+    if near is not None and near.step >= least:
+        return near
+    return any_ if any_ is not None and any_.step >= least and any_.dark < middle else None
 
 
 def darkest_lit(step: float, visibility: float) -> float:
@@ -86,24 +116,6 @@ def darkest_lit(step: float, visibility: float) -> float:
     mean, spread = _ALBEDO
     lit = _SUNLIT * visibility
     return float(mean - step / 2 - spread**2 * np.log(max(lit, _RARE) / (1 - lit)) / step)
-
-
-@dataclass(frozen=True)
-class Kinds:
-    """Dark and bright ground, in log2 of luminance."""
-
-    dark: float  # means
-    bright: float
-
-    @property
-    def threshold(self) -> float:
-        """Halfway between the two means."""
-        return (self.dark + self.bright) / 2
-
-    @property
-    def step(self) -> float:
-        """Stops between the means."""
-        return self.bright - self.dark
 
 
 def _reduced(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -128,16 +140,16 @@ def _below_horizon(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bo
     return np.asarray(rays[..., 1] < -_BELOW)
 
 
-def two_kinds(stops: Floats, likely: float) -> Kinds | None:
-    """The two kinds into which log2 luminances (N,) fall, their threshold near a likely one; None if one is rare."""
+def two_kinds(stops: Floats, middle: float, reach: float) -> Kinds | None:
+    """The two kinds into which log2 luminances (N,) fall by a threshold near the middle; None if one is rare."""
     counts, edges = np.histogram(stops, _BINS, _STOPS)
-    middle = (edges[:-1] + edges[1:]) / 2
+    values = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)[:-1]
     above = len(stops) - below
-    sums = np.cumsum(counts * middle)
+    sums = np.cumsum(counts * values)
     dark = sums[:-1] / np.maximum(below, 1)
     bright = (sums[-1] - sums[:-1]) / np.maximum(above, 1)
-    near = np.abs((dark + bright) / 2 - likely) <= _NEAR
+    near = np.abs((dark + bright) / 2 - middle) <= reach
     spread = np.where((below > 0) & (above > 0) & near, below * above * (bright - dark) ** 2, -1.0)
     best = int(np.argmax(spread))
     if spread[best] < 0 or min(below[best], above[best]) < _LEAST_PART * len(stops):

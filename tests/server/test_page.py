@@ -72,11 +72,11 @@ def url() -> Iterator[str]:
 
 
 def halves() -> Image.Image:
-    """A sky above ground of which the right half lies in shade."""
-    pixels = np.full((240, 320, 3), (120, 160, 220), dtype=np.uint8)
-    pixels[120:, :160] = 190
-    pixels[120:, 160:] = 70
-    return Image.fromarray(pixels)
+    """A blue sky above ground in the sun, of which the right half lies in shade."""
+    pixels = np.zeros((240, 320, 3))
+    pixels[:120] = np.linspace((40, 90, 180), (150, 190, 235), 120)[:, None]
+    pixels[120:, :160], pixels[120:, 160:] = (165, 156, 138), (45, 50, 62)
+    return Image.fromarray(pixels.astype(np.uint8))
 
 
 def box_model() -> bytes:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from export.crops.unsuitable import MADE, TABLE, made, pictures, read_unsuitable, varied
+from export.crops.unsuitable import MADE, TABLE, Unsuitable, made, pictures, read_unsuitable, varied
 from tests.export.crops.examples import SPEC, source
 
 CROP = np.tile(np.linspace(20, 220, 224).astype(np.uint8)[None, :, None], (168, 1, 3))
@@ -14,10 +14,10 @@ CROP = np.tile(np.linspace(20, 220, 224).astype(np.uint8)[None, :, None], (168, 
 
 def test_listed_pictures_are_read_and_varied(tmp_path: Path) -> None:
     Image.new("RGB", (80, 60), (10, 90, 200)).save(tmp_path / "a.png")
-    (tmp_path / TABLE).write_text("file,kind\na.png,indoor\n", encoding="utf-8")
-    ((kind, pixels),) = read_unsuitable(tmp_path)
-    assert kind == "indoor"
-    shown = varied(pixels, np.random.default_rng(0), SPEC)
+    (tmp_path / TABLE).write_text("file,kind,source\na.png,indoor,somebody/photos:a.png\n", encoding="utf-8")
+    (picture,) = read_unsuitable(tmp_path)
+    assert (picture.kind, picture.group) == ("indoor", "somebody/photos")
+    shown = varied(picture.pixels, np.random.default_rng(0), SPEC)
     assert shown.shape == (168, 224, 3)
     assert shown[..., 2].mean() > shown[..., 0].mean()
     assert read_unsuitable(tmp_path / "elsewhere") == []
@@ -43,5 +43,5 @@ def test_what_is_made_is_what_it_is_called() -> None:
 
 def test_every_kind_gets_its_turn() -> None:
     crops = iter([(CROP, source())] * 2 * len(MADE))
-    kinds = [kind for kind, _ in pictures([("indoor", CROP)], crops, 3, SPEC)]
+    kinds = [kind for kind, _ in pictures([Unsuitable("indoor", "somebody", CROP)], crops, 3, SPEC)]
     assert kinds == ["indoor"] * 3 + [*MADE] * 2

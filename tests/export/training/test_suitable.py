@@ -9,7 +9,7 @@ import torch
 
 from export.networks import CHECKPOINT, read_network, specs
 from export.networks.outdoor import Outdoor
-from export.training.suitable import FALSE_ALARMS, fit, write
+from export.training.suitable import FALSE_ALARMS, RATES, _folds, caught, fit, write
 
 
 def network_with_light() -> Outdoor:
@@ -23,6 +23,25 @@ def test_good_and_bad_features_are_told_apart_at_the_stated_rate() -> None:
     head = fit(good, bad, other)
     assert (head.suits(bad) < 0).float().mean() > 0.9
     assert (head.suits(other) < 0).float().mean() == pytest.approx(FALSE_ALARMS, abs=0.002)
+
+
+def test_pictures_are_judged_by_heads_that_saw_none_of_their_owner() -> None:
+    """Two owners, whose pictures a head catches only if it knows them; the third's are as those that are made."""
+    rng = torch.Generator().manual_seed(1)
+    good, other, made = (torch.randn(n, 40, generator=rng) for n in (400, 400, 60))
+    made[:, 0] -= 8
+    owners = torch.randn(60, 40, generator=rng)
+    for owner in range(3):
+        owners[20 * owner : 20 * owner + 20, owner] -= 8
+    fold = _folds([name for name in ("c", "a", "b") for _ in range(5)], 4, len(made))
+    assert fold.tolist() == [*[0] * 20, *[1] * 20, *[2] * 20, *[-1] * 60]
+    seen = caught(good, other, torch.cat([owners, made]), fold)
+    assert list(seen) == [*RATES]
+    rare, more = (values.reshape(6, 20).mean(axis=1) for values in seen.values())
+    assert rare[0] > 0.9
+    assert rare[3:].min() > 0.9
+    assert max(rare[1], rare[2]) < 0.3
+    assert (more >= rare).all()
 
 
 def test_the_head_is_written_where_networks_are_read(trained: Path, tmp_path: Path) -> None:

@@ -66,8 +66,12 @@ const grey = ([red, green, blue]: Triple): number => 0.2126 * red + 0.7152 * gre
 
 /** The share of the sun at ground of log2 luminance; `level` is that of a white surface in the sun. */
 function litShares(stops: number[], level: number, step: number, visibility: number): number[] {
-  const kinds = twoKinds(stops, level + ALBEDO.mean - step / 2);
-  if (!kinds || kinds.bright - kinds.dark < Math.max(LEAST_STEP, OF_PREDICTED * step)) {
+  const middle = level + ALBEDO.mean - step / 2; // between ordinary ground in the sun and in shade
+  const least = Math.max(LEAST_STEP, OF_PREDICTED * step);
+  const kinds = [NEAR, Number.POSITIVE_INFINITY]
+    .map((reach) => twoKinds(stops, middle, reach))
+    .find((found, i) => found && found.bright - found.dark >= least && (i === 0 || found.dark < middle));
+  if (!kinds) {
     const whole = Number(median(stops) >= level + darkestLit(step, visibility));
     return stops.map(() => whole);
   }
@@ -125,26 +129,26 @@ function place(at: number, length: number, count: number): { low: number; high: 
   return { low, high: Math.min(low + 1, count - 1), share: where - low };
 }
 
-/** The means of the two kinds into which values fall (Otsu), their threshold near a likely one; null if one is rare. */
-function twoKinds(values: number[], likely: number): { dark: number; bright: number } | null {
+/** The means of the two kinds into which values fall by a threshold (Otsu) near the middle; null if one is rare. */
+function twoKinds(values: number[], middle: number, reach: number): { dark: number; bright: number } | null {
   const counts = new Array<number>(BINS).fill(0);
   const width = (BRIGHTEST - DARKEST) / BINS;
   for (const value of values) {
     const bin = Math.min(Math.max(Math.floor((value - DARKEST) / width), 0), BINS - 1);
     counts[bin] = (counts[bin] as number) + 1;
   }
-  const middle = (bin: number): number => DARKEST + (bin + 0.5) * width;
-  const whole = counts.reduce((sum, count, bin) => sum + count * middle(bin), 0);
+  const middleOf = (bin: number): number => DARKEST + (bin + 0.5) * width;
+  const whole = counts.reduce((sum, count, bin) => sum + count * middleOf(bin), 0);
   let best = { dark: 0, bright: 0, part: 0, spread: -1 };
   let [below, sum] = [0, 0];
   for (let bin = 0; bin < BINS - 1; bin++) {
     below += counts[bin] as number;
-    sum += (counts[bin] as number) * middle(bin);
+    sum += (counts[bin] as number) * middleOf(bin);
     const above = values.length - below;
     if (below === 0 || above === 0) continue;
     const [dark, bright] = [sum / below, (whole - sum) / above];
     const spread = below * above * (bright - dark) ** 2;
-    if (Math.abs((dark + bright) / 2 - likely) > NEAR || spread <= best.spread) continue;
+    if (Math.abs((dark + bright) / 2 - middle) > reach || spread <= best.spread) continue;
     best = { dark, bright, part: Math.min(below, above) / values.length, spread };
   }
   return best.part < LEAST_PART ? null : best;
