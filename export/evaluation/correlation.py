@@ -1,7 +1,7 @@
-"""How strongly the errors of crops of one panorama correlate: lighting/evidence/together.py discounts them by it.
+"""How strongly the errors of crops of one panorama correlate, if one number for all of them has to do.
 
-The correlation is learnt on one half of the places and tested on the other, and the reverse. The constants that ship
-lie between those of the two protocols, learnt on all places.
+The correlation is learnt on one half of the places and tested on the other, and the reverse. That of elevations which
+ships lies between those of the two protocols, learnt on all places; export/turns/overlap.py learns those by overlap.
 """
 
 from collections.abc import Sequence

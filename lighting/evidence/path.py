@@ -46,15 +46,24 @@ def follow(predictions: Sequence[Prediction], turns: Floats, hours: Floats, path
 
     ParameterError where every hypothesis has the sun below the horizon in one of the photos.
     """
-    shares = counts(*axes(predictions, turns), AZIMUTH, likeness(hours))
-    tables = [share * _table(p) for share, p in zip(shares, predictions, strict=True)]
+    if (paths.elevation < LOWEST).any(axis=1).all():
+        raise ParameterError("Whatever is assumed, the sun is below the horizon in one of the photos.")
+    share = counts(*axes(predictions, turns), AZIMUTH, likeness(hours))
+    tables = [_table(p) for p in predictions]
+    apart, alike = (
+        _weights([power * table for power, table in zip(powers, tables, strict=True)], turns, paths)
+        for powers in (share, share / share.sum())
+    )
+    weight = (1.0 - AZIMUTH.misled) * apart + AZIMUTH.misled * alike
+    return Followed(weight.sum(axis=1), heading(weight.sum(axis=0)))
+
+
+def _weights(tables: Sequence[Floats], turns: Floats, paths: Paths) -> Floats:
+    """Probabilities (H, 360) of hypotheses and headings by log densities (n, E, A) that add up."""
     log = np.concatenate([_log_likelihood(tables, turns, part) for part in _parts(paths)])
     log += np.log(np.maximum(paths.prior, 1e-300))[:, None]
-    if not np.isfinite(log).any():
-        raise ParameterError("Whatever is assumed, the sun is below the horizon in one of the photos.")
     weight = np.exp(log - log.max())
-    weight /= weight.sum()
-    return Followed(weight.sum(axis=1), heading(weight.sum(axis=0)))
+    return np.asarray(weight / weight.sum())
 
 
 def likeness(hours: Floats) -> Floats:
