@@ -88,9 +88,9 @@ def tinted(irradiance: Colour, said: float, known: float) -> Colour:
     """The sun's irradiance, as bright as before, where its elevation [deg] is `known` and the pixels `said` another.
 
     The network states the colour of a sun where it has it, and it puts low suns too high: their light is too white.
-    Above 12 deg the elevation changes no colour.
+    A sun that is higher than said, or above 12 deg, keeps its colour.
     """
-    suns = [sun_radiance(direction(0.0, float(np.clip(e, *_LOW))), _CLEAR) for e in (known, said)]
+    suns = [sun_radiance(direction(0.0, float(np.clip(e, *_LOW))), _CLEAR) for e in (min(known, said), said)]
     values = np.array(irradiance) * (suns[0] / suns[1]) ** _TINT
     brightness = float(luminance(np.array(irradiance))) / max(float(luminance(values)), _DARKEST)
     return colour(values * brightness, "sun_irradiance")
