@@ -57,11 +57,10 @@ class Served(nn.Module):
         looking = [*said, *(network(photo) for network in self.suns)]
         sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in looking]).mean(dim=0)
         sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
-        mean = torch.stack([_raw(one) for one in said]).mean(dim=0)
-        if self.cameras:
-            camera = torch.stack([_raw(network(photo)) for network in self.cameras]).mean(dim=0)
-            mean = torch.cat([mean[:, :2], camera[:, 2:5], mean[:, 5:]], dim=1)
-        parameters = decode(mean)
+        raw = torch.stack([one.raw.float() for one in said]).mean(dim=0)
+        asked = [network(photo) for network in self.cameras] or said
+        camera = torch.stack([_camera(one) for one in asked]).mean(dim=0)
+        parameters = decode(torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1))
         seen = [seen_probability(one.seen.float()) for one in looking if one.seen.shape[1]]
         if seen:
             rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
@@ -69,13 +68,10 @@ class Served(nn.Module):
         return sun, parameters, *_light(said)
 
 
-def _raw(said: Said) -> Tensor:
-    """Raw values (B, 6); the camera's are the mean of those of its bins and of the head of values, where both are."""
-    raw = said.raw.float()
-    if not said.camera.shape[1]:
-        return raw
-    camera = 0.5 * (raw[:, 2:5] + expected(said.camera))
-    return torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1)
+def _camera(said: Said) -> Tensor:
+    """The camera's raw values (B, 3); the mean of those of its bins and of the head of values, where both are."""
+    values = said.raw[:, 2:5].float()
+    return 0.5 * (values + expected(said.camera)) if said.camera.shape[1] else values
 
 
 def _light(said: Sequence[Said]) -> tuple[Tensor, ...]:
