@@ -100,12 +100,12 @@ def _lit(stops: Floats, level: float, step: float, visibility: float) -> Floats:
 def _kinds(stops: Floats, middle: float, least: float) -> Kinds | None:
     """Ground in the sun and in shade, a `least` step apart: by a threshold near the middle or by any.
 
-    One farther off counts only if the dark kind is dark: it splits light paving, not lit ground from walls.
+    One farther off counts only if the dark kind is not bright: it splits light paving, not lit ground from walls.
     """
     near, any_ = (two_kinds(stops, middle, reach) for reach in (_NEAR, np.inf))
     if near is not None and near.step >= least:
         return near
-    return any_ if any_ is not None and any_.step >= least and any_.dark < middle else None
+    return any_ if any_ is not None and any_.step >= least and any_.dark < middle + _NEAR else None
 
 
 def darkest_lit(step: float, visibility: float) -> float:

@@ -84,7 +84,7 @@ def test_a_cache_may_keep_a_scene(client: TestClient) -> None:
 @pytest.mark.parametrize(
     ("query", "field", "words"),
     [
-        ({}, "tool", "required"),
+        ({}, "tool", "missing"),
         ({"tool": "maya"}, "tool", "'blender'"),
         ({"tool": "gltf", "up_axis": "Z"}, "query", "up_axis goes with tool=usd"),
         ({"tool": "usd", "up_axis": "X"}, "up_axis", "'Y' or 'Z'"),

@@ -219,7 +219,7 @@ def test_what_the_page_is_told(tmp_path: Path) -> None:
     plate = Image.open(BytesIO(base64.b64decode(told["plate"].split(",")[1])))
     assert np.array_equal(np.asarray(plate), scene.plate)
     lit = Image.open(BytesIO(base64.b64decode(told["litGround"].split(",")[1])))
-    assert (lit.mode, lit.size) == ("L", (480, 360))
+    assert (lit.mode, lit.size) == ("L", (256, 192))
 
 
 def test_the_notice_of_three_js_is_kept() -> None:

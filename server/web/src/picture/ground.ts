@@ -70,7 +70,7 @@ function litShares(stops: number[], level: number, step: number, visibility: num
   const least = Math.max(LEAST_STEP, OF_PREDICTED * step);
   const kinds = [NEAR, Number.POSITIVE_INFINITY]
     .map((reach) => twoKinds(stops, middle, reach))
-    .find((found, i) => found && found.bright - found.dark >= least && (i === 0 || found.dark < middle));
+    .find((found, i) => found && found.bright - found.dark >= least && (i === 0 || found.dark < middle + NEAR));
   if (!kinds) {
     const whole = Number(median(stops) >= level + darkestLit(step, visibility));
     return stops.map(() => whole);
