@@ -162,7 +162,6 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 @option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
 @option("--camera", "Run of a further network, which answers for the camera instead of the others.", multiple=True)
-@option("--sun", "Run of a further network, which answers for the sun alone.", multiple=True)
 @option("--elevation-scale", "Degrees of `prior`. [default: no prior]", click.FloatRange(10), math.inf)
 def onnx(
     runs: tuple[Path, ...],
@@ -170,7 +169,6 @@ def onnx(
     temperature: float,
     version: str | None,
     camera: tuple[Path, ...],
-    sun: tuple[Path, ...],
     elevation_scale: float,
 ) -> None:
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
@@ -178,7 +176,7 @@ def onnx(
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    further: dict[str, Any] = {"cameras": camera, "suns": sun, "elevation_scale": elevation_scale}
+    further: dict[str, Any] = {"cameras": camera, "elevation_scale": elevation_scale}
     difference = write_onnx(runs, target, temperature=temperature, version=version, **further)
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 

@@ -37,23 +37,22 @@ def write_onnx(
     temperature: float = 1.0,
     version: str | None = None,
     cameras: Sequence[Path] = (),
-    suns: Sequence[Path] = (),
     elevation_scale: float = math.inf,
 ) -> float:
     """Write `target` from training folders; returns its difference to torch (see `parity`).
 
-    `temperature` divides the suns' logits (Guo et al., ICML 2017); `cameras`, `suns` and `elevation_scale` are those
-    of `Served`. The version is the first run's unless another is given. DataError if the runs' networks expect
-    different photos; ModelError if the file's answers differ from torch's by more than TOLERANCE, or by more than
-    ROUNDED once its weights are stored small.
+    `temperature` divides the suns' logits (Guo et al., ICML 2017); `cameras` and `elevation_scale` are those of
+    `Served`. The version is the first run's unless another is given. DataError if the runs' networks expect different
+    photos; ModelError if the file's answers differ from torch's by more than TOLERANCE, or by more than ROUNDED once
+    its weights are stored small.
     """
-    if differ([*folders, *cameras, *suns]):
+    if differ([*folders, *cameras]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")
     spec, known = _described(folders, version)
-    known["cameras"], known["suns"] = (json.dumps([history(read_record(f)) for f in some]) for some in (cameras, suns))
-    networks, seeing, looking = ([read_network(f) for f in some] for some in (folders, cameras, suns))
-    served = Served(networks, spec.sun_grid, temperature, seeing, looking, elevation_scale).eval()
-    known["networks"] = str(len(folders) + len(cameras) + len(suns))
+    known["cameras"] = json.dumps([history(read_record(f)) for f in cameras])
+    networks, seeing = ([read_network(f) for f in some] for some in (folders, cameras))
+    served = Served(networks, spec.sun_grid, temperature, seeing, elevation_scale).eval()
+    known["networks"] = str(len(folders) + len(cameras))
     known |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:

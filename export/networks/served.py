@@ -19,11 +19,10 @@ from lighting.sun_grid import grid_directions
 class Served(nn.Module):
     """Networks whose averaged answers are sun probabilities (B, G) and parameters (B, 6).
 
-    Further networks answer for one thing alone: `cameras` for the camera, instead of the others, `suns` for the sun,
-    together with the others. With an `elevation_scale` [deg], the sun's probabilities are multiplied by
-    exp(-elevation / scale): suns are lower in photographs than in the training crops. A sun that the networks see in
-    the picture enters the probabilities. Networks that learnt it also say the light (B, 8) and the radiance around the
-    camera (B, ROWS, COLUMNS, 3).
+    Further networks, `cameras`, answer for the camera instead of the others. With an `elevation_scale` [deg], the sun's
+    probabilities are multiplied by exp(-elevation / scale): suns are lower in photographs than in the training crops.
+    A sun that the networks see in the picture enters the probabilities. Networks that learnt it also say the light
+    (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3).
     """
 
     cells: Tensor
@@ -35,13 +34,11 @@ class Served(nn.Module):
         sun_grid: str,
         temperature: float = 1.0,
         cameras: Sequence[nn.Module] = (),
-        suns: Sequence[nn.Module] = (),
         elevation_scale: float = math.inf,
     ) -> None:
         super().__init__()
         self.cameras = nn.ModuleList(cameras)
         self.networks = nn.ModuleList(networks)
-        self.suns = nn.ModuleList(suns)
         self.temperature = temperature
         cells = grid_directions(sun_grid)
         self.register_buffer("cells", torch.tensor(cells, dtype=torch.float32))
@@ -54,14 +51,13 @@ class Served(nn.Module):
 
     def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
         said: list[Said] = [network(photo) for network in self.networks]
-        looking = [*said, *(network(photo) for network in self.suns)]
-        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in looking]).mean(dim=0)
+        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in said]).mean(dim=0)
         sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
         raw = torch.stack([one.raw.float() for one in said]).mean(dim=0)
         asked = [network(photo) for network in self.cameras] or said
         camera = torch.stack([_camera(one) for one in asked]).mean(dim=0)
         parameters = decode(torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1))
-        seen = [seen_probability(one.seen.float()) for one in looking if one.seen.shape[1]]
+        seen = [seen_probability(one.seen.float()) for one in said if one.seen.shape[1]]
         if seen:
             rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
             sun = with_the_seen(sun, torch.stack(seen).mean(dim=0), rays, self.cells)

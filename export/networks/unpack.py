@@ -22,7 +22,7 @@ from export.networks.runs import RECORD
 from lighting.files import replacing
 from lighting.records import ModelSpec
 
-GROUPS = ("networks", "suns", "cameras")  # those of `Served`, in the order in which a file's networks are numbered
+GROUPS = ("networks", "cameras")  # those of `Served`, in the order in which a file's networks are numbered
 
 
 def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:

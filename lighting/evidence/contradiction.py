@@ -15,7 +15,7 @@ from lighting.geometry import Floats, angles
 from lighting.records import Prediction
 from lighting.sun_grid import grid_directions
 
-ELEVATION_TAIL = 0.005
+ELEVATION_TAIL = 0.004
 HEADING_TAIL = 0.008
 LENS_RATIO = 1.9  # of focal lengths
 
