@@ -28,13 +28,16 @@ def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: S
 
 
 def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
-    """Draw the horizon as a thin line with a soft shadow, if it is in view."""
+    """Draw the horizon as a thin line with a soft shadow, if it is in view; its name is on the side without the sun."""
     azimuth = np.linspace(-80.0, 80.0, 65)
     line = _camera_pixels(picture, direction(azimuth, 0.0), lighting)
     shaded_stroke(picture, [line], WHITE, 2)
     inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
-    if len(inside) and 30 < inside[0, 1] < picture.height:
-        write(picture, (12, float(inside[0, 1]) - 8), "horizon", Style(17, WHITE, anchor="ls", shaded=True))
+    if len(inside):
+        left = lighting.sun_direction[0] >= 0.0
+        x, y = (12, float(inside[0, 1])) if left else (picture.width - 12, float(inside[-1, 1]))
+        if 30 < y < picture.height:
+            write(picture, (x, y - 8), "horizon", Style(17, WHITE, anchor="ls" if left else "rs", shaded=True))
 
 
 def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting) -> Floats:

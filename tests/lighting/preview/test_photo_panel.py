@@ -45,3 +45,13 @@ def test_arrow_points_to_the_side_of_a_sun_out_of_view(azimuth: float, side: int
     offset = amber(panel)[:, 1] - panel.shape[1] / 2
     assert (np.sign(offset) == side).all()
     assert np.abs(offset).max() > panel.shape[1] / 2 - 30
+
+
+@pytest.mark.parametrize(("azimuth", "side"), [(120.0, -1), (-165.0, 1)])
+def test_the_horizons_name_is_not_where_the_arrow_is(azimuth: float, side: int) -> None:
+    panel = drawn(outdoors(azimuth, 20.0))
+    white = np.argwhere(panel.min(axis=-1) > 200)
+    line = int(np.median(white[:, 0]))
+    letters = white[white[:, 0] < line - 6]
+    assert len(letters) > 50
+    assert (np.sign(letters[:, 1] - panel.shape[1] / 2) == side).all()
