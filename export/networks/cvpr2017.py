@@ -20,7 +20,9 @@ _CONVOLUTIONS = (  # kernel, channels, stride
 
 
 class DeepOutdoor(nn.Module):
-    """The network of table 1 in the paper."""
+    """The network of table 1 in the paper; it says no light."""
+
+    light: nn.Module | None = None
 
     def __init__(self, spec: ModelSpec, cells: int) -> None:
         super().__init__()

@@ -25,6 +25,7 @@ def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
     assert probability.shape == (2, len(grid_directions(spec.sun_grid)))
     np.testing.assert_allclose(probability.sum(dim=1), 1.0, rtol=1e-5)
     assert parameters.shape == (2, 6)
+    assert served.outputs == ["sun_probability", "parameters"]
     assert torch.isfinite(parameters).all()
 
 
