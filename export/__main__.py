@@ -176,8 +176,9 @@ def onnx(
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    further: dict[str, Any] = {"cameras": camera, "elevation_scale": elevation_scale}
-    difference = write_onnx(runs, target, temperature=temperature, version=version, **further)
+    difference = write_onnx(
+        runs, target, temperature=temperature, version=version, cameras=camera, elevation_scale=elevation_scale
+    )
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 
