@@ -1,4 +1,4 @@
-"""`python -m export`: label, synthesize, train, merge, onnx, evaluate, shade, probe, stereo, turns, video."""
+"""`python -m export`: label, synthesize, train, merge, onnx, evaluate, sky, shade, probe, stereo, turns, video."""
 
 import math
 import sys
@@ -209,6 +209,18 @@ def evaluate(model: Path | None, compare: tuple[Path, ...], relight: bool, card:
     click.echo(evaluation.report)
     if card:
         write_card(evaluation, options)
+
+
+@cli.command()
+@data
+@labels
+@network
+def sky(data: Path, labels: Path, model: Path | None) -> None:
+    """Fit how far the colour of the sky in a photo may be trusted for the whole sky; print what it gains."""
+    from export.evaluation.sky_colour import sky_report
+    from lighting.model import Model
+
+    click.echo(sky_report(Model.load(model), data, labels))
 
 
 @cli.command()

@@ -5,8 +5,10 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lighting.decoding import colour
-from lighting.envmap import photo_ground
+from lighting.envmap import photo_ground, photo_sky
 from lighting.errors import PhotoError
 from lighting.evidence import (
     Fit,
@@ -22,12 +24,14 @@ from lighting.evidence import (
 )
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo, to_tensor
-from lighting.records import Estimate, Prediction
+from lighting.records import Estimate, Lighting, Prediction
 
 if TYPE_CHECKING:
     from lighting.turns import Placed
 
 NOTHING_GIVEN = Given()
+
+_DARKEST = 1e-9  # irradiance that stands for none where logarithms are averaged
 
 
 class Estimator:
@@ -52,7 +56,8 @@ class Estimator:
         """
         _check_photo(photo)
         facts = known_alone(photo.facts, given)
-        return with_ground(photo, estimate_of(fuse_photo(self.predict(photo), facts.evidence, photo.pixels), facts))
+        fused = fuse_photo(self.predict(photo), facts.evidence, photo.pixels)
+        return with_seen_colours([photo], [estimate_of(fused, facts)])[0]
 
     def together(
         self,
@@ -77,10 +82,7 @@ class Estimator:
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
         placed = _placed(photos, said, [e.vertical_fov for e in evidence]) if match and headings is None else None
         fused = fuse_together(said, evidence, headings, placed)
-        return [
-            with_ground(photo, estimate_of(answer, fact))
-            for photo, answer, fact in zip(photos, fused, facts, strict=True)
-        ]
+        return with_seen_colours(photos, [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)])
 
     def follow(
         self,
@@ -106,12 +108,26 @@ def _check_photo(photo: object) -> None:
         raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
 
 
-def with_ground(photo: Photo, estimate: Estimate) -> Estimate:
-    """The estimate with the colour of the ground that the photo shows, where irradiances are known and it shows any."""
-    ground = photo_ground(photo.pixels, estimate.lighting)
-    if ground is None:
-        return estimate
-    return replace(estimate, lighting=replace(estimate.lighting, ground_color=colour(ground, "ground_color")))
+def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:
+    """The estimates of photos under one sky, with the colours that they show where irradiances are known.
+
+    The sky has one colour in all of them, the geometric mean of those that are seen; each photo shows its own ground.
+    """
+    lights = [estimate.lighting for estimate in estimates]
+    found = [photo_sky(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
+    if skies := [sky for sky in found if sky is not None]:
+        sky = colour(np.exp(np.mean(np.log(np.maximum(skies, _DARKEST)), axis=0)), "sky_irradiance")
+        lights = [replace(light, sky_irradiance=sky) for light in lights]
+    return [
+        replace(estimate, lighting=_with_ground(photo, light))
+        for photo, estimate, light in zip(photos, estimates, lights, strict=True)
+    ]
+
+
+def _with_ground(photo: Photo, lighting: Lighting) -> Lighting:
+    """The lighting with the colour of the ground that the photo shows, if it shows any."""
+    ground = photo_ground(photo.pixels, lighting)
+    return lighting if ground is None else replace(lighting, ground_color=colour(ground, "ground_color"))
 
 
 def _placed(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> "tuple[Placed, ...]":

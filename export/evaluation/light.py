@@ -26,7 +26,7 @@ from lighting.evidence import Given, estimate_of, fuse, known
 from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
 from lighting.photo import Photo, PhotoFacts, place
-from lighting.pipeline import with_ground
+from lighting.pipeline import with_seen_colours
 from lighting.records import Estimate, Lighting, ModelSpec
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
@@ -92,7 +92,7 @@ def estimates(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, Place
         prediction = model.predict(place(pixels, model.spec)[None])[0]
         facts = known(PhotoFacts(), Given())
         photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "PNG")
-        estimate = with_ground(photo, estimate_of(fuse(prediction, facts.evidence), facts))
+        (estimate,) = with_seen_colours([photo], [estimate_of(fuse(prediction, facts.evidence), facts)])
         found.append((estimate, Place(pixels, estimate.around)))
     return found
 

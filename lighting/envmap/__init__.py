@@ -13,6 +13,7 @@ from lighting.envmap.render import (
     sun_irradiance,
     with_irradiance,
 )
+from lighting.envmap.sky_colour import photo_sky
 from lighting.envmap.surroundings import Place, place_of, surround
 from lighting.envmap.turning import brighten, rotate, turn
 from lighting.envmap.views import view
@@ -27,6 +28,7 @@ __all__ = [
     "ground_reflectance",
     "lit_ground",
     "photo_ground",
+    "photo_sky",
     "place_of",
     "render",
     "rotate",

@@ -1,6 +1,7 @@
 """Clear skies by the model of Hosek and Wilkie, painted with tables along two axes."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,13 @@ _IRRADIANCE_HEIGHT = 128  # rows of the sky that is integrated to light the grou
 
 def lobe_table(lighting: Lighting) -> Image:
     """`sky_lobe` of each channel (3, steps + 1) at equal steps of the angle to the sun, 0 to 180 deg."""
+    return _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+
+
+@lru_cache(maxsize=1)  # a photo's sky is looked at before it is painted
+def _lobe_table(sun_elevation: float, turbidity: float, ground_albedo: float) -> Image:
     chord = 2 * np.sin(np.linspace(0.0, math.pi / 2, _LOBE_STEPS + 1, dtype=np.float32))
-    coefficients, _ = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    coefficients, _ = sky_parameters(sun_elevation, turbidity, ground_albedo)
     return np.stack([sky_lobe(row, chord * chord) for row in coefficients])
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import SRGB_LINEAR
-from lighting.geometry import Floats, Pinhole, camera_directions
+from lighting.envmap.photo_view import sampled
+from lighting.geometry import Floats
 from lighting.records import Lighting
 
-_SIDE = 96  # pixels of the longer side that are looked at
 _BELOW = (0.2, 0.05)  # sines of the angle below the horizon; the first one counts below which enough ground is seen
 _LEAST = 0.02  # share of the picture that must show ground
 _KEPT = (0.25, 0.75)  # quantiles of brightness between which pixels count
@@ -23,15 +22,12 @@ def photo_ground(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None
     """
     if lighting.sky_irradiance is None or lighting.sun_irradiance is None:
         return None
-    step = max(1, -(-max(pixels.shape[:2]) // _SIDE))
-    small = pixels[step // 2 :: step, step // 2 :: step]
-    height, width = small.shape[:2]
-    tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
-    down = -camera_directions(Pinhole(width, height, lighting.vertical_fov, **tilt))[..., 1]
+    photo, directions = sampled(pixels, lighting)
+    down = -directions[..., 1]
     seen = next((down > below for below in _BELOW if np.mean(down > below) >= _LEAST), None)
     if seen is None:
         return None
-    ground = SRGB_LINEAR[small[seen]]
+    ground = photo[seen]
     grey = ground.mean(axis=1)
     low, high = _quantiles(grey, _KEPT)
     inside = (grey >= low) & (grey <= high)

@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from lighting.colour import SRGB_LINEAR
 from lighting.envmap.clear import Image
-from lighting.geometry import Pinhole, camera_pixel, latlong_angles, latlong_directions
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, latlong_angles, latlong_directions
 from lighting.records import Lighting
 
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into what lies around
 
+_SAMPLED = 96  # pixels of the longer side of a photo whose colours are looked at
 _COARSE = 48  # rows of a map in which the photo's window is sought
 _CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 _LARGEST = 2048  # pixels of the photo's longer side
@@ -59,6 +60,15 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown |
     clipped = linear.max(axis=-1) > _CLIPPED
     linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
     return Shown(rows, columns, linear, weight)
+
+
+def sampled(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
+    """Linear values (h, w, 3) of a few of a photo's pixels (H, W, 3, sRGB), and the directions in which they lie."""
+    step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED))
+    first = [min(step, count) // 2 for count in pixels.shape[:2]]
+    small = pixels[first[0] :: step, first[1] :: step]
+    tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
+    return SRGB_LINEAR[small], camera_directions(Pinhole(small.shape[1], small.shape[0], lighting.vertical_fov, **tilt))
 
 
 def shown_size(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:

@@ -18,8 +18,9 @@ from lighting.evidence import Given
 from lighting.evidence.answer import UNSUITABLE
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
+from lighting.photo import Photo
 from lighting.photo.read import read_photo
-from lighting.pipeline import Estimator, estimate
+from lighting.pipeline import Estimator, estimate, with_seen_colours
 from lighting.records import Lighting
 from tests.conftest import AROUND, encode, scene, write_network
 
@@ -130,8 +131,8 @@ def test_a_portrait_photo_is_letterboxed(network: Path) -> None:
     assert isinstance(Estimator(Model.load(network))(photo).lighting, Lighting)
 
 
-def test_a_network_that_says_so_gives_irradiances_ground_and_the_place(lit_network: Path, photo_path: Path) -> None:
-    estimate = Estimator(Model.load(lit_network))(read_photo(photo_path))
+def test_a_network_that_says_so_gives_irradiances_ground_and_the_place(lit_network: Path) -> None:
+    estimate = Estimator(Model.load(lit_network))(read_photo(encode(scene(320, 240) // 2)))  # too dark to be sky
     light = estimate.lighting
     assert light.sun_irradiance == pytest.approx((1.9, 1.5, 0.9))
     assert light.sky_irradiance == pytest.approx(LIFTED, rel=1e-4)
@@ -157,8 +158,25 @@ def test_one_photo_together_is_answered_as_alone(lit_network: Path, photo_path: 
     assert together.lighting.evidence == ("pixels", "focal length")
 
 
-def test_photos_together_share_the_strength_of_the_light(lit_network: Path, photo_path: Path) -> None:
-    photos = [read_photo(photo_path), read_photo(photo_path)]
+def test_photos_together_share_the_colour_of_the_sky_that_some_of_them_show(lit_network: Path) -> None:
+    dark, blue, red = scene(320, 240) // 2, scene(320, 240), scene(320, 240)
+    blue[:120], red[:120] = (100, 160, 240), (240, 160, 100)
+    first, second, third = (read_photo(encode(picture)) for picture in (dark, blue, red))
+    said = Estimator(Model.load(lit_network))(first)
+
+    def skies(*photos: Photo) -> list[np.ndarray]:
+        answers = with_seen_colours(photos, [said] * len(photos))
+        return [np.array(answer.lighting.sky_irradiance) for answer in answers]
+
+    (unseen,), (blue_sky,), (red_sky,) = skies(first), skies(second), skies(third)
+    assert unseen == pytest.approx(LIFTED, rel=1e-4)
+    assert blue_sky[2] / blue_sky[0] > 1.1 * unseen[2] / unseen[0] > 1.2 * red_sky[2] / red_sky[0]
+    assert skies(first, second) == [pytest.approx(blue_sky)] * 2
+    assert skies(first, second, third) == [pytest.approx(np.sqrt(blue_sky * red_sky))] * 3
+
+
+def test_photos_together_share_the_strength_of_the_light(lit_network: Path) -> None:
+    photos = [read_photo(encode(scene(320, 240) // 2)) for _ in range(2)]
     one, two = Estimator(Model.load(lit_network)).together(photos)
     assert one.lighting.sky_irradiance == pytest.approx(LIFTED, rel=1e-4)
     assert one.lighting.ground_color == two.lighting.ground_color is not None
