@@ -51,9 +51,9 @@ def _short(value: float) -> str:
 
 def numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
     """Names and values of the record, in words."""
-    up = "up" if lighting.camera_elevation >= 0 else "down"
+    up = "up" if round(lighting.camera_elevation, 1) >= 0 else "down"
     return [
-        ("Sun azimuth", _azimuth_words(lighting.sun_azimuth).removesuffix(" (behind)")),
+        ("Sun azimuth", _azimuth_words(lighting.sun_azimuth).removesuffix(" (behind)").removeprefix("straight ")),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
         ("50 % / 90 % within", f"{_short(lighting.radius_50)}° / {_short(lighting.radius_90)}°"),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),

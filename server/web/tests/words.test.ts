@@ -68,6 +68,11 @@ describe("words", () => {
       note: "± 3.4°",
     });
     expect(rows.find(({ name }) => name === "Camera roll")).toEqual({ name: "Camera roll", value: "0.0°" });
+    const level = numbers({ ...RECORD, camera: { ...RECORD.camera, elevation: -0.04 } }, {});
+    expect(level.find(({ name }) => name === "Camera elevation")).toEqual({
+      name: "Camera elevation",
+      value: "0.0° up",
+    });
   });
 });
 

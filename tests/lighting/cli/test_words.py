@@ -20,10 +20,11 @@ from tests.lighting.cli.runners import run, sub, terminal
         (0.04, 4.0, "sun straight ahead, 33.0° high"),
         (-170.0, 4.0, "sun 170.0° left (behind), 33.0° high"),
         (180.0, -7.31, "camera looks 7.3° down"),
+        (180.0, -0.04, "camera looks 0.0° up, roll 0.0°"),
     ],
 )
 def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -> None:
-    lighting = Lighting(azimuth, 33.0, 3.0, 0.1, camera_elevation=elevation)
+    lighting = Lighting(azimuth, 33.0, 3.0, 0.1, camera_elevation=elevation, camera_roll=-0.04)
     assert words in in_words("x.jpg", lighting)
 
 

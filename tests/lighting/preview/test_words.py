@@ -30,6 +30,16 @@ def test_numbers_say_which_way_the_camera_looks() -> None:
     assert values["50 % / 90 % within"] == "9.5° / 131°"
 
 
+@pytest.mark.parametrize(("azimuth", "words"), [(-0.2, "ahead"), (179.9, "behind"), (-120.0, "120° left")])
+def test_numbers_fit_their_column(azimuth: float, words: str) -> None:
+    assert dict(numbers_of(outdoors(azimuth)))["Sun azimuth"] == words
+
+
+def test_a_level_camera_looks_neither_down_nor_turned() -> None:
+    values = dict(numbers_of(outdoors(camera_elevation=-0.04, camera_roll=-0.04)))
+    assert (values["Camera elevation"], values["Camera roll"]) == ("0.0° up", "0.0°")
+
+
 @pytest.mark.parametrize(("visibility", "gold"), [(0.9, True), (0.1, False)])
 def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, gold: bool) -> None:
     canvas = Image.new("RGB", (WIDTH, 140))

@@ -52,7 +52,7 @@ export function numbers({ sun, sky, camera }: Lighting, errors: Record<string, n
     { name: "Exposure", value: factor(sky.exposure), ...note("exposure", " stops") },
     {
       name: "Camera elevation",
-      value: `${Math.abs(camera.elevation).toFixed(1)}° ${camera.elevation < 0 ? "down" : "up"}`,
+      value: `${Math.abs(camera.elevation).toFixed(1)}° ${camera.elevation > -0.05 ? "up" : "down"}`,
       ...note("camera_elevation", "°"),
     },
     {
