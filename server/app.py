@@ -13,6 +13,7 @@ from starlette.middleware.cors import CORSMiddleware
 from lighting import __version__
 from lighting.pipeline import Estimator
 from server import icon, operations, page, problems, routes
+from server.checks import refuse_ambiguity
 from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
 from server.service import Service
@@ -61,8 +62,8 @@ def _include(app: FastAPI, service: Service) -> None:
     active = [(guard, statuses) for wanted, guard, statuses in guards if wanted]
     app.include_router(
         routes.router,
-        dependencies=[Depends(guard) for guard, _ in active],
-        responses=problems.documented(*(status for _, statuses in active for status in statuses)),
+        dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_ambiguity)],
+        responses=problems.documented(400, 422, *(status for _, statuses in active for status in statuses)),
     )
     app.include_router(operations.router)
     app.include_router(page.page_router())

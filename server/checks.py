@@ -1,9 +1,24 @@
 """What the parameters of one request must fit: its photos, its body, each other."""
 
+from collections import Counter
+
+from fastapi import Request
+
 from lighting.errors import ParameterError
 from lighting.evidence import check_heading, check_headings
-from server.problems import invalid
+from server import problems
+from server.problems import ProblemError, all_invalid, invalid
 from server.queries import ChangeQuery, EnvmapQuery, GivenQuery, LightingQuery
+
+
+async def refuse_ambiguity(request: Request) -> None:
+    """Raise ProblemError for a request that says one thing twice: a parameter, or how long its body is."""
+    if {"content-length", "transfer-encoding"} <= set(request.headers):
+        detail = "Content-Length and Transfer-Encoding both say where the body ends; send one of them."
+        raise ProblemError(problems.MALFORMED, detail, {"Connection": "close"})
+    times = Counter(name for name, _ in request.query_params.multi_items())
+    if often := [name for name, count in times.items() if count > 1]:
+        raise all_invalid([{"field": name, "place": "query", "detail": "is given more than once"} for name in often])
 
 
 def check_photos(photos: int, query: LightingQuery) -> None:

@@ -38,6 +38,23 @@ def test_an_unknown_path_is_404_and_names_itself_without_harm(client: TestClient
 
 
 @pytest.mark.parametrize(
+    "path", ["/v1/lighting?fov=50&fov=60", "/v1/envmap?height=64&sun=true&height=64", "/v1/model?a=&a="]
+)
+def test_what_is_said_twice_is_refused_by_name(client: TestClient, jpeg: bytes, path: str) -> None:
+    name = path.rsplit("&", 1)[1].partition("=")[0]
+    answer = client.get(path) if "model" in path else client.post(path, content=jpeg, headers=JPEG)
+    (error,) = problem(answer, 422, "invalid")["errors"]
+    assert error == {"field": name, "place": "query", "detail": "is given more than once"}
+
+
+def test_a_body_has_one_length(client: TestClient, jpeg: bytes) -> None:
+    both = {**JPEG, "Content-Length": "5", "Transfer-Encoding": "chunked"}
+    answer = client.post("/v1/lighting", content=jpeg, headers=both)
+    assert "send one of them" in problem(answer, 400, "malformed-request")["detail"]
+    assert answer.headers["connection"] == "close"
+
+
+@pytest.mark.parametrize(
     ("method", "path", "allowed"),
     [
         ("GET", "/v1/lighting", "POST"),
