@@ -50,7 +50,14 @@ def _files_below(source: Path, suffixes: tuple[str, ...]) -> Iterator[str]:
     for parent, folders, files in os.walk(source):
         folders[:] = [name for name in folders if not name.startswith(".")]
         below = Path(parent).relative_to(source)
-        yield from ((below / name).as_posix() for name in files if name.lower().endswith(suffixes) and name[0] != ".")
+        for name in files:
+            if name.lower().endswith(suffixes) and name[0] != "." and not _would_wait(Path(parent, name)):
+                yield (below / name).as_posix()
+
+
+def _would_wait(path: Path) -> bool:
+    """Whether a file is a pipe, a socket or a device, from which reading may not end; a broken link is none."""
+    return path.exists() and not path.is_file()
 
 
 def _matches(pattern: str, source: Path) -> Iterator[str]:

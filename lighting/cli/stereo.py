@@ -12,6 +12,7 @@ from lighting.cli.files import write_png
 from lighting.cli.given import read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import preview_file, quiet_option
+from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
     from lighting.stereo.plan import Plan, Window
@@ -70,7 +71,10 @@ def plan(
 
     if output == "-" and as_json:
         raise click.UsageError('--json and "-o -" both go to stdout.')
-    skies, question = _skies(**said), Question(facing, shots, noise)
+    try:
+        skies, question = _skies(**said), Question(facing, shots, noise)
+    except ParameterError as error:
+        raise click.UsageError(str(error)) from error
     found = plan_photos(skies, question, _progress(quiet))
     if output:
         _draw(output, skies, found)

@@ -1,5 +1,6 @@
 """Which photos a folder or a glob stands for."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,12 @@ def test_a_folder_of_nothing_else_names_them(tmp_path: Path) -> None:
     (tmp_path / "a.gif").touch()
     with pytest.raises(BatchError, match=r"of kinds that are not read \(1 \.gif\)\.$"):
         find_photos(str(tmp_path))
+
+
+def test_a_pipe_is_no_photo_and_a_broken_link_is_left_to_the_reading(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.jpg")
+    (tmp_path / "broken.jpg").symlink_to(tmp_path / "absent.jpg")
+    assert find_photos(str(tmp_path)) == (str(tmp_path), ["broken.jpg"])
 
 
 def test_an_empty_name_is_not_the_current_folder(photos: Path, monkeypatch: pytest.MonkeyPatch) -> None:
