@@ -50,7 +50,7 @@ def draw_preview(
         (plan.photo, _PHOTO[placed is not None], photo_panel(photo, lighting, plan.photo, placed)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel(envmap, lighting, aspect, plan.envmap)),
-        (plan.spheres, "Mirror, glossy and diffuse in this light", _spheres_panel(stage, lighting, plan.spheres)),
+        (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(stage, lighting, plan.spheres)),
     ):
         _place(canvas, box, caption, panel)
     for corner, (name, value) in zip(plan.cells, numbers, strict=True):

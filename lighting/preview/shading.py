@@ -15,7 +15,7 @@ MIRROR, GLOSSY, DIFFUSE = range(3)  # from left to right
 MIRROR_SUN_RADIUS = 1.0  # deg, wide enough to be seen in the mirror, with the same power
 MIRROR_REFLECTANCE = 0.92
 GLOSSY_REFLECTANCE = 0.85
-DIFFUSE_REFLECTANCE = 0.6
+DIFFUSE_REFLECTANCE = 0.36  # twice a grey card's: white burns out in many photos of sunlight
 GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(GLOSSINESS (cos - 1))
 _SECOND_HAND = 25.0  # the same for light that a sphere sends elsewhere; wide enough to be sampled with few rays
 
