@@ -65,6 +65,7 @@ EXAMPLES = (
     Example("overcast_street.jpg", "h_urban_street_01", 125.0, 2.0, 0.0, 72.0, 640, 480),
     Example("forest_clearing.jpg", "h_epping_forest_01", 158.0, 2.0, 0.0, 72.0, 640, 480, direct="partly"),
     Example("garden_noon.jpg", "suburban_garden", 170.0, 0.0, 0.5, 75.0, 640, 480),
+    Example("snow_field.jpg", "passendorf_snow", 105.0, -6.0, 0.5, 66.0, 640, 480, 0.5),
 )
 
 

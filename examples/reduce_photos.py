@@ -22,7 +22,7 @@ QUALITY = 82
 THUMB = (240, 180)
 THUMB_QUALITY = 75
 SHOWN = (
-    *("garden_noon.jpg", "overcast_street.jpg", "park_evening.jpg", "forest_clearing.jpg"),
+    *("garden_noon.jpg", "overcast_street.jpg", "forest_clearing.jpg", "snow_field.jpg"),
     *("rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
 )
 

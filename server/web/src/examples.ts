@@ -3,14 +3,14 @@
 import forest from "../../../examples/forest_clearing.jpg";
 import noon from "../../../examples/garden_noon.jpg";
 import overcast from "../../../examples/overcast_street.jpg";
-import park from "../../../examples/park_evening.jpg";
 import golden from "../../../examples/rome/golden_hour.jpg";
 import alley from "../../../examples/rome/street_in_shade.jpg";
+import snow from "../../../examples/snow_field.jpg";
 import forestThumb from "../../../examples/thumbs/forest_clearing.jpg";
 import noonThumb from "../../../examples/thumbs/garden_noon.jpg";
 import goldenThumb from "../../../examples/thumbs/golden_hour.jpg";
 import overcastThumb from "../../../examples/thumbs/overcast_street.jpg";
-import parkThumb from "../../../examples/thumbs/park_evening.jpg";
+import snowThumb from "../../../examples/thumbs/snow_field.jpg";
 import alleyThumb from "../../../examples/thumbs/street_in_shade.jpg";
 
 export interface Example {
@@ -29,6 +29,6 @@ export const EXAMPLES: Example[] = [
   { name: "garden_noon.jpg", title: "Noon", url: noon, thumb: noonThumb, credit: HAVEN },
   { name: "overcast_street.jpg", title: "Overcast", url: overcast, thumb: overcastThumb, credit: HAVEN },
   { name: "forest_clearing.jpg", title: "Forest", url: forest, thumb: forestThumb, credit: HAVEN },
-  { name: "park_evening.jpg", title: "Park", url: park, thumb: parkThumb, credit: HAVEN },
+  { name: "snow_field.jpg", title: "Snow", url: snow, thumb: snowThumb, credit: HAVEN },
   { name: "street_in_shade.jpg", title: "Street", url: alley, thumb: alleyThumb, credit: ROME },
 ];
