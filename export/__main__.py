@@ -1,4 +1,4 @@
-"""`python -m export`: label, synthesize, train, merge, onnx, evaluate, sky, shade, probe, stereo, turns, video."""
+"""`python -m export`: from panoramas to networks (label, train, onnx, ...), and what they are worth (evaluate, ...)."""
 
 import math
 import sys
@@ -221,6 +221,18 @@ def sky(data: Path, labels: Path, model: Path | None) -> None:
     from lighting.model import Model
 
     click.echo(sky_report(Model.load(model), data, labels))
+
+
+@cli.command()
+@data
+@labels
+@network
+def ground(data: Path, labels: Path, model: Path | None) -> None:
+    """Fit how far the network tells the ground's brightness better than the photo does; print what it gains."""
+    from export.evaluation.ground import ground_report
+    from lighting.model import Model
+
+    click.echo(ground_report(Model.load(model), data, labels))
 
 
 @cli.command()

@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lighting.decoding import colour
 from lighting.envmap import photo_ground, photo_sky
@@ -119,14 +120,14 @@ def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) ->
         sky = colour(np.exp(np.mean(np.log(np.maximum(skies, _DARKEST)), axis=0)), "sky_irradiance")
         lights = [replace(light, sky_irradiance=sky) for light in lights]
     return [
-        replace(estimate, lighting=_with_ground(photo, light))
+        replace(estimate, lighting=_with_ground(photo, light, estimate.around))
         for photo, estimate, light in zip(photos, estimates, lights, strict=True)
     ]
 
 
-def _with_ground(photo: Photo, lighting: Lighting) -> Lighting:
+def _with_ground(photo: Photo, lighting: Lighting, around: NDArray[np.float32] | None) -> Lighting:
     """The lighting with the colour of the ground that the photo shows, if it shows any."""
-    ground = photo_ground(photo.pixels, lighting)
+    ground = photo_ground(photo.pixels, lighting, around)
     return lighting if ground is None else replace(lighting, ground_color=colour(ground, "ground_color"))
 
 

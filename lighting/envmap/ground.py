@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.colour import luminance
+from lighting.envmap.clear import irradiance_of, row_levels
 from lighting.envmap.photo_view import sampled
 from lighting.geometry import Floats
 from lighting.records import Lighting
@@ -11,13 +13,19 @@ _BELOW = (0.2, 0.05)  # sines of the angle below the horizon; the first one coun
 _LEAST = 0.02  # share of the picture that must show ground
 _KEPT = (0.25, 0.75)  # quantiles of brightness between which pixels count
 _RANGE = (0.02, 0.9)  # of the reflectance
+_BLACK = 1e-6  # radiance that stands for none
+_OTHER = 0.3  # how far the brightness goes to that of the ground all around, as the network has it; with
+_DARKER = 0.2  # the stops by which that is too dark, fitted on the HDR panoramas of `train`
 
 
-def photo_ground(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
+def photo_ground(
+    pixels: NDArray[np.uint8], lighting: Lighting, around: NDArray[np.float32] | None = None
+) -> Floats | None:
     """Reflectance (3,) of the ground that a photo (h, w, 3, sRGB) shows under the lighting's irradiances.
 
     It is the mean of the linear values well below the estimated horizon (near it things stand upright), without the
-    darkest and the brightest quarter, over (sky + sin(elevation) x sun) / pi. None where the photo shows too little
+    darkest and the brightest quarter, over (sky + sin(elevation) x sun) / pi. With `around`, an estimate's, its
+    brightness is drawn to that of the ground which the photo does not show. None where the photo shows too little
     ground or the irradiances are not known.
     """
     if lighting.sky_irradiance is None or lighting.sun_irradiance is None:
@@ -33,7 +41,16 @@ def photo_ground(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None
     inside = (grey >= low) & (grey <= high)
     sun = np.array(lighting.sun_irradiance) * max(float(lighting.sun_direction[1]), 0.0)
     level = np.maximum(np.array(lighting.sky_irradiance) + sun, 1e-6)
-    return np.asarray(np.clip(np.pi * ground[inside].mean(axis=0) / level, *_RANGE))
+    found = ground[inside].mean(axis=0)
+    if around is not None:
+        found = found * (2**_DARKER * brightness_below(around) / max(float(luminance(found)), _BLACK)) ** _OTHER
+    return np.asarray(np.clip(np.pi * found / level, *_RANGE))
+
+
+def brightness_below(around: NDArray[np.float32]) -> float:
+    """Luminance of the ground in a coarse panorama (R, C, 3), as level ground that faces down would receive it."""
+    half = len(around) // 2
+    return float(luminance(irradiance_of(row_levels(len(around))[half:], around[half:]))) / np.pi
 
 
 def _quantiles(values: Floats, shares: tuple[float, float]) -> Floats:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lighting.colour import tone_map
-from lighting.envmap.ground import _quantiles, photo_ground
+from lighting.colour import luminance, tone_map
+from lighting.envmap.ground import _quantiles, brightness_below, photo_ground
 from lighting.records import Lighting
 from tests.lighting.envmap.test_render import given_light
 
@@ -29,6 +29,29 @@ def test_few_glints_do_not_count() -> None:
 
 def test_a_camera_that_looks_up_sees_no_ground() -> None:
     assert photo_ground(photo([0.2] * 3), given_light(camera_elevation=50.0)) is None
+
+
+def test_the_network_s_ground_counts_for_a_share_of_the_brightness_and_not_for_the_colour() -> None:
+    picture, light = photo([0.2, 0.15, 0.1]), given_light()
+    shown = photo_ground(picture, light)
+    assert shown is not None
+    radiance = shown * LEVEL / np.pi
+    for stops in (-1.0, 0.0, 1.5):
+        around = np.full((12, 24, 3), 9.0, np.float32)  # its sky does not count
+        around[6:] = luminance(radiance) * 2.0 ** (stops - 0.2)
+        found = photo_ground(picture, light, around)
+        assert found == pytest.approx(shown * 2.0 ** (0.3 * stops), rel=1e-4)
+
+
+def test_a_network_without_ground_stays_in_range() -> None:
+    assert photo_ground(photo([0.2] * 3), given_light(), np.zeros((12, 24, 3), np.float32)) == pytest.approx([0.02] * 3)
+
+
+def test_brightness_below_is_that_of_a_level_surface_facing_down() -> None:
+    around = np.ones((12, 24, 3), np.float32)
+    assert brightness_below(around) == pytest.approx(1.0)
+    around[11] = 0.0  # the lowest 15 deg: sin(15 deg) squared of the light
+    assert brightness_below(around) == pytest.approx(1 - np.sin(np.radians(15)) ** 2)
 
 
 def test_without_irradiances_nothing_is_known() -> None:

@@ -1,0 +1,54 @@
+"""The fit of how far the network tells the ground's brightness."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from export.data import DataError
+from export.evaluation import ground as module
+from export.evaluation.ground import Grounds, fit, ground_report
+from lighting.model import Model
+
+
+def grounds(share: float, darker: float, noise: float = 0.0) -> Grounds:
+    """Crops whose true ground is that share of the network's, and some noise."""
+    rng = np.random.default_rng(3)
+    photo, around = rng.normal(0, 1, 500), rng.normal(0, 1, 500)
+    true = photo + share * (around + darker - photo) + rng.normal(0, noise, 500)
+    return Grounds(photo, around, true, np.repeat(["overcast", "sunny"], 250))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_the_share_that_made_them_is_found(share: float) -> None:
+    found, darker = fit(grounds(share, 0.4))
+    assert found == pytest.approx(share)
+    if share:
+        assert darker == pytest.approx(0.4)
+
+
+def test_in_doubt_the_network_counts_for_less() -> None:
+    assert 0.3 <= fit(grounds(0.5, 0.2, noise=1.0))[0] < 0.5
+
+
+def test_errors_are_sizes_in_stops() -> None:
+    one = Grounds(np.array([1.0]), np.array([3.0]), np.array([0.0]), np.array(["sunny"]))
+    assert one.errors(0.0, 0.0) == pytest.approx([1.0])
+    assert one.errors(0.5, -6.0) == pytest.approx([1.0])
+
+
+@pytest.mark.slow
+def test_panoramas_without_known_ground_are_named(data: Path, lit_network: Path) -> None:
+    with pytest.raises(DataError, match="No crop of the HDR panoramas of train shows ground"):
+        ground_report(Model.load(lit_network), data, data / "labels.csv")
+
+
+def test_the_report_names_the_fit_and_each_weather(monkeypatch: pytest.MonkeyPatch, lit_network: Path) -> None:
+    monkeypatch.setattr(module, "look", lambda *_: grounds(0.3, 0.4))
+    report = ground_report(Model.load(lit_network), Path("data"), Path("labels.csv"))
+    assert report.startswith("Share of the network: 0.3, 0.4 stops brighter")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in report.splitlines()[4:]]
+    assert [row[:3] for row in rows] == [
+        [part, kind, "250"] for part in ("train", "val") for kind in ("overcast", "sunny")
+    ]
+    assert [float(row[4]) for row in rows] == [0.0] * 4
