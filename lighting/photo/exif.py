@@ -121,7 +121,8 @@ def _utc_offset(tag: int, tags: Tags) -> float:
 def _gps_time(tags: Tags) -> datetime | None:
     year, month, day = map(int, re.findall(r"\d+", _text(tags[ExifTags.GPS.GPSDateStamp])))
     hours, minutes, seconds = map(_number, tags[ExifTags.GPS.GPSTimeStamp])
-    if not (0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
+    known = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
+    if not (known and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
         return None
     time = datetime(year, month, day, tzinfo=UTC) + timedelta(hours=hours, minutes=minutes, seconds=seconds)
     return _datable(time)

@@ -71,6 +71,13 @@ def test_the_satellites_time_is_utc() -> None:
     assert facts_of(munich(**time)).utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
 
 
+def test_a_gps_time_of_zeros_is_unknown() -> None:
+    time = {"DateTimeOriginal": None, "GPSDateStamp": "2024:06:01"}
+    assert facts_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 0.0))).utc_time is None
+    just_after = facts_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 1.0))).utc_time
+    assert just_after == datetime(2024, 6, 1, 0, 0, 1, tzinfo=UTC)
+
+
 def test_the_day_a_film_was_scanned_counts_if_nothing_better_does() -> None:
     facts = facts_of(munich(DateTimeOriginal=None, DateTimeDigitized="1998-04-05 16:20:00", OffsetTimeOriginal=None))
     assert facts.local_time == datetime(1998, 4, 5, 16, 20)
