@@ -26,8 +26,10 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
 
     `sun` says whether the sun is in it; None leaves that to `Lighting.sun_painted`. The sum of the disc's radiance x
     solid angle is the same at every height, and the ground is lit by what is painted. Without `disc` the sun lights the
-    ground and is left for a light of its own. Raises ParameterError for another height.
+    ground and is left for a light of its own. Raises ParameterError for another height, and for what is no Lighting.
     """
+    if not isinstance(lighting, Lighting):
+        raise ParameterError(f"A Lighting is needed, not {type(lighting).__name__}; an estimate has one as `lighting`.")
     _check_height(height)
     painted = lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)

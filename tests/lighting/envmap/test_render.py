@@ -200,6 +200,11 @@ def given_light(elevation: float = 33.0, **fields: Any) -> Lighting:
     return Lighting(-41.2, elevation, 2.6, 5.0, sun_irradiance=SUN, sky_irradiance=SKY, ground_color=GROUND, **fields)
 
 
+def test_what_is_no_lighting_is_named() -> None:
+    with pytest.raises(ParameterError, match="A Lighting is needed, not dict; an estimate has one as `lighting`"):
+        render({"sun_azimuth": 3.0})  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("cover", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("elevation", [0.3, 33.0, 89.0])
 @pytest.mark.parametrize("height", [16, 128])
