@@ -14,7 +14,7 @@ _LEAST = 0.02  # share of the picture that must show ground
 _KEPT = (0.25, 0.75)  # quantiles of brightness between which pixels count
 _RANGE = (0.02, 0.9)  # of the reflectance
 _BLACK = 1e-6  # radiance that stands for none
-_OTHER = 0.3  # how far the brightness goes to that of the ground all around, as the network has it; with
+_OTHER = 0.4  # how far the brightness goes to that of the ground all around, as the network has it; with
 _DARKER = 0.2  # the stops by which that is too dark, fitted on the HDR panoramas of `train`
 
 

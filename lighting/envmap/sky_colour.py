@@ -16,7 +16,7 @@ _BRIGHT = 0.6  # share of the map's luminance there that a pixel of sky has at l
 _CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 _LEAST = 0.02  # share of the picture that must show sky
 _MANY = 500  # pixels, of which the mean is exact enough
-_TRUST = (0.18, 0.62)  # power of that ratio under a clear sky, and what cover squared adds; fitted on crops of `train`
+_TRUST = (0.11, 0.51)  # power of that ratio under a clear sky, and what cover squared adds; fitted on crops of `train`
 _DARKEST = 1e-9  # radiance that stands for none
 _RATIO = 2.0  # most by which a channel changes against green
 
