@@ -2,10 +2,11 @@
 
     python benchmarks/latency.py [--runs 15] [--cpu]
 
-A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the same
-graph, a copy of the map, OpenEXR's writing of the same array. The map stands beside Mitsuba's `sunsky` in the same
-directions as well, where mitsuba is installed, in LLVM mode where LLVM 15 or newer is found. Then the command as a
-process of its own, its peak memory, and what it imports.
+A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the
+same graph, a copy of the map, Pillow's resizing of the photo to the map's scale, OpenEXR's writing of the same array.
+The whole is what `lighting envmap` does: the photo's own sky and ground in the answer, and a map with the place. The
+map stands beside Mitsuba's `sunsky` in the same directions as well, where mitsuba is installed, in LLVM mode where
+LLVM 15 or newer is found. Then the command as a process of its own, its peak memory, and what it imports.
 """
 
 import argparse
@@ -36,17 +37,17 @@ from PIL import Image
 
 from export.data import DataError
 from export.towns import find_llvm
-from lighting.decoding import lighting_from
-from lighting.envmap import render
+from lighting.envmap import Place, place_of, render, surround
+from lighting.envmap.photo_view import shown_size
 from lighting.files import write_exr
 from lighting.files.compression import packed_with
 from lighting.geometry import latlong_directions
-from lighting.model import Model
 from lighting.photo import TARGET, read_photo, to_tensor
 from lighting.photo.apart import read_apart
+from lighting.pipeline import Estimator
 from lighting.records import Lighting
 
-PARTS = ("decode", "network", "sky and sun", "EXR")
+PARTS = ("decode", "network", "sky and sun", "place", "EXR")
 
 
 def decode_alone(path: Path) -> Image.Image:
@@ -122,34 +123,45 @@ def measure_parts(
     jpeg: Path, exr: Path, height: int, runs: int, clock: Callable[[], float]
 ) -> tuple[dict[str, float], str | None]:
     """Milliseconds of the whole, of each part, of its floor as "PART floor", and Mitsuba's variant."""
-    model = Model.load()
+    estimator = Estimator()
     photo = read_photo(jpeg)
-    tensor = to_tensor(photo, model.spec)
-    light = lighting_from(model.predict(tensor)[0])
-    image = render(light, height, sun=True)
+    tensor = to_tensor(photo, estimator.model.spec)
+    estimate = estimator(photo)
+    light = estimate.lighting
+    there = Place(photo.pixels, estimate.around)
+    image = surround(light, there, height, sun=True)
 
     def whole() -> None:
-        found = lighting_from(model.predict(to_tensor(read_photo(jpeg), model.spec))[0])
-        write_exr(exr, render(found, height, sun=True), found)
+        seen = read_photo(jpeg)
+        found = estimator(seen)
+        place = place_of(found, seen.pixels, height, lambda side: read_photo(jpeg, side).pixels, wanted=True)
+        assert place is not None
+        write_exr(exr, surround(found.lighting, place, height, sun=True), found.lighting)
 
     directions = latlong_directions(height)
     mitsuba, above = mitsuba_sky(light, directions), mitsuba_sky(light, directions[: height // 2])
     work: dict[str, Callable[[], Any]] = {
         "whole": whole,
-        "decode": lambda: to_tensor(read_photo(jpeg), model.spec),
+        "decode": lambda: read_photo(jpeg),
         "decode floor": lambda: decode_alone(jpeg),
         "decode here": lambda: read_photo(jpeg.read_bytes()),
         "decode apart": lambda: read_apart(jpeg.read_bytes()),
-        "network": lambda: lighting_from(model.predict(tensor)[0]),
-        "network floor": lambda: model.session.run(None, {"photo": tensor}),
+        "network": lambda: estimator(photo),
+        "network floor": lambda: estimator.model.session.run(None, {"photo": tensor}),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,
+        "place": lambda: surround(light, there, height, sun=True),
+        "place floor": lambda: Image.fromarray(photo.pixels).resize(
+            shown_size(photo.pixels, light.vertical_fov, height)
+        ),
         "EXR": lambda: write_exr(exr, image, light),
         "EXR floor": lambda: write_alone(image),
     }
     if mitsuba and above:
         work |= {"mitsuba": mitsuba[1], "mitsuba above": above[1]}
-    return milliseconds(work, runs, clock), mitsuba[0] if mitsuba else None
+    took = milliseconds(work, runs, clock)
+    took["place"] -= took["sky and sun"]  # which it paints first
+    return took, mitsuba[0] if mitsuba else None
 
 
 def print_parts(took: dict[str, float], variant: str | None) -> None:

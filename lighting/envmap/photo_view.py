@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import SRGB_LINEAR
-from lighting.envmap.clear import Image
+from lighting.envmap.clear import Image, brightest
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, latlong_angles, latlong_directions
 from lighting.records import Lighting
 
@@ -54,10 +54,8 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown |
     ramp = np.clip(edge, 0, 1)
     weight = ramp * ramp * (3 - 2 * ramp)
     index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
-    linear = np.empty((*index.shape, 3), dtype=np.float32)
-    for channel in range(3):
-        linear[..., channel] = SRGB_LINEAR.take(picture[..., channel].ravel()).take(index)
-    clipped = linear.max(axis=-1) > _CLIPPED
+    linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
+    clipped = brightest(linear) > _CLIPPED
     linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
     return Shown(rows, columns, linear, weight)
 

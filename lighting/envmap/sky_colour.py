@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
+from lighting.envmap.clear import brightest
 from lighting.envmap.photo_view import sampled
 from lighting.envmap.render import render
 from lighting.geometry import Floats, sample_latlong
@@ -45,7 +46,7 @@ def sky_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
         return None
     photo, directions = sampled(pixels, lighting)
     smooth = _steps(np.sqrt(luminance(photo))) < _SMOOTH
-    likely = np.nonzero(smooth & (directions[..., 1] > _ABOVE) & (photo.max(axis=-1) < _CLIPPED))
+    likely = np.nonzero(smooth & (directions[..., 1] > _ABOVE) & (brightest(photo) < _CLIPPED))
     least = _LEAST * smooth.size
     if len(likely[0]) < least:
         return None

@@ -88,21 +88,20 @@ def _vary(image: Image, around: NDArray[np.float32]) -> None:
 
 def _smooth(cells: Image, height: int, width: int) -> Image:
     """Cells (R, C, 3) as (height, width, 3), linear between their centres; columns wrap and rows end."""
-    (top, down), (left, across) = _places(height, len(cells)), _places(width, cells.shape[1])
-    upper, lower = cells[np.clip(top, 0, len(cells) - 1)], cells[np.clip(top + 1, 0, len(cells) - 1)]
-    tall = (upper + down[:, None, None] * (lower - upper)).reshape(height, -1)  # three numbers for each cell
-    numbers = (3 * (left % cells.shape[1])[:, None] + np.arange(3)).ravel()
-    result = (np.roll(tall, -3, axis=1) - tall).take(numbers, axis=1)
-    result *= across.repeat(3)
-    result += tall.take(numbers, axis=1)
-    return np.asarray(result.reshape(height, width, 3))
+    rows, columns = len(cells), cells.shape[1]
+    wide = _between(width, columns, lambda cell: cell % columns) @ cells  # (R, width, 3)
+    down = _between(height, rows, lambda cell: np.clip(cell, 0, rows - 1))
+    return np.asarray((down @ wide.reshape(rows, -1)).reshape(height, width, 3))
 
 
-def _places(pixels: int, cells: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """For each pixel the cell (pixels,) whose centre lies before it, and how far it is on its way to the next one."""
+def _between(pixels: int, cells: int, inside: Callable[[NDArray[np.intp]], NDArray[np.intp]]) -> NDArray[np.float32]:
+    """The shares (pixels, cells) of the cells on either side of each pixel; `inside` places those beyond the ends."""
     at = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
-    low = np.floor(at)
-    return low.astype(np.intp), f32(at - low)
+    low = np.floor(at).astype(np.intp)
+    shares = np.zeros((pixels, cells), np.float32)
+    for cell, share in ((low, 1 - (at - low)), (low + 1, at - low)):
+        shares[np.arange(pixels), inside(cell)] += f32(share)
+    return shares
 
 
 def _compose(image: Image, seen: Shown | None, part: slice, target: Floats) -> None:
@@ -112,7 +111,7 @@ def _compose(image: Image, seen: Shown | None, part: slice, target: Floats) -> N
     if seen is None:
         scale(image[part], target / np.maximum(total, _LEAST))
         return
-    there, weight = image[seen.rows, seen.columns], seen.weight[..., None]
+    there, weight = image[seen.rows, seen.columns], seen.weight[..., None].repeat(3, axis=2)
     share = there.shape[1] / image.shape[1]  # of the columns
     photo = irradiance_of(levels[seen.rows], weight * seen.linear) * share
     hidden = irradiance_of(levels[seen.rows], weight * there) * share
