@@ -26,7 +26,9 @@ def lobe_table(lighting: Lighting) -> Image:
 def _lobe_table(sun_elevation: float, turbidity: float, ground_albedo: float) -> Image:
     chord = 2 * np.sin(np.linspace(0.0, math.pi / 2, _LOBE_STEPS + 1, dtype=np.float32))
     coefficients, _ = sky_parameters(sun_elevation, turbidity, ground_albedo)
-    return np.stack([sky_lobe(row, chord * chord) for row in coefficients])
+    table = np.stack([sky_lobe(row, chord * chord) for row in coefficients])
+    table.setflags(write=False)  # since others get it as well
+    return table
 
 
 def paint_clear(image: Image, lighting: Lighting, lobe: Image) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.envmap.clear import clear_irradiance, f32, irradiance_of, lobe_table, paint_clear, row_levels
+from lighting.envmap.clear import brightest, clear_irradiance, f32, irradiance_of, lobe_table, paint_clear, row_levels
 from tests.lighting.envmap.test_render import lighting
 
 
@@ -21,3 +21,16 @@ def test_a_painted_sky_has_the_models_irradiance() -> None:
     paint_clear(upper, light, lobe)
     assert irradiance_of(row_levels(256)[:128], upper) == pytest.approx(clear_irradiance(light, lobe), rel=1e-3)
     assert f32(np.ones(2)).dtype == np.float32
+
+
+def test_a_table_is_that_of_its_own_sky() -> None:
+    first, other = lobe_table(lighting()), lobe_table(lighting(turbidity=8.0))
+    assert not np.array_equal(first, other)
+    assert np.array_equal(lobe_table(lighting()), first)
+    with pytest.raises(ValueError, match="read-only"):
+        other[0, 0] = 1.0
+
+
+def test_the_brightest_channel_is_numpys() -> None:
+    image = np.random.default_rng(1).normal(size=(7, 5, 3)).astype(np.float32)
+    assert np.array_equal(brightest(image), image.max(axis=-1))
