@@ -1,12 +1,15 @@
 """Reading a clip: every frame is followed, some are shown to the network."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance, srgb_decode
+from lighting.decoding import lighting_from
+from lighting.envmap import photo_sky
 from lighting.model import Model
 from lighting.photo import Photo, to_tensor
 from lighting.records import Prediction
@@ -17,6 +20,7 @@ from lighting.video.watched import Watched
 
 EVERY = 0.2  # s between the frames that the network sees
 JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before
+_BLACK = 1e-9  # irradiance that stands for none
 DARK = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
 
 Pixels = NDArray[np.uint8]
@@ -89,9 +93,20 @@ def shots_watched(
 
 
 def see(model: Model, pixels: Pixels) -> Prediction:
-    """What the network says of a frame (h, w, 3), upright sRGB."""
+    """What the network says of a frame (h, w, 3), upright sRGB, with the colour of the sky that the frame shows."""
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
-    return model.predict(to_tensor(photo, model.spec))[0]
+    return _with_sky(model.predict(to_tensor(photo, model.spec))[0], pixels)
+
+
+def _with_sky(said: Prediction, pixels: Pixels) -> Prediction:
+    """The prediction with its sky in the colour that `photo_sky` finds."""
+    if said.light is None:
+        return said
+    by_network = lighting_from(said)
+    if (found := photo_sky(pixels, by_network)) is None:
+        return said
+    ratio = found / np.maximum(np.array(by_network.sky_irradiance), _BLACK)
+    return replace(said, light=replace(said.light, sky_irradiance=said.light.sky_irradiance * ratio))
 
 
 def is_dark(pixels: Pixels) -> bool:

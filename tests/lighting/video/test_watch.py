@@ -1,0 +1,30 @@
+"""What the network says of single frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting.model import Model
+from lighting.video.watch import see
+from tests.conftest import scene
+
+
+def sky_of(model: Model, pixels: np.ndarray) -> np.ndarray:
+    light = see(model, pixels).light
+    assert light is not None
+    return light.sky_irradiance
+
+
+def test_a_frames_sky_gives_the_light_its_colour(lit_network: Path) -> None:
+    model = Model.load(lit_network)
+    unseen, blue, red = scene(320, 240) // 2, scene(320, 240), scene(320, 240)
+    blue[:120], red[:120] = (100, 160, 240), (240, 160, 100)
+    said = sky_of(model, unseen)
+    assert said == pytest.approx([0.4, 0.5, 0.8])
+    assert sky_of(model, blue)[2] / sky_of(model, blue)[0] > 1.1 * said[2] / said[0]
+    assert sky_of(model, red)[2] / sky_of(model, red)[0] < 0.9 * said[2] / said[0]
+
+
+def test_a_network_that_says_nothing_of_the_light_is_left_alone(network: Path) -> None:
+    assert see(Model.load(network), scene(320, 240)).light is None
