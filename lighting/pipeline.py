@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.decoding import colour
-from lighting.envmap import photo_ground, photo_sky
+from lighting.envmap import photo_ground, photo_sky, sky_irradiance
 from lighting.errors import PhotoError
 from lighting.evidence import (
     Fit,
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from lighting.turns import Placed
 
 NOTHING_GIVEN = Given()
-
-_DARKEST = 1e-9  # irradiance that stands for none where logarithms are averaged
 
 
 class Estimator:
@@ -116,9 +114,10 @@ def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) ->
     """
     lights = [estimate.lighting for estimate in estimates]
     found = [photo_sky(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
-    if skies := [sky for sky in found if sky is not None]:
-        sky = colour(np.exp(np.mean(np.log(np.maximum(skies, _DARKEST)), axis=0)), "sky_irradiance")
-        lights = [replace(light, sky_irradiance=sky) for light in lights]
+    if tints := [tint for tint in found if tint is not None]:
+        tint = np.exp(np.mean(np.log(tints), axis=0))
+        skies = (colour(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
+        lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
     return [
         replace(estimate, lighting=_with_ground(photo, light, estimate.around))
         for photo, estimate, light in zip(photos, estimates, lights, strict=True)

@@ -13,11 +13,10 @@ from export.evaluation.light import estimates, judged
 from export.evaluation.records import Names
 from export.evaluation.tables import table
 from lighting.colour import luminance
+from lighting.envmap import level_irradiance
 from lighting.envmap.ground import brightness_below, photo_ground
-from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.geometry import Floats
 from lighting.model import Model
-from lighting.records import Lighting
 
 SHARES = np.linspace(0.0, 1.0, 11)
 DARKER = np.linspace(0.0, 0.6, 7)  # stops
@@ -46,18 +45,13 @@ def look(model: Model, data: Path, labels: Path, part: str) -> Grounds:
         reflectance = photo_ground(place.photo, estimate.lighting)
         if reflectance is None or place.around is None:
             continue
-        radiance = float(luminance(reflectance * _level(estimate.lighting))) / np.pi
+        radiance = float(luminance(reflectance * level_irradiance(estimate.lighting))) / np.pi
         found.append((radiance, brightness_below(place.around), float(luminance(truth.ground))))
         kinds.append(str(weather))
     if not found:
         raise DataError(f"No crop of the HDR panoramas of {part} shows ground.")
     photo, around, true = np.log2(np.array(found)).T
     return Grounds(photo, around, true, np.array(kinds))
-
-
-def _level(light: Lighting) -> Floats:
-    """Irradiance (3,) of level ground."""
-    return sky_irradiance(light) + sun_irradiance(light) * max(float(light.sun_direction[1]), 0.0)
 
 
 def fit(grounds: Grounds) -> tuple[float, float]:

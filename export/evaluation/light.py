@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from export.crops import Crop, Source, load_sources, take
 from export.data import read_index
@@ -21,7 +22,7 @@ from export.evaluation.true_light import TrueLight, levels, mean_map, mirrored_p
 from export.evaluation.views import CROPS_EACH, View, cameras
 from lighting.colour import luminance, tone_map
 from lighting.decoding import colour
-from lighting.envmap import Place, render, sky_irradiance, sun_irradiance, surround, with_irradiance
+from lighting.envmap import Place, level_irradiance, render, sky_irradiance, sun_irradiance, surround, with_irradiance
 from lighting.evidence import Given, estimate_of, fuse, known
 from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
@@ -89,12 +90,16 @@ def estimates(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, Place
     found = []
     for crop in crops:
         pixels = tone_map(crop.linear)
-        prediction = model.predict(place(pixels, model.spec)[None])[0]
-        facts = known(PhotoFacts(), Given())
         photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "PNG")
-        (estimate,) = with_seen_colours([photo], [estimate_of(fuse(prediction, facts.evidence), facts)])
+        (estimate,) = with_seen_colours([photo], [by_network(model, pixels)])
         found.append((estimate, Place(pixels, estimate.around)))
     return found
+
+
+def by_network(model: Model, pixels: NDArray[np.uint8]) -> Estimate:
+    """What a network says of a crop's pixels (h, w, 3), before the colours that they show are looked at."""
+    facts = known(PhotoFacts(), Given())
+    return estimate_of(fuse(model.predict(place(pixels, model.spec)[None])[0], facts.evidence), facts)
 
 
 def guesses(name: str, model: Model, shown: Judged) -> dict[str, Guess]:
@@ -131,8 +136,8 @@ def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
 
 def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
     told = _true_both(light, truth)
-    level = sky_irradiance(told) + sun_irradiance(told) * max(float(told.sun_direction[1]), 0.0)
-    return replace(told, ground_color=colour(np.pi * truth.ground / np.maximum(level, 1e-9), "ground_color"))
+    level = np.maximum(level_irradiance(told), 1e-9)
+    return replace(told, ground_color=colour(np.pi * truth.ground / level, "ground_color"))
 
 
 ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {

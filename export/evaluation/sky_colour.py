@@ -8,12 +8,11 @@ import numpy as np
 
 from export.crops import augment, generator, irradiance_of, load_sources, paper_camera, take, training_camera
 from export.data import read_index
+from export.evaluation.light import by_network
 from export.evaluation.tables import table
 from lighting.envmap.sky_colour import sky_ratio
-from lighting.evidence import Given, estimate_of, fuse, known
-from lighting.geometry import Floats
+from lighting.geometry import Floats, angle_between
 from lighting.model import Model
-from lighting.photo import PhotoFacts, place
 
 CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
 COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))
@@ -45,7 +44,6 @@ def look(model: Model, data: Path, labels: Path, part: str) -> Skies:
 
 
 def _rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[Floats, float, Floats, Floats]]:
-    facts = known(PhotoFacts(), Given())
     for source in load_sources(read_index(data, part), labels):
         true = irradiance_of(source).sky
         if not np.isfinite(true).all():
@@ -54,8 +52,7 @@ def _rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[F
             rng = generator(source.panorama.name, number, "colour of the sky")
             crop = take(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
-            said = model.predict(place(pixels, model.spec)[None])[0]
-            light = estimate_of(fuse(said, facts.evidence), facts).lighting
+            light = by_network(model, pixels).lighting
             ratio = sky_ratio(pixels, light)
             yield (
                 np.full(3, np.nan) if ratio is None else ratio,
@@ -80,8 +77,7 @@ def fit_trust(skies: Skies) -> Floats:
 def errors(skies: Skies, trust: Floats) -> Floats:
     """Angle [deg] (N,) between the colours of the sky's irradiance, said and true, with that trust in the picture."""
     said = skies.said * skies.ratio ** (trust[0] + trust[1] * skies.cover**2)[:, None]
-    cosine = (said * skies.true).sum(axis=1) / np.linalg.norm(said, axis=1) / np.linalg.norm(skies.true, axis=1)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return angle_between(said, skies.true)
 
 
 def sky_report(model: Model, data: Path, labels: Path) -> str:

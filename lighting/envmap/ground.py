@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from lighting.colour import luminance
 from lighting.envmap.clear import irradiance_of, row_levels
 from lighting.envmap.photo_view import sampled
+from lighting.envmap.render import level_irradiance
 from lighting.geometry import Floats
 from lighting.records import Lighting
 
@@ -13,7 +14,7 @@ _BELOW = (0.2, 0.05)  # sines of the angle below the horizon; the first one coun
 _LEAST = 0.02  # share of the picture that must show ground
 _KEPT = (0.25, 0.75)  # quantiles of brightness between which pixels count
 _RANGE = (0.02, 0.9)  # of the reflectance
-_BLACK = 1e-6  # radiance that stands for none
+_BLACK = 1e-6  # radiance or irradiance that stands for none
 _OTHER = 0.4  # how far the brightness goes to that of the ground all around, as the network has it; with
 _DARKER = 0.2  # the stops by which that is too dark, fitted on the HDR panoramas of `train`
 
@@ -39,8 +40,7 @@ def photo_ground(
     grey = ground.mean(axis=1)
     low, high = _quantiles(grey, _KEPT)
     inside = (grey >= low) & (grey <= high)
-    sun = np.array(lighting.sun_irradiance) * max(float(lighting.sun_direction[1]), 0.0)
-    level = np.maximum(np.array(lighting.sky_irradiance) + sun, 1e-6)
+    level = np.maximum(level_irradiance(lighting), _BLACK)
     found = ground[inside].mean(axis=0)
     if around is not None:
         found = found * (2**_DARKER * brightness_below(around) / max(float(luminance(found)), _BLACK)) ** _OTHER

@@ -11,10 +11,10 @@ from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, 
 from lighting.records import Lighting
 
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into what lies around
+CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 
 _SAMPLED = 96  # pixels of the longer side of a photo whose colours are looked at
 _COARSE = 48  # rows of a map in which the photo's window is sought
-_CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 _LARGEST = 2048  # pixels of the photo's longer side
 
 
@@ -55,7 +55,7 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown |
     weight = ramp * ramp * (3 - 2 * ramp)
     index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
-    clipped = brightest(linear) > _CLIPPED
+    clipped = brightest(linear) > CLIPPED
     linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
     return Shown(rows, columns, linear, weight)
 

@@ -64,6 +64,11 @@ def sky_irradiance(lighting: Lighting) -> Floats:
     return clear_irradiance(lighting, lobe_table(lighting))
 
 
+def level_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) of open level ground by sky and sun, whether or not the sun is painted."""
+    return sky_irradiance(lighting) + sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
+
+
 def ground_reflectance(lighting: Lighting) -> Floats:
     """Reflectance (3,) of the ground: its colour; else `ground_albedo`, or 0.12 where irradiances are given."""
     if lighting.ground_color is not None:

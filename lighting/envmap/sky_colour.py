@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.envmap.clear import brightest
-from lighting.envmap.photo_view import sampled
+from lighting.envmap.photo_view import CLIPPED, sampled
 from lighting.envmap.render import render
 from lighting.geometry import Floats, sample_latlong
 from lighting.records import Lighting
@@ -14,16 +14,15 @@ _HEIGHT = 32  # rows of the map with which the photo is compared
 _ABOVE = 0.05  # sine of the angle above the horizon from which a pixel may show sky
 _SMOOTH = 0.1  # largest step of brightness, 0 to 1, from a pixel of sky to its neighbours
 _BRIGHT = 0.6  # share of the map's luminance there that a pixel of sky has at least
-_CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 _LEAST = 0.02  # share of the picture that must show sky
 _MANY = 500  # pixels, of which the mean is exact enough
 _TRUST = (0.11, 0.51)  # power of that ratio under a clear sky, and what cover squared adds; fitted on crops of `train`
-_DARKEST = 1e-9  # radiance that stands for none
+_DARKEST = 1e-9  # radiance or irradiance that stands for none
 _RATIO = 2.0  # most by which a channel changes against green
 
 
 def photo_sky(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
-    """The sky's irradiance (3,) in a colour nearer to that of the sky which a photo (h, w, 3, sRGB) shows.
+    """Factors (3,) that bring the sky's irradiance nearer to the colour of the sky in a photo (h, w, 3, sRGB).
 
     A cloudy sky has one colour, so there the photo counts for much; a clear one differs from place to place, and what
     is seen low over the horizon says little of the rest. Luminance stays. None where the photo shows too little sky or
@@ -32,9 +31,9 @@ def photo_sky(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
     off = sky_ratio(pixels, lighting)
     if off is None:
         return None
-    said = np.array(lighting.sky_irradiance)
-    found = said * off ** (_TRUST[0] + _TRUST[1] * (lighting.sky_cover or 0.0) ** 2)
-    return np.asarray(found * float(luminance(said)) / max(float(luminance(found)), _DARKEST))
+    said = np.array(lighting.sky_irradiance) + _DARKEST
+    tint = off ** (_TRUST[0] + _TRUST[1] * (lighting.sky_cover or 0.0) ** 2)
+    return np.asarray(tint * float(luminance(said) / luminance(said * tint)))
 
 
 def sky_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
@@ -46,7 +45,7 @@ def sky_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
         return None
     photo, directions = sampled(pixels, lighting)
     smooth = _steps(np.sqrt(luminance(photo))) < _SMOOTH
-    likely = np.nonzero(smooth & (directions[..., 1] > _ABOVE) & (brightest(photo) < _CLIPPED))
+    likely = np.nonzero(smooth & (directions[..., 1] > _ABOVE) & (brightest(photo) < CLIPPED))
     least = _LEAST * smooth.size
     if len(likely[0]) < least:
         return None

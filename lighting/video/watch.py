@@ -20,7 +20,6 @@ from lighting.video.watched import Watched
 
 EVERY = 0.2  # s between the frames that the network sees
 JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before
-_BLACK = 1e-9  # irradiance that stands for none
 DARK = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
 
 Pixels = NDArray[np.uint8]
@@ -102,11 +101,9 @@ def _with_sky(said: Prediction, pixels: Pixels) -> Prediction:
     """The prediction with its sky in the colour that `photo_sky` finds."""
     if said.light is None:
         return said
-    by_network = lighting_from(said)
-    if (found := photo_sky(pixels, by_network)) is None:
+    if (tint := photo_sky(pixels, lighting_from(said))) is None:
         return said
-    ratio = found / np.maximum(np.array(by_network.sky_irradiance), _BLACK)
-    return replace(said, light=replace(said.light, sky_irradiance=said.light.sky_irradiance * ratio))
+    return replace(said, light=replace(said.light, sky_irradiance=said.light.sky_irradiance * tint))
 
 
 def is_dark(pixels: Pixels) -> bool:

@@ -1,12 +1,13 @@
 """The sky's colour from a photo's upper part."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lighting.colour import luminance, tone_map
-from lighting.envmap.sky_colour import photo_sky
+from lighting.envmap import photo_sky
 from lighting.records import Lighting
 from tests.lighting.envmap.test_render import given_light
 
@@ -26,13 +27,19 @@ def overcast(**changes: float) -> Lighting:
     return given_light(sky_cover=1.0, **changes)
 
 
+def seen_sky(picture: np.ndarray, light: Lighting) -> np.ndarray:
+    """The sky's irradiance with the factors that the photo gives."""
+    factors = photo_sky(picture, light)
+    assert factors is not None
+    return np.asarray(factors * np.array(light.sky_irradiance))
+
+
 def colour_of(values: np.ndarray) -> np.ndarray:
     return np.asarray(values / values[1])
 
 
 def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
-    found = photo_sky(photo(SUNSET), overcast())
-    assert found is not None
+    found = seen_sky(photo(SUNSET), overcast())
     trust = 0.11 + 0.51
     expected = colour_of(SAID) * (colour_of(SUNSET) / colour_of(SAID)).clip(0.5, 2.0) ** trust
     assert colour_of(found) == pytest.approx(expected, rel=0.02)
@@ -40,22 +47,19 @@ def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
 
 def test_its_brightness_stays() -> None:
     for light in (overcast(), given_light()):
-        found = photo_sky(photo(SUNSET), light)
-        assert found is not None
+        found = seen_sky(photo(SUNSET), light)
         assert luminance(found) == pytest.approx(luminance(SAID), rel=1e-6)
 
 
 def test_a_clear_sky_changes_less_and_towards_the_photo() -> None:
-    clear, cloudy = photo_sky(photo(SUNSET), given_light(sky_cover=0.0)), photo_sky(photo(SUNSET), overcast())
-    assert clear is not None
-    assert cloudy is not None
+    clear, cloudy = seen_sky(photo(SUNSET), given_light(sky_cover=0.0)), seen_sky(photo(SUNSET), overcast())
     reds = [colour_of(sky)[0] for sky in (SAID, clear, cloudy, SUNSET)]
     assert reds == sorted(reds)
     assert reds[1] > 1.03 * reds[0]
 
 
 def test_a_sky_of_the_colour_that_was_said_changes_nothing() -> None:
-    found = photo_sky(photo(SAID / np.pi), overcast())
+    found = seen_sky(photo(SAID / np.pi), overcast())
     assert found == pytest.approx(SAID, rel=0.02)
 
 
@@ -73,6 +77,12 @@ def test_a_sky_of_the_colour_that_was_said_changes_nothing() -> None:
 )
 def test_without_sky_nothing_is_known(picture: np.ndarray, changes: dict[str, float]) -> None:
     assert photo_sky(picture, overcast(**changes)) is None
+
+
+def test_a_black_sky_stays_black() -> None:
+    factors = photo_sky(photo(SUNSET), replace(overcast(), sky_irradiance=(0.0, 0.0, 0.0)))
+    assert factors is not None
+    assert np.isfinite(factors).all()
 
 
 def test_without_irradiances_nothing_is_known() -> None:
