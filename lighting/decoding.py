@@ -1,5 +1,6 @@
 """Decode the network's answer: one direction with radii from a distribution, and a Lighting from a prediction."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -100,6 +101,11 @@ def colour(values: Floats, name: str) -> Colour:
     """Red, green and blue (3,) as plain numbers inside the range that COLOUR_RANGES has for `name`."""
     red, green, blue = (_significant(float(v)) for v in np.clip(values, *COLOUR_RANGES[name]))
     return red, green, blue
+
+
+def with_ground(lighting: Lighting, reflectance: Floats | None) -> Lighting:
+    """The lighting over ground of a reflectance (3,), or as it is where none is known."""
+    return lighting if reflectance is None else replace(lighting, ground_color=colour(reflectance, "ground_color"))
 
 
 def light_numbers(light: Light) -> Floats:

@@ -6,9 +6,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.decoding import colour
+from lighting.decoding import colour, with_ground
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
 from lighting.errors import PhotoError
 from lighting.evidence import (
@@ -25,7 +24,7 @@ from lighting.evidence import (
 )
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo, to_tensor
-from lighting.records import Estimate, Lighting, Prediction
+from lighting.records import Estimate, Prediction
 
 if TYPE_CHECKING:
     from lighting.turns import Placed
@@ -119,15 +118,9 @@ def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) ->
         skies = (colour(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
     return [
-        replace(estimate, lighting=_with_ground(photo, light, estimate.around))
+        replace(estimate, lighting=with_ground(light, photo_ground(photo.pixels, light, estimate.around)))
         for photo, estimate, light in zip(photos, estimates, lights, strict=True)
     ]
-
-
-def _with_ground(photo: Photo, lighting: Lighting, around: NDArray[np.float32] | None) -> Lighting:
-    """The lighting with the colour of the ground that the photo shows, if it shows any."""
-    ground = photo_ground(photo.pixels, lighting, around)
-    return lighting if ground is None else replace(lighting, ground_color=colour(ground, "ground_color"))
 
 
 def _placed(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> "tuple[Placed, ...]":

@@ -25,7 +25,7 @@ def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
     """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
     if around.given.vertical_fov is not None:
         return around.given.vertical_fov, 0.0
-    seen = math.exp(float(np.mean([math.log(p.vertical_fov) for p in watched.looks.values()])))
+    seen = math.exp(float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()])))
     stated = around.facts.vertical_fov if around.given.use_exif else None
     values, spreads = [stated or seen], [STATED_LENS_SPREAD if stated else LENS_SPREAD]
     for turn in _lens_turns(watched):

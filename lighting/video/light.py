@@ -17,6 +17,7 @@ from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts, multipl
 from lighting.geometry import Floats, direction
 from lighting.records import Light, Prediction
 from lighting.sun_grid import grid_solid_angle
+from lighting.video.watched import Seen
 
 SECTOR = 15.0  # deg of heading
 BRUSHED = 0.5  # of the sectors' mean weight, below which one counts for less
@@ -26,9 +27,9 @@ _LOWEST = 1e-12  # density that stands for none
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What the network says of one frame, and how that frame lies in the shot."""
+    """What one frame shows, and how that frame lies in the shot."""
 
-    prediction: Prediction
+    seen: Seen
     heading: float  # deg clockwise from the shot's azimuth 0
     vertical_fov: float  # deg
     gain: float = 1.0  # of the frame's linear values, by the first frame's
@@ -43,8 +44,10 @@ class _Sector:
     log_cells: Floats = field(default_factory=lambda: np.zeros(0))  # (N,) densities over the grid, in the shot's frame
     log_rings: Floats = field(default_factory=lambda: np.zeros((0, 360)))  # (K, 360) by the heading of azimuth 0
     numbers: Floats = field(default_factory=lambda: np.zeros(0))  # what _numbers says
+    grounded: float = 0.0  # looks that show ground
+    log_ground: Floats = field(default_factory=lambda: np.zeros(3))  # of their reflectance
 
-    def add(self, part: float, log_cells: Floats, log_rings: Floats, numbers: Floats) -> None:
+    def add(self, part: float, log_cells: Floats, log_rings: Floats, numbers: Floats, ground: Floats | None) -> None:
         """Count a `part` (0 to 1) of a look."""
         if self.weight == 0.0 or self.log_rings.shape != log_rings.shape:
             self.log_rings = log_rings
@@ -55,6 +58,9 @@ class _Sector:
         self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
         self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
         self.numbers = self.numbers + share * (numbers - self.numbers)
+        if ground is not None:
+            self.grounded = min(self.grounded + part, REMEMBERED)
+            self.log_ground = self.log_ground + part / self.grounded * (np.log(ground) - self.log_ground)
 
 
 class ShotLight:
@@ -73,8 +79,8 @@ class ShotLight:
     def add(self, look: Look) -> None:
         """Count a look, in parts for the two sectors between whose middles it lies."""
         self._looks += 1
-        self._last, self._vertical_fov = look.prediction, look.vertical_fov
-        said = _on_cells(look), _on_rings(look), _numbers(look)
+        self._last, self._vertical_fov = look.seen.prediction, look.vertical_fov
+        said = _on_cells(look), _on_rings(look), _numbers(look), look.seen.ground
         at = look.heading % 360.0 / SECTOR
         low = math.floor(at)
         for number, part in ((low, 1.0 - at + low), (low + 1, at - low)):
@@ -96,6 +102,15 @@ class ShotLight:
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
             fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
         return replace(fused, used=fused.used if self._looks == 1 else (*fused.used, "turns", "other photos"))
+
+    @property
+    def ground(self) -> Floats | None:
+        """Reflectance (3,) of the ground, the mean of the directions that show it; None where none does."""
+        weight = self._present() * np.array([sector.grounded > 0.0 for sector in self._sectors.values()])
+        if not weight.any():
+            return None
+        log_ground = np.average([s.log_ground for s in self._sectors.values()], axis=0, weights=weight)
+        return np.asarray(np.exp(log_ground))
 
     def _rings(self, evidence: Evidence) -> Floats | None:
         """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
@@ -132,7 +147,7 @@ class ShotLight:
 
 def _on_cells(look: Look) -> Floats:
     """Log densities (N,) over the cells of a camera at azimuth 0."""
-    p = look.prediction
+    p = look.seen.prediction
     return np.asarray(np.log(np.maximum(seen_from(p.sun_probability, -look.heading, p.spec.sun_grid), _LOWEST)))
 
 
@@ -142,14 +157,14 @@ def _on_rings(look: Look) -> Floats:
     if not len(candidates):
         return np.zeros((0, 360))
     seen = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
-    density = ring_density(look.prediction, seen)
+    density = ring_density(look.seen.prediction, seen)
     density[candidates[:, 0] < 0.0] = 0.0
     log = np.log(np.maximum(density, _LOWEST))
     return np.stack([np.interp(HEADINGS + look.heading, HEADINGS, row, period=360.0) for row in log])
 
 
 def _numbers(look: Look) -> Floats:
-    p = look.prediction
+    p = look.seen.prediction
     exposure = math.log(max(p.exposure, _LOWEST) / max(look.gain, _LOWEST))
     numbers = [math.log(max(p.turbidity, _LOWEST)), exposure, math.log(p.vertical_fov), p.sun_visibility]
     return np.concatenate([numbers, _strength(p.light, look.gain) if p.light else []])

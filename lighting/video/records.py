@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from lighting.decoding import with_ground
 from lighting.envmap import Image, brighten, view
 from lighting.evidence import estimate_of
 from lighting.files import full_record
@@ -32,7 +33,7 @@ class FrameLight:
 
 def light_of(shot: Shot) -> Lighting:
     """The shot's light as its first camera sees it, its tilt removed."""
-    return estimate_of(shot.fused, shot.known).lighting
+    return with_ground(estimate_of(shot.fused, shot.known).lighting, shot.ground)
 
 
 def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:

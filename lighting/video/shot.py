@@ -36,6 +36,7 @@ class Shot:
     vertical_fov: float  # deg
     fov_sigma: float  # deg, one standard deviation of that
     fused: Fused  # the sun, as the shot's first camera sees it, its tilt removed
+    ground: Floats | None  # (3,) reflectance; None where no look shows it
     known: Known
     north: float | None  # deg clockwise from true north, where azimuth 0 points; None unknown
 
@@ -128,7 +129,8 @@ def _up(watched: Watched, orientation: Floats, time: Floats, gimbal: Gimbal) -> 
             orientation[[i for i, _ in stated]], np.stack([up_in_camera(at[1], at[2]) for _, at in stated])
         )
     position = {step.frame: i for i, step in enumerate(watched.steps)}
-    ups = np.stack([up_in_camera(p.camera_elevation, p.camera_roll) for p in watched.looks.values()])
+    said = [seen.prediction for seen in watched.looks.values()]
+    ups = np.stack([up_in_camera(p.camera_elevation, p.camera_roll) for p in said])
     return common_up(orientation[[position[f] for f in watched.looks]], ups)
 
 
@@ -159,16 +161,16 @@ def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, len
     fov, sigma = lens
     light = ShotLight()
     position = {step.frame: i for i, step in enumerate(watched.steps)}
-    for frame, prediction in watched.looks.items():
+    for frame, seen in watched.looks.items():
         i = position[frame]
         evidence = around.known_at(float(path.time[i])).evidence
-        light.add(Look(prediction, float(path.heading[i]), fov, luminance_gain(gains[i]), evidence))
+        light.add(Look(seen, float(path.heading[i]), fov, luminance_gain(gains[i]), evidence))
     compass = _compass(path, around.gimbal)
     there = around.known_at(float(path.time[0]), compass)
     fused = light.answer(there.evidence)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])
-    return Shot(frames, path, gains, fov, sigma, fused, there, north_of(fused, there))
+    return Shot(frames, path, gains, fov, sigma, fused, light.ground, there, north_of(fused, there))
 
 
 def luminance_gain(gain: Floats) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.decoding import with_ground
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
 from lighting.evidence import Fused, Given, Known, estimate_of
@@ -126,7 +127,8 @@ class Tracker:
 
     def _look(self, frame: Frame) -> None:
         self._due = frame.time + self._look_every - 1e-6
-        said = see(self._model, frame.pixels)
+        seen = see(self._model, frame.pixels)
+        said = seen.prediction
         self._lens.see(said.vertical_fov)
         up = self._orientation.T @ up_in_camera(said.camera_elevation, said.camera_roll)
         self._ups = min(self._ups + 1, UPS)
@@ -135,7 +137,7 @@ class Tracker:
         self._up = np.asarray(mean / np.linalg.norm(mean))
         heading = self._angles()[0]
         evidence = self._around.known_at(frame.time).evidence
-        self._light.add(Look(said, heading, self._lens.fov, luminance_gain(self._gain), evidence))
+        self._light.add(Look(seen, heading, self._lens.fov, luminance_gain(self._gain), evidence))
         self._fused = self._light.answer(self._known_at(frame.time).evidence)
 
     def _known_at(self, time: float) -> Known:
@@ -155,7 +157,8 @@ class Tracker:
             return None
         heading, elevation, roll = self._angles()
         known = self._known_at(time)
-        base, north = estimate_of(self._fused, known).lighting, north_of(self._fused, known)
+        base = with_ground(estimate_of(self._fused, known).lighting, self._light.ground)
+        north = north_of(self._fused, known)
         lighting = replace(
             brighten(base, self._gain),
             sun_azimuth=float(wrap_azimuth(base.sun_azimuth - heading)),

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance, srgb_decode
 from lighting.decoding import lighting_from
-from lighting.envmap import photo_sky
+from lighting.envmap import photo_ground, photo_sky
 from lighting.model import Model
 from lighting.photo import Photo, to_tensor
-from lighting.records import Prediction
 from lighting.video.clip import Frame
 from lighting.video.cuts import split
 from lighting.video.follow import Follower, Key, Step
-from lighting.video.watched import Watched
+from lighting.video.watched import Seen, Watched
 
 EVERY = 0.2  # s between the frames that the network sees
 JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before
@@ -34,7 +33,7 @@ class Watcher:
         self._follower = Follower()
         self._steps: list[Step] = []
         self._keys: dict[int, Key] = {}
-        self._looks: dict[int, Prediction] = {}
+        self._looks: dict[int, Seen] = {}
         self._size = (0, 0)
 
     def take(self, frame: Frame) -> Iterator[Watched]:
@@ -91,19 +90,15 @@ def shots_watched(
         raise interruption
 
 
-def see(model: Model, pixels: Pixels) -> Prediction:
-    """What the network says of a frame (h, w, 3), upright sRGB, with the colour of the sky that the frame shows."""
+def see(model: Model, pixels: Pixels) -> Seen:
+    """What the network says of a frame (h, w, 3), upright sRGB, with the colours of sky and ground that it shows."""
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
-    return _with_sky(model.predict(to_tensor(photo, model.spec))[0], pixels)
-
-
-def _with_sky(said: Prediction, pixels: Pixels) -> Prediction:
-    """The prediction with its sky in the colour that `photo_sky` finds."""
-    if said.light is None:
-        return said
-    if (tint := photo_sky(pixels, lighting_from(said))) is None:
-        return said
-    return replace(said, light=replace(said.light, sky_irradiance=said.light.sky_irradiance * tint))
+    said = model.predict(to_tensor(photo, model.spec))[0]
+    if (light := said.light) is None:
+        return Seen(said)
+    if (tint := photo_sky(pixels, lighting_from(said))) is not None:
+        said = replace(said, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
+    return Seen(said, photo_ground(pixels, lighting_from(said), light.around))
 
 
 def is_dark(pixels: Pixels) -> bool:

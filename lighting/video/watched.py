@@ -5,10 +5,19 @@ from dataclasses import dataclass, field, replace
 from datetime import timedelta
 
 from lighting.evidence import Given, Known, known
+from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
 from lighting.video.follow import Key, Step
 from lighting.video.telemetry import Gimbal
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What one frame shows by itself."""
+
+    prediction: Prediction  # its sky in the colour that the frame shows
+    ground: Floats | None = None  # (3,) reflectance, where the frame shows enough of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +27,7 @@ class Watched:
     size: tuple[int, int]  # width and height of the frames, pixels
     steps: Sequence[Step]  # one a frame
     keys: dict[int, Key]  # by number
-    looks: dict[int, Prediction]  # by the frame's index
+    looks: dict[int, Seen]  # by the frame's index
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from lighting.geometry import direction
 from lighting.records import Light, Prediction
 from lighting.sun_grid import soft_label
 from lighting.video.light import Look, ShotLight
+from lighting.video.watched import Seen
 from tests.conftest import TINY
 
 SPEC = replace(TINY, sun_grid="fibonacci:1024")
@@ -22,7 +23,7 @@ def look(azimuth: float, heading: float, evidence: Evidence = NOTHING, **other: 
     p = soft_label(direction(azimuth - heading, 40.0), 12.0, SPEC.sun_grid).astype(np.float32)
     values: dict[str, Any] = {"sun_visibility": 0.9, "turbidity": 3.0, "exposure": 0.1, **other}
     prediction = Prediction(SPEC, p, camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0, **values)
-    return Look(prediction, heading, 45.0, evidence=evidence)
+    return Look(Seen(prediction), heading, 45.0, evidence=evidence)
 
 
 def sun_of(*looks: Look, evidence: Evidence = NOTHING) -> tuple[float, float, float]:
@@ -81,12 +82,22 @@ def test_no_look_no_answer() -> None:
 def test_the_strength_of_the_light_is_averaged_in_the_first_frames_exposure() -> None:
     light = ShotLight()
     for gain in (1.0, 2.0):
-        seen = look(50.0, 0.0)
+        one = look(50.0, 0.0)
         strength = Light(np.full(3, 1.0 * gain), np.full(3, 0.5 * gain), 0.2 * gain, 0.9)
-        light.add(replace(seen, prediction=replace(seen.prediction, light=strength), gain=gain))
+        light.add(replace(one, seen=Seen(replace(one.seen.prediction, light=strength)), gain=gain))
     said = light.answer(NOTHING).prediction.light
     assert said is not None
     assert said.sun_irradiance == pytest.approx([1.0] * 3)
     assert said.sky_irradiance == pytest.approx([0.5] * 3)
     assert (said.cover, said.suitable) == pytest.approx((0.3, 0.9))
-    assert look(0.0, 0.0).prediction.light is None
+    assert look(0.0, 0.0).seen.prediction.light is None
+
+
+def test_the_ground_is_the_mean_of_the_directions_that_show_it() -> None:
+    light = ShotLight()
+    light.add(look(50.0, 0.0))
+    assert light.ground is None
+    for heading, reflectance in ((60.0, 0.1), (60.0, 0.1), (120.0, 0.4)):
+        one = look(50.0, heading)
+        light.add(replace(one, seen=replace(one.seen, ground=np.array([1.0, 0.5, 0.25]) * reflectance)))
+    assert light.ground == pytest.approx([0.2, 0.1, 0.05])

@@ -17,7 +17,7 @@ from lighting.files import write_envmap
 from lighting.geometry import camera_axes
 from lighting.model import Model
 from lighting.video import output
-from tests.lighting.video.clips import pan, write_clip
+from tests.lighting.video.clips import Pixels, pan, write_clip
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +50,26 @@ def test_a_record_a_frame_and_a_map_a_shot(clip: Path, network: Path, tmp_path: 
     assert light is not None
     assert light.evidence == ("pixels", "turns", "other photos")
     assert sorted(p.name for p in out.iterdir()) == ["lighting.jsonl", "shot-1.exr"]
+
+
+def test_shot_and_frames_stand_on_the_ground_that_they_show(lit_network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "green.mp4", [green(frame) for frame in pan(6, 3.0)])
+    assert run(clip, "-o", tmp_path / "out", "--model", lit_network, "--height", 32).exit_code == 0
+    grounds = {tuple(line["lighting"]["ground"]["color"]) for line in records(tmp_path / "out")}
+    assert len(grounds) == 1
+    red, greenish, blue = grounds.pop()
+    assert greenish > 1.5 * red > 1.5 * blue
+    _, light = read_exr(tmp_path / "out" / "shot-1.exr")
+    assert light is not None
+    assert light.ground_color == (red, greenish, blue)
+
+
+def green(frame: Pixels) -> Pixels:
+    """The frame with its lower half tinted."""
+    tinted = frame.copy()
+    half = len(frame) // 2
+    tinted[half:] = tinted[half:] * np.array([0.6, 0.8, 0.3])
+    return tinted
 
 
 def test_a_map_a_frame_and_a_film(network: Path, tmp_path: Path) -> None:

@@ -57,6 +57,12 @@ def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
     assert float(wrap_azimuth(towards_sun - 148.0)) == pytest.approx(0.0, abs=15.0)
 
 
+def test_the_ground_is_the_one_that_was_seen(lit_network: Path) -> None:
+    answer = Tracker(Model.load(lit_network, threads=1), Given(vertical_fov=FOV))(look(0.0), 0.0)
+    assert answer is not None
+    assert answer.lighting.ground_color is not None
+
+
 def test_in_the_dark_there_is_no_answer(model: Model) -> None:
     assert Tracker(model)(np.zeros((180, 320, 3), np.uint8), 0.0) is None
 

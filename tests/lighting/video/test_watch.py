@@ -11,7 +11,7 @@ from tests.conftest import scene
 
 
 def sky_of(model: Model, pixels: np.ndarray) -> np.ndarray:
-    light = see(model, pixels).light
+    light = see(model, pixels).prediction.light
     assert light is not None
     return light.sky_irradiance
 
@@ -27,4 +27,15 @@ def test_a_frames_sky_gives_the_light_its_colour(lit_network: Path) -> None:
 
 
 def test_a_network_that_says_nothing_of_the_light_is_left_alone(network: Path) -> None:
-    assert see(Model.load(network), scene(320, 240)).light is None
+    seen = see(Model.load(network), scene(320, 240))
+    assert seen.prediction.light is None
+    assert seen.ground is None
+
+
+def test_a_frames_ground_has_the_colour_that_it_shows(lit_network: Path) -> None:
+    model = Model.load(lit_network)
+    green = scene(320, 240)
+    green[120:] = (60, 120, 40)
+    ground = see(model, green).ground
+    assert ground is not None
+    assert ground[1] > 2 * ground[0] > 2 * ground[2]
