@@ -1,9 +1,9 @@
 """A map that shows the place: the photo's own pixels in its view, and around it what is known or likely.
 
 Above the horizon the sky model fills what the photo does not show, dimmed and tinted as the network's coarse panorama
-has it: trees, walls and hills. Below it lies the ground's colour, varied in the same way. Nothing of this changes how
-much light there is: each half of the map is scaled until its irradiance is that of the bare map, and the sun's disc is
-painted last, so there is one sun.
+has it, and beside the photo as the photo's edges: trees, walls and hills. Below it lies the ground's colour, varied in
+the same way. Nothing of this changes how much light there is: each half of the map is scaled until its irradiance is
+that of the bare map, and the sun's disc is painted last, so there is one sun.
 """
 
 from collections.abc import Callable
@@ -13,15 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap.clear import Image, f32, irradiance_of, row_levels, scale
+from lighting.envmap.continued import RATIO, continued
 from lighting.envmap.photo_view import Shown, shown, shown_size
 from lighting.envmap.render import add_sun, render
 from lighting.geometry import Floats
 from lighting.records import Estimate, Lighting
 
 _FINER = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
-_RATIO = (0.05, 4.0)  # how far the coarse panorama may change the bare map
 _REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
-_SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell of the coarse panorama
+_ROWS = 24  # of the cells in which the map is changed
+_SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell
 _EXACT = 1e-5  # share by which an irradiance may differ from the one aimed at
 _LEAST = 1e-9
 
@@ -63,8 +64,7 @@ def surround(
     image = render(lighting, height, sun=sun, disc=False)
     halves = slice(0, height // 2), slice(height // 2, height)
     targets = [irradiance_of(row_levels(height)[half], image[half]) for half in halves]
-    if place.around is not None:
-        _vary(image, place.around)
+    _vary(image, lighting, place)
     seen = shown(lighting, place.photo, image)
     for half, target in zip(halves, targets, strict=True):
         _compose(image, seen.within(half) if seen else None, half, target)
@@ -73,17 +73,34 @@ def surround(
     return image
 
 
-def _vary(image: Image, around: NDArray[np.float32]) -> None:
-    """Give each half of the map the coarse panorama's own light, cell by cell; what is finer stays."""
+def _vary(image: Image, lighting: Lighting, place: Place) -> None:
+    """Give the map the light of the place, cell by cell; what is finer stays."""
     height, width = image.shape[:2]
-    rows, columns = around.shape[:2]
-    y = ((np.arange(rows * _SAMPLES) + 0.5) * height / (rows * _SAMPLES)).astype(np.intp)
-    x = ((np.arange(columns * _SAMPLES) + 0.5) * width / (columns * _SAMPLES)).astype(np.intp)
-    pooled = image[np.ix_(y, x)].reshape(rows, _SAMPLES, columns, _SAMPLES, 3).mean(axis=(1, 3))
-    ratio = np.clip(around / np.maximum(pooled, np.float32(_LEAST)), *_RATIO)
-    for half in (0, 1):
-        cells = ratio[half * rows // 2 : (half + 1) * rows // 2]
-        image[half * height // 2 : (half + 1) * height // 2] *= _smooth(cells, height // 2, width)
+    bare = _pooled(image)
+    ratio = np.ones_like(bare) if place.around is None else _by_halves(_ratio(place.around, bare), _ROWS, 2 * _ROWS)
+    ratio *= continued(ratio * bare, place.photo, lighting)
+    image *= _by_halves(ratio, height, width)
+
+
+def _pooled(image: Image) -> Image:
+    """A map's cells (_ROWS, 2 _ROWS, 3), by some of their pixels."""
+    height, width = image.shape[:2]
+    y = ((np.arange(_ROWS * _SAMPLES) + 0.5) * height / (_ROWS * _SAMPLES)).astype(np.intp)
+    x = ((np.arange(2 * _ROWS * _SAMPLES) + 0.5) * width / (2 * _ROWS * _SAMPLES)).astype(np.intp)
+    return np.asarray(image[np.ix_(y, x)].reshape(_ROWS, _SAMPLES, 2 * _ROWS, _SAMPLES, 3).mean(axis=(1, 3)))
+
+
+def _ratio(around: Image, bare: Image) -> Image:
+    """The coarse panorama (R, 2R, 3) over the same cells of the bare map (_ROWS, 2 _ROWS, 3)."""
+    rows, step = len(around), _ROWS // len(around)
+    pooled = bare.reshape(rows, step, 2 * rows, step, 3).mean(axis=(1, 3))
+    return np.asarray(np.clip(around / np.maximum(pooled, np.float32(_LEAST)), *RATIO))
+
+
+def _by_halves(cells: Image, height: int, width: int) -> Image:
+    """Cells (R, C, 3) as (height, width, 3), smooth but for the horizon."""
+    half = len(cells) // 2
+    return np.concatenate([_smooth(part, height // 2, width) for part in (cells[:half], cells[half:])])
 
 
 def _smooth(cells: Image, height: int, width: int) -> Image:
