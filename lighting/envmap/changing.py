@@ -13,13 +13,16 @@ from lighting.geometry import Floats
 from lighting.records import COLOUR_RANGES, Colour, Lighting
 
 _LEAST = 1e-9  # irradiance that stands for none
+_LOWEST = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
+_HIGH = 30.0  # deg, of a sun at full strength
+_WEAKEST = 0.05  # of that sun's channels, which the model's is taken to have at least: in haze a low one has none
 
 
 def change(lighting: Lighting, changes: Mapping[str, float]) -> Lighting:
     """The light with other values of `sun_azimuth`, `sun_elevation`, `turbidity` or `exposure`.
 
-    Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were. Raises
-    ParameterError for a value out of range.
+    Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were; a sun under 5 deg
+    is to the model as one of 5 deg. Raises ParameterError for a value out of range.
     """
     values: dict[str, Any] = dict(changes)
     changed = replace(lighting, **values)
@@ -33,7 +36,12 @@ def change(lighting: Lighting, changes: Mapping[str, float]) -> Lighting:
 
 
 def _sun(lighting: Lighting) -> Floats:
-    return disc_power(lighting)[0]
+    """Irradiance (3,) by the model, or what stands for it where the model's would vanish."""
+    there, high = (
+        disc_power(replace(lighting, sun_elevation=elevation))[0]
+        for elevation in (max(lighting.sun_elevation, _LOWEST), _HIGH)
+    )
+    return np.maximum(there, _WEAKEST * high)
 
 
 def _sky(lighting: Lighting) -> Floats:

@@ -66,6 +66,17 @@ describe("what a record may state", () => {
     );
   });
 
+  it("makes an ordinary sun of a low one that is raised, and gives the low one back", () => {
+    const low = { ...P, sun_elevation: 1 };
+    const stated = { sun: [15, 10, 1.5] as [number, number, number] };
+    const high = lightOf(table, question({ parameters: { ...P, sun_elevation: 35 }, asked: low, stated }), 32);
+    high.sun.forEach((value, c) => {
+      expect(value).toBeGreaterThan(stated.sun[c] as number);
+      expect(value).toBeLessThan(25 * (stated.sun[c] as number));
+    });
+    near(lightOf(table, question({ parameters: low, asked: low, stated }), 32).sun, stated.sun, 1e-6);
+  });
+
   it("holds its ratio when a slider moves", () => {
     const before = lightOf(table, question({}), 32);
     const stated = { sun: before.sun.map((value) => 2 * value) as [number, number, number] };

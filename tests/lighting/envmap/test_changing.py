@@ -48,3 +48,13 @@ def test_an_overcast_sky_changes_in_grey_alone(cover: float, spread: float) -> N
 def test_a_value_out_of_range_is_refused() -> None:
     with pytest.raises(ParameterError, match="turbidity"):
         change(STATED, {"turbidity": 30.0})
+
+
+@pytest.mark.parametrize("turbidity", [2.0, 6.0, 10.0])
+def test_a_low_sun_that_is_raised_becomes_an_ordinary_one(turbidity: float) -> None:
+    """The model's sun at 1° has no blue and little green; what is stated of it must not be multiplied by thousands."""
+    low = replace(STATED, sun_elevation=1.0, turbidity=turbidity, sun_irradiance=(15.0, 10.0, 1.5))
+    high = change(low, {"sun_elevation": 35.0})
+    gain = sun_irradiance(high) / sun_irradiance(low)
+    assert 1.0 < gain.min() <= gain.max() < 25.0
+    np.testing.assert_allclose(sun_irradiance(change(high, {"sun_elevation": 1.0})), (15.0, 10.0, 1.5), rtol=1e-6)

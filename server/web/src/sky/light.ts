@@ -29,6 +29,9 @@ export interface Light {
 }
 
 const NEUTRAL: Triple = [1, 1, 1];
+const LOWEST = 5; // the model's suns below it have hardly any green and no blue, and photos' suns have
+const HIGH = 30; // of a sun at full strength
+const WEAKEST = 0.05; // of that sun's channels, which the model's is taken to have at least: in haze a low one has none
 const each = (make: (channel: 0 | 1 | 2) => number): Triple => [make(0), make(1), make(2)];
 
 /** The model's own light, its sky and its sun multiplied by gains. */
@@ -37,8 +40,16 @@ function modelled(table: SkyTable, height: number, p: Parameters, cover: number,
   const gain = each(() => p.exposure);
   const map = paintSky(height, shape, { azimuth: p.sun_azimuth, elevation: p.sun_elevation, gain, cover });
   if (gains.sky !== NEUTRAL) scale(map, gains.sky);
-  const power = p.sun ? sunPower(table, p.sun_elevation, p.turbidity) : ([0, 0, 0] as Triple);
+  const ofModel = gains.sun === NEUTRAL ? sunPower(table, p.sun_elevation, p.turbidity) : steadyPower(table, p);
+  const power = p.sun ? ofModel : ([0, 0, 0] as Triple);
   return { map, sky: horizontalIrradiance(map), sun: each((c) => power[c] * p.exposure * gains.sun[c]) };
+}
+
+/** The model's sun, or what stands for it where it would vanish: `change` of lighting.envmap has the same rule. */
+function steadyPower(table: SkyTable, p: Parameters): Triple {
+  const there = sunPower(table, Math.max(p.sun_elevation, LOWEST), p.turbidity);
+  const high = sunPower(table, HIGH, p.turbidity);
+  return each((c) => Math.max(there[c], WEAKEST * high[c]));
 }
 
 /** What takes the model's light to the one that a record states. */
@@ -52,7 +63,8 @@ function gainsOf(table: SkyTable, asked: Parameters, stated: Stated): Gains {
   const model = modelled(table, 32, { ...asked, sun: true }, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
   const ratio = (said: Triple | undefined, own: Triple): Triple =>
     said ? each((c) => said[c] / Math.max(own[c], 1e-9)) : NEUTRAL;
-  return { sky: ratio(stated.sky, model.sky), sun: ratio(stated.sun, model.sun) };
+  const sun = each((c) => steadyPower(table, asked)[c] * asked.exposure);
+  return { sky: ratio(stated.sky, model.sky), sun: ratio(stated.sun, sun) };
 }
 
 /** The light of a question, its map `height` rows high. */
