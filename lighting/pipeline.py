@@ -13,6 +13,7 @@ from lighting.errors import PhotoError
 from lighting.evidence import (
     Fit,
     Given,
+    check_heading,
     check_headings,
     estimate_of,
     fit,
@@ -72,6 +73,7 @@ class Estimator:
         unless there is one heading for each of several photos, and MissingExtraError without OpenCV.
         """
         check_headings(len(photos), headings)
+        check_heading(len(photos), given.heading)
         if len(photos) < 2:
             return [self(photo, given) for photo in photos]
         for photo in photos:

@@ -30,11 +30,14 @@ def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.fl
 
 
 def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """The map averaged over boxes of pixels, to about `rows` rows."""
-    factor = max(1, len(image) // rows)
-    rows = len(image) // factor
-    trimmed = image[: rows * factor, : 2 * rows * factor]
-    return np.asarray(trimmed.reshape(rows, factor, 2 * rows, factor, 3).mean(axis=(1, 3)))
+    """A map (H, 2H, C) reduced to `rows` rows by area averages; unchanged if it has no more rows."""
+    if rows >= len(image):
+        return image
+    from PIL import Image
+
+    planes = (np.ascontiguousarray(image[..., c], dtype=np.float32) for c in range(image.shape[2]))
+    small = [Image.fromarray(p).resize((2 * rows, rows), Image.Resampling.BOX) for p in planes]
+    return np.stack([np.asarray(p) for p in small], axis=-1)
 
 
 def irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:

@@ -349,6 +349,12 @@ def check_range(name: str, value: object, low: float, high: float) -> None:
         raise ParameterError(f"{name} is {float(value):g}; it must lie in {low:g} to {high:g}.")
 
 
+def check_place(latitude: float | None, longitude: float | None) -> None:
+    """Raise a one-sentence ParameterError where only one of them is known."""
+    if (latitude is None) != (longitude is None):
+        raise ParameterError("A latitude needs a longitude and the other way round.")
+
+
 def plain_numbers(record: object, *names: str) -> None:
     """Turn numpy's numbers in these fields of a frozen record into Python's, in tuples too."""
     for name in names:

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 from lighting import __version__
 from lighting.errors import LightingError
-from server.process import prepare, share_compression
+from server.process import prepare
 
 
 def main() -> None:
@@ -44,6 +44,7 @@ def serve() -> None:
     import uvicorn
     from pydantic import ValidationError
 
+    from lighting.files.compression import pack_in_threads
     from server.app import create_app
     from server.protocol import HEADER_BYTES, BoundedProtocol
     from server.settings import PREFIX, Settings
@@ -52,7 +53,7 @@ def serve() -> None:
         settings = Settings()
         app = create_app(settings)
         app.state.service.load()
-        share_compression(settings.places)
+        pack_in_threads(settings.places)
     except ValidationError as error:
         sys.exit(
             "\n".join(

@@ -13,10 +13,3 @@ def prepare() -> None:
     """
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     keep_memory()
-
-
-def share_compression(threads: int) -> None:
-    """Compress the blocks of an EXR in this many threads. For one, no pool is made: it would be slower than none."""
-    import OpenEXR
-
-    OpenEXR.set_global_thread_count(threads if threads > 1 else 0)

@@ -10,7 +10,7 @@ from PIL import Image
 from export.data.panoramas import Panorama
 from export.data.tables import DataError
 from lighting.colour import SRGB_LINEAR
-from lighting.probe.regions import shrink
+from lighting.prefilter import shrink
 
 _LARGEST_HALF = 65504.0  # half floats end here
 

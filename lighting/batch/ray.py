@@ -179,5 +179,6 @@ def _write_map(job: Job, name: str, answer: Answer) -> None:
     filesystem, out = _place(job.out)
     target = f"{out}/{name}.exr"
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
-    with filesystem.open_output_stream(target) as stream:
+    with filesystem.open_output_stream(f"{target}.part") as stream:
         write_map(stream, answer, job.maps)
+    filesystem.move(f"{target}.part", target)

@@ -51,6 +51,6 @@ def _together(
             yield name, error
     if not read:
         return
-    turns = None if headings is None else [headings[i] for i in read]
+    turns = None if headings is None or len(read) == 1 else [headings[i] for i in read]
     found = estimator.together([photo for _, photo in read.values()], given, turns, match=match)
     yield from zip((name for name, _ in read.values()), found, strict=True)

@@ -115,7 +115,9 @@ def _moment(
     from dataclasses import replace
 
     from lighting.probe.settings import Moment
+    from lighting.records import check_place
 
+    check_place(latitude, longitude)
     told = replace(shot, time=time) if time is not None else shot
     place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)
     if place[0] is None or place[1] is None:

@@ -41,7 +41,7 @@ def _sun(lighting: Lighting) -> Floats:
         disc_power(replace(lighting, sun_elevation=elevation))[0]
         for elevation in (max(lighting.sun_elevation, _LOWEST), _HIGH)
     )
-    return np.maximum(there, _WEAKEST * high)
+    return np.asarray(np.maximum(there, _WEAKEST * high))
 
 
 def _sky(lighting: Lighting) -> Floats:

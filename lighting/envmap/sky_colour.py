@@ -55,7 +55,7 @@ def sky_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
     if sky.mean() * len(likely[0]) < least:
         return None
     ratio = seen[sky].mean(axis=0) / np.maximum(there[sky].mean(axis=0), _DARKEST)
-    return np.asarray(np.clip(ratio / ratio[1], 1 / _RATIO, _RATIO))
+    return np.asarray(np.clip(ratio / max(ratio[1], _DARKEST), 1 / _RATIO, _RATIO))
 
 
 def _steps(grey: NDArray[np.float32]) -> NDArray[np.float32]:

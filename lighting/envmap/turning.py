@@ -32,14 +32,17 @@ def rotate(image: Image, yaw: float) -> Image:
 
 def turn(lighting: Lighting, yaw: float) -> Lighting:
     """The record of a map turned by `yaw` [deg]; its azimuth 0 lies `yaw` to the left of where the camera points."""
-    azimuth = float(wrap_azimuth(lighting.sun_azimuth + yaw))
+    turned = replace(
+        lighting,
+        sun_azimuth=float(wrap_azimuth(lighting.sun_azimuth + yaw)),
+        relative_heading=None if lighting.relative_heading is None else (lighting.relative_heading - yaw) % 360.0,
+    )
     if lighting.camera_heading is None:
-        return replace(lighting, sun_azimuth=azimuth)
+        return turned
     degrees, probability = np.arange(360.0), lighting.camera_heading_probability
     shifted = np.interp(degrees + yaw, degrees, probability, period=360.0) if probability else np.array([])
     return replace(
-        lighting,
-        sun_azimuth=azimuth,
+        turned,
         camera_heading=(lighting.camera_heading - yaw) % 360.0,
         camera_heading_probability=tuple(shifted.tolist()),
     )

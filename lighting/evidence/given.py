@@ -7,7 +7,7 @@ from typing import Any
 
 from lighting.errors import ParameterError
 from lighting.photo import OFFSETS, YEARS
-from lighting.records import OPTIONAL_RANGES, RANGES, check_range, plain_numbers
+from lighting.records import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
 
 # The names of options and HTTP parameters that differ from the fields of Given.
 SHORT_NAMES = {"exif": "use_exif", "lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
@@ -35,8 +35,7 @@ class Given:
         for name, (low, high) in {**ranges, **{key: OPTIONAL_RANGES[key] for key in ("latitude", "longitude")}}.items():
             if (value := getattr(self, name)) is not None:
                 check_range(name, value, low, high)
-        if (self.latitude is None) != (self.longitude is None):
-            raise ParameterError("A latitude needs a longitude and the other way round.")
+        check_place(self.latitude, self.longitude)
         self._check_time()
 
     def said(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Files that appear under their final name only when they are whole."""
 
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,22 +14,23 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     The suffix is kept, since writers read the format from it. Raises OSError where the folder cannot be written.
     """
     final = Path(target)
-    handle, name = tempfile.mkstemp(prefix=".", suffix=final.suffix, dir=final.parent)
-    os.close(handle)
-    temporary = Path(name)
+    temporary = _empty(final)
     try:
         yield temporary
-        temporary.chmod(0o666 & ~_umask())
         temporary.replace(final)
     except OSError as error:
-        if error.errno is not None and error.filename in (None, name, temporary):
+        if error.errno is not None and error.filename in (None, str(temporary), temporary):
             raise OSError(error.errno, error.strerror, str(final)) from error
         raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _umask() -> int:
-    current = os.umask(0)
-    os.umask(current)
-    return current
+def _empty(final: Path) -> Path:
+    """A new file beside another, with the permissions of any file that the process makes."""
+    path = final.parent / f".{secrets.token_hex(8)}{final.suffix}"
+    try:
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(final)) from error
+    return path

@@ -59,23 +59,34 @@ def rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return values if kept.all() else np.where(kept, values, image)
 
 
+def pack_in_threads(count: int) -> None:
+    """Pack in this many threads from now on; one packs in the thread that asks, since a pool of one is slower."""
+    _library().set_global_thread_count(count if count > 1 else 0)
+
+
 @cache
 def _library() -> Any:
-    """OpenEXR with little effort in ZIP, and a thread for each CPU unless the program has set their number itself.
-
-    A forked process has none of them, and would wait for them for ever. So they end before a fork and start again in
-    the parent; the child packs in its own thread.
-    """
+    """OpenEXR with little effort in ZIP, and a thread for each CPU unless the program has set their number itself."""
     import OpenEXR
 
     with suppress(OSError, AttributeError):  # Python's module has no name for it; without it ZIP is as good, but slower
         getattr(ctypes.CDLL(OpenEXR.__file__), _SET_EFFORT)(ctypes.c_int(_EFFORT))
     if OpenEXR.global_thread_count() == 0:
-        count = min(_THREADS, available_cpus())
-        OpenEXR.set_global_thread_count(count)
+        OpenEXR.set_global_thread_count(min(_THREADS, available_cpus()))
         if hasattr(os, "register_at_fork"):
-            os.register_at_fork(
-                before=lambda: OpenEXR.set_global_thread_count(0),
-                after_in_parent=lambda: OpenEXR.set_global_thread_count(count),
-            )
+            _rest_over_forks(OpenEXR)
     return OpenEXR
+
+
+def _rest_over_forks(library: Any) -> None:
+    """End the threads before a fork and start them again in the parent; the child packs in its own thread.
+
+    A forked process has none of them, and would wait for them for ever.
+    """
+    counts: list[int] = []
+
+    def rest() -> None:
+        counts.append(library.global_thread_count())
+        library.set_global_thread_count(0)
+
+    os.register_at_fork(before=rest, after_in_parent=lambda: library.set_global_thread_count(counts.pop()))

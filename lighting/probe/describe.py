@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from lighting.colour import luminance
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions
-from lighting.probe.regions import HEIGHT, shrink, solid_angle
+from lighting.prefilter import shrink
+from lighting.probe.regions import HEIGHT, solid_angle
 from lighting.probe.sky_fit import SUN_CLEARANCE, SkyFit, fit_sky
 from lighting.probe.sun_finder import find_sun
 from lighting.probe.sun_spot import find_spot

@@ -27,17 +27,6 @@ def ndimage() -> Any:
     return ndimage
 
 
-def shrink(image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
-    """A lat-long image (H, 2H, C) reduced to `height` rows by area averages; unchanged if it has no more rows."""
-    if height >= image.shape[0]:
-        return image
-    from PIL import Image
-
-    planes = (np.ascontiguousarray(image[..., c], dtype=np.float32) for c in range(image.shape[2]))
-    small = [Image.fromarray(p).resize((2 * height, height), Image.Resampling.BOX) for p in planes]
-    return np.stack([np.asarray(p) for p in small], axis=-1)
-
-
 def connected(mask: Mask) -> NDArray[np.intp]:
     """The number of the connected region of each pixel (H, 2H) of a mask; 0 outside. Regions cross the seam."""
     labels, count = ndimage().label(mask, np.ones((3, 3)))

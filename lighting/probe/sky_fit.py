@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
-from lighting.probe.regions import HEIGHT, Mask, connected, is_clipped, ndimage, shrink, solid_angle
+from lighting.prefilter import shrink
+from lighting.probe.regions import HEIGHT, Mask, connected, is_clipped, ndimage, solid_angle
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.geometry import Floats, angles, direction, latlong_angles, latlong_directions
-from lighting.probe.regions import HEIGHT, Mask, connected, is_clipped, ndimage, shrink, solid_angle
+from lighting.prefilter import shrink
+from lighting.probe.regions import HEIGHT, Mask, connected, is_clipped, ndimage, solid_angle
 
 WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
 SMALLEST = 2e-4  # sr, a cap of half a degree: no bright region is smaller

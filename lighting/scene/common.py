@@ -115,7 +115,8 @@ class Scene:
     def shadow(self) -> Floats:
         """(3,) the share of open ground's light that remains in the sun's shadow, 0 to 1."""
         direct = self.sun_irradiance * max(float(self.sun_direction[1]), 0.0)
-        return np.asarray(self.sky_irradiance / (self.sky_irradiance + direct))
+        level = self.sky_irradiance + direct
+        return np.divide(self.sky_irradiance, level, out=np.ones(3), where=level > 0.0)
 
     @property
     def ground(self) -> Floats:

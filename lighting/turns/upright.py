@@ -38,7 +38,7 @@ def _unit(vector: Floats) -> Floats:
 def level(up: Floats) -> Floats:
     """The rotation (3, 3) from the common frame to a level one: +Y up, azimuth 0 where the common camera points."""
     up, ahead = _unit(up), np.array([0.0, 0.0, -1.0])
-    ahead = np.array([0.0, 1.0, 0.0]) * np.sign(-up[2] or 1.0) if abs(up[2]) > 0.999 else ahead
+    ahead = np.array([0.0, np.sign(up[2]), 0.0]) if abs(up[2]) > 0.999 else ahead
     back = -_unit(ahead - (ahead @ up) * up)
     return np.stack([np.cross(up, back), up, back])
 

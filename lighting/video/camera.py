@@ -9,11 +9,11 @@ import os
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.files import replacing
 from lighting.geometry import Floats, camera_axes
 from lighting.photo import Photo
 from lighting.scene.axes import to_z_up
@@ -32,14 +32,14 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
     `plate` (h, w, 3) is the shot's first frame, `clip` the file's name. Raises SceneError where it cannot be written.
     """
     height, width = plate.shape[:2]
-    scene = make_scene(Photo(plate, width, height, "PNG"), _first_frame(shot))
+    scene = make_scene(Photo(plate, width, height, "PNG"), light_of(shot))
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0
     matrices = camera_matrices(shot, scene)
     codes = (shot.path.time - shot.path.time[0]) * rate
     if tool == "usd":
-        (folder / STAGE).write_text(_stage(matrices, codes, rate), encoding="utf-8")
+        _write(folder / STAGE, _stage(matrices, codes, rate))
         return
     numbers = {
         "clip": os.path.relpath(clip, folder),
@@ -48,14 +48,14 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
         "frames": [round(float(c) + 1.0, 4) for c in codes],
         "matrices": np.round(_z_up(matrices), 7).tolist(),
     }
-    (folder / NUMBERS).write_text(json.dumps(numbers) + "\n", encoding="utf-8")
+    _write(folder / NUMBERS, json.dumps(numbers) + "\n")
     script = files("lighting") / "video" / "data" / "blender_shot.py"
-    (folder / SCRIPT).write_text(script.read_text(encoding="utf-8"), encoding="utf-8")
+    _write(folder / SCRIPT, script.read_text(encoding="utf-8"))
 
 
-def _first_frame(shot: Shot) -> Any:
-    """The light as the first frame's camera sees it, tilt included."""
-    return replace(light_of(shot), camera_elevation=float(shot.path.elevation[0]), camera_roll=float(shot.path.roll[0]))
+def _write(path: Path, text: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def camera_matrices(shot: Shot, scene: Scene) -> Floats:

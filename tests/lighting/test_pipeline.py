@@ -107,6 +107,8 @@ def test_no_photos_together_give_no_answers_and_headings_are_one_each(network: P
         estimator.together([photo], headings=[0.0, 1.0])
     with pytest.raises(ParameterError, match="2 headings for 3 photos"):
         estimator.together([photo] * 3, headings=[0.0, 1.0])
+    with pytest.raises(ParameterError, match="heading"):
+        estimator.together([photo] * 2, Given(heading=90.0))
 
 
 def test_the_answer_can_be_pickled_and_printed_on_a_line(network: Path, photo_path: Path) -> None:

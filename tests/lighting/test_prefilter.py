@@ -5,7 +5,7 @@ import pytest
 
 from lighting.envmap import render
 from lighting.geometry import direction, latlong_directions, latlong_solid_angle
-from lighting.prefilter import irradiance, without_sun
+from lighting.prefilter import irradiance, shrink, without_sun
 from lighting.records import Lighting
 
 SUNNY = Lighting(35.0, 40.0, 3.0, 5.0)
@@ -35,3 +35,20 @@ def test_irradiance_of_a_product_map(a: int, b: int) -> None:
     normals = direction(np.array([30.0, 70.0, -130.0]), np.array([20.0, 10.0, -60.0]))
     clamped_cosine = np.pi + np.pi / 3 * normals[:, a] + np.pi / 4 * normals[:, a] * normals[:, b]
     np.testing.assert_allclose(irradiance(envmap, normals), np.repeat(clamped_cosine[:, None], 3, axis=1), rtol=3e-3)
+
+
+def test_shrinking_keeps_the_mean_and_never_enlarges() -> None:
+    image = np.random.default_rng(0).random((12, 24, 3), dtype=np.float32)
+    np.testing.assert_allclose(shrink(image, 3)[1, 2], image[4:8, 8:12].mean(axis=(0, 1)), rtol=1e-5)
+    np.testing.assert_allclose(shrink(image, 5).mean(), image.mean(), rtol=1e-2)
+    assert shrink(image, 12) is image
+    assert shrink(image, 99) is image
+
+
+@pytest.mark.parametrize("height", [500, 720, 1000])
+def test_a_shrunk_map_looks_the_same_way(height: int) -> None:
+    there = direction(170.0, -20.0)
+    near = np.exp(50 * (latlong_directions(height) @ there - 1))[..., None].repeat(3, axis=-1).astype(np.float32)
+    small = shrink(near, 128)[..., 0] * latlong_solid_angle(128)[:, None]
+    mean = np.tensordot(small, latlong_directions(128), 2)
+    assert np.degrees(np.arccos(mean @ there / np.linalg.norm(mean))) < 0.1

@@ -41,12 +41,6 @@ def test_nothing_imports_numpy_before() -> None:
     assert run("import sys, server.__main__; print('numpy' in sys.modules)") == "False"
 
 
-@pytest.mark.parametrize(("cpus", "threads"), [(1, "0"), (2, "2")])
-def test_several_cpus_share_the_compression_of_a_map(cpus: int, threads: str) -> None:
-    code = "import OpenEXR, sys; from server.process import share_compression; share_compression(int(sys.argv[1]))"
-    assert run(f"{code}; print(OpenEXR.global_thread_count())", str(cpus)) == threads
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="needs glibc's mallopt")
 def test_the_buffers_of_photos_stay_with_the_process() -> None:
     """Of 20 buffers of 8 MB."""

@@ -10,7 +10,7 @@ import numpy as np
 from lighting.errors import ParameterError, PhotoError
 from lighting.geometry import Floats
 from lighting.photo import Curve
-from lighting.records import GROUND_ALBEDO
+from lighting.records import GROUND_ALBEDO, check_place
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals.day import SIZE, Shots, read_shots
@@ -158,6 +158,7 @@ def _skies(shots: Shots, known: Known, pose: Pose) -> tuple[Skies, float | None]
 
 def _suns(shots: Shots, known: Known) -> Floats:
     place = (known.latitude, known.longitude)
+    check_place(*place)
     latitude, longitude = place if None not in place else (shots.place or place)
     if latitude is None or longitude is None:
         raise ParameterError("The photos do not say where they were taken; give --lat and --lon.")

@@ -34,3 +34,13 @@ def test_estimate_reads_stdin(network: Path, photo_path: Path, expected: Lightin
     result = run("estimate", "--json", "-", "--model", network, stdin=photo_path.read_bytes())
     assert json.loads(result.stdout) == {"file": "-", "lighting": full_record(expected)}
     assert error_of(run("estimate", "-", "--model", network, stdin=b"")) == "stdin: The photo is empty."
+
+
+def test_the_only_photo_that_can_be_read_is_answered_though_headings_are_given(
+    network: Path, photo_path: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.jpg").write_bytes(b"bad")
+    photos = photo_path, tmp_path / "bad.jpg"
+    result = run("estimate", "--json", "--together", "--headings", "0,90", *photos, "--model", network)
+    assert [set(json.loads(line)) for line in result.stdout.splitlines()] == [{"file", "error"}, {"file", "lighting"}]
+    assert result.exit_code == 1

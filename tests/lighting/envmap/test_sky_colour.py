@@ -87,3 +87,10 @@ def test_a_black_sky_stays_black() -> None:
 
 def test_without_irradiances_nothing_is_known() -> None:
     assert photo_sky(photo(SUNSET), Lighting(0.0, 30.0, 3.0, 1.0)) is None
+
+
+def test_a_sky_without_green_gives_bounded_factors() -> None:
+    violet = np.zeros((40, 60, 3), np.uint8)
+    violet[..., 2] = 248
+    factors = photo_sky(violet, overcast(camera_elevation=40.0))
+    assert factors is None or (np.isfinite(factors).all() and (factors > 0).all())

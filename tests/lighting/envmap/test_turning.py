@@ -68,3 +68,9 @@ def test_a_tint_changes_the_irradiances_alone() -> None:
     tinted = brighten(given_light(), np.array([2.0, 1.0, 0.5]))
     assert tinted.sky_irradiance == pytest.approx((0.8, 0.5, 0.4))
     assert brighten(lighting(), np.ones(3)).sky_irradiance is None
+
+
+def test_a_turned_record_turns_its_heading_against_other_photos() -> None:
+    known = replace(lighting(0.0), relative_heading=20.0)
+    assert turn(known, 30.0).relative_heading == pytest.approx(350.0)
+    assert turn(turn(known, 30.0), -30.0) == known

@@ -4,6 +4,7 @@ import ctypes
 import io
 import os
 import signal
+import subprocess
 import sys
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from lighting.envmap import render
 from lighting.errors import EnvironmentMapError
 from lighting.files import Compression, read_exr, write_exr
-from lighting.files.compression import _SET_EFFORT, COMPRESSIONS, MANTISSA, rounded
+from lighting.files.compression import _SET_EFFORT, COMPRESSIONS, MANTISSA, pack_in_threads, rounded
 from lighting.geometry import latlong_solid_angle
 from lighting.records import Lighting
 
@@ -90,6 +91,27 @@ def test_the_same_bytes_whatever_the_threads(image: NDArray[np.float32]) -> None
         assert packed(image, "zip") == first
     finally:
         OpenEXR.set_global_thread_count(threads)
+
+
+@pytest.mark.parametrize(("asked", "threads"), [(1, 0), (2, 2), (3, 3)])
+def test_the_number_of_threads_that_was_asked_for_stays(image: NDArray[np.float32], asked: int, threads: int) -> None:
+    packed(image, "zip")
+    before = OpenEXR.global_thread_count()
+    try:
+        pack_in_threads(asked)
+        packed(image, "zip")
+        assert OpenEXR.global_thread_count() == threads
+    finally:
+        pack_in_threads(before)
+
+
+def test_the_first_map_does_not_undo_it() -> None:
+    code = (
+        "import OpenEXR, numpy as np\nfrom lighting.files import compression as c\nc.pack_in_threads(1)\n"
+        "c.packed_with(np.zeros((2, 4, 3), np.float32), 'zip')\nprint(OpenEXR.global_thread_count())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "0"
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")

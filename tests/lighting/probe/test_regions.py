@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.probe.regions import connected, is_clipped, shrink, solid_angle
+from lighting.probe.regions import connected, is_clipped, solid_angle
 
 
 def test_regions_join_across_the_seam_and_at_corners() -> None:
@@ -28,11 +28,3 @@ def test_values_above_white_were_not_clipped() -> None:
     picture = np.full((4, 8, 3), 1.0, np.float32)
     assert is_clipped(picture)
     assert not is_clipped(picture * 1.01)
-
-
-def test_shrinking_keeps_the_mean_and_never_enlarges() -> None:
-    image = np.random.default_rng(0).random((12, 24, 3), dtype=np.float32)
-    np.testing.assert_allclose(shrink(image, 3)[1, 2], image[4:8, 8:12].mean(axis=(0, 1)), rtol=1e-5)
-    np.testing.assert_allclose(shrink(image, 5).mean(), image.mean(), rtol=1e-2)
-    assert shrink(image, 12) is image
-    assert shrink(image, 99) is image

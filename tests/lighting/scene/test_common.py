@@ -84,3 +84,9 @@ def test_the_place_is_in_the_map_with_the_same_light() -> None:
     level = [(scene.environment[:16] * weight).sum(axis=(0, 1)) for scene in (placed, plain)]
     assert level[0] == pytest.approx(level[1], rel=1e-2)
     assert placed.sun_irradiance == pytest.approx(plain.sun_irradiance)
+
+
+def test_where_a_channel_has_no_light_its_shadow_is_none() -> None:
+    shadow = plain_scene(sky_irradiance=(0.3, 0.3, 0.0), sun_irradiance=(1.0, 0.5, 0.0)).shadow
+    assert shadow[2] == 1.0
+    assert (shadow[:2] < 1.0).all()

@@ -1,8 +1,9 @@
 """The vertical of several cameras, and angles about it."""
 
 import numpy as np
+import pytest
 
-from lighting.turns.upright import common_up, level, own_axes, up_in_camera
+from lighting.turns.upright import angles_of, common_up, level, own_axes, up_in_camera
 from tests.lighting.turns.cameras import Camera
 
 CAMERAS: list[Camera] = [(-170.0, 2.0, 0.0), (-140.0, -3.0, 1.5), (165.0, 4.0, -2.0)]
@@ -29,3 +30,11 @@ def test_a_camera_that_looks_straight_down_has_a_heading() -> None:
     axes = level(up_in_camera(-90.0, 0.0))
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(axes) > 0.99
+
+
+@pytest.mark.parametrize("elevation", [-90.0, -89.5, -88.0, -87.0, 0.0, 87.0, 88.0, 89.5, 90.0])
+def test_azimuth_0_is_where_the_common_camera_points_however_steep_it_is(elevation: float) -> None:
+    heading, said, roll = angles_of(np.eye(3)[None], level(up_in_camera(elevation, 0.0)))
+    assert said[0] == pytest.approx(elevation, abs=1e-4)
+    if abs(elevation) < 90.0:
+        assert (heading[0], roll[0]) == pytest.approx((0.0, 0.0), abs=1e-6)

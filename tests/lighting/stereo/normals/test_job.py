@@ -92,6 +92,7 @@ def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Pat
         (["--lat", "47", "--lon", "180", "--heading", "0"], "below the horizon"),
         (["--lat", "47", "--lon", "0"], "--heading"),
         (["--heading", "0"], "--lat"),
+        (["--heading", "0", "--lat", "47"], "A latitude needs a longitude"),
         (["--probes", ".", "--heading", "0"], "holds no probe"),
     ],
 )
