@@ -13,7 +13,7 @@ from starlette.middleware.cors import CORSMiddleware
 from lighting import __version__
 from lighting.pipeline import Estimator
 from server import icon, operations, page, problems, routes
-from server.checks import refuse_ambiguity
+from server.checks import OneLength, refuse_repeats
 from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
 from server.service import Service
@@ -62,7 +62,7 @@ def _include(app: FastAPI, service: Service) -> None:
     active = [(guard, statuses) for wanted, guard, statuses in guards if wanted]
     app.include_router(
         routes.router,
-        dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_ambiguity)],
+        dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_repeats)],
         responses=problems.documented(400, 422, *(status for _, statuses in active for status in statuses)),
     )
     app.include_router(operations.router)
@@ -72,6 +72,7 @@ def _include(app: FastAPI, service: Service) -> None:
 
 def _wrap(app: FastAPI, service: Service) -> None:
     """Middleware, from the inside out."""
+    app.add_middleware(OneLength)
     app.add_middleware(operations.Caught)
     app.add_middleware(operations.HeadAsGet)
     if service.settings.cors_origins:

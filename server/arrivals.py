@@ -33,7 +33,7 @@ class Arrivals:
         if self._of[client] >= self.most_of_a_client:
             raise CrowdedError
         if self.full:
-            raise BusyError
+            raise BusyError("As many bodies are arriving as the service takes at once.")
         self._of[client] += 1
         try:
             yield

@@ -3,6 +3,7 @@
 from collections import Counter
 
 from fastapi import Request
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from lighting.errors import ParameterError
 from lighting.evidence import check_heading, check_headings
@@ -11,11 +12,21 @@ from server.problems import ProblemError, all_invalid, invalid
 from server.queries import ChangeQuery, EnvmapQuery, GivenQuery, LightingQuery
 
 
-async def refuse_ambiguity(request: Request) -> None:
-    """Raise ProblemError for a request that says one thing twice: a parameter, or how long its body is."""
-    if {"content-length", "transfer-encoding"} <= set(request.headers):
-        detail = "Content-Length and Transfer-Encoding both say where the body ends; send one of them."
-        raise ProblemError(problems.MALFORMED, detail, {"Connection": "close"})
+class OneLength:
+    """Refuses requests whose headers say twice where the body ends, and closes their connection."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http" and {b"content-length", b"transfer-encoding"} <= dict(scope["headers"]).keys():
+            detail = "Content-Length and Transfer-Encoding both say where the body ends; send one of them."
+            raise ProblemError(problems.MALFORMED, detail, {"Connection": "close"})
+        await self.app(scope, receive, send)
+
+
+async def refuse_repeats(request: Request) -> None:
+    """Raise ProblemError for a request that gives a parameter twice."""
     times = Counter(name for name, _ in request.query_params.multi_items())
     if often := [name for name, count in times.items() if count > 1]:
         raise all_invalid([{"field": name, "place": "query", "detail": "is given more than once"} for name in often])

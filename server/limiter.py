@@ -12,7 +12,10 @@ T = TypeVar("T")
 
 
 class BusyError(Exception):
-    """All workers are busy and the queue is full."""
+    """There is no room for a request now; the message says of what."""
+
+    def __init__(self, message: str = "All workers are busy and the queue is full.") -> None:
+        super().__init__(message)
 
 
 class Limiter:

@@ -7,11 +7,13 @@ from pydantic import BaseModel, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from lighting.errors import ParameterError
-from lighting.stereo import FEWEST_SHOTS, MOST_SHOTS, NOISES, ModelledSkies, Question
+from lighting.stereo import FEWEST_SHOTS, NOISES, ModelledSkies, Question
 from server.queries import Offset, Query
 from server.schemas import Between, named
 
-MOST_DAYS = 31  # of a range, since each costs the processor a part of a second
+MOST_DAYS = 31  # of a range
+MOST_SHOTS = 64  # of a window; these two bound what a request costs, as does
+MOST_WORK = 248  # days times photos: ten seconds of one processor under a polar day's broken clouds
 
 
 def _day(text: object) -> object:
@@ -48,6 +50,8 @@ class PlanQuery(Query):
             raise PydanticCustomError("parameter", "{reason}", {"reason": str(error)}) from error
         if self.until and (self.until - self.date).days >= MOST_DAYS:
             raise PydanticCustomError("days", "until is more than {days} days from date", {"days": MOST_DAYS})
+        if self.until and ((self.until - self.date).days + 1) * self.shots > MOST_WORK:
+            raise PydanticCustomError("work", "days times shots may be {most} at most", {"most": MOST_WORK})
         return self
 
     def skies(self) -> ModelledSkies:

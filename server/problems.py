@@ -146,7 +146,7 @@ def problem_of(error: Exception) -> ProblemError:
         case ParameterError():
             return ProblemError(INVALID, str(error))
         case BusyError():
-            return ProblemError(BUSY, "All workers are busy and the queue is full.", {"Retry-After": RETRY_SECONDS})
+            return ProblemError(BUSY, str(error), {"Retry-After": RETRY_SECONDS})
         case CrowdedError():
             detail = "Too many bodies are arriving from this address; send them one after another."
             return ProblemError(TOO_MANY_UPLOADS, detail, {"Retry-After": RETRY_SECONDS})

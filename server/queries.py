@@ -6,7 +6,16 @@ from dataclasses import fields
 from datetime import datetime
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from lighting.errors import ParameterError
@@ -27,6 +36,8 @@ from server.schemas import (
     Format,
     GroundAlbedo,
     Height,
+    Irradiance,
+    Reflectance,
     SkyCover,
     SunAzimuth,
     SunElevation,
@@ -87,22 +98,23 @@ Headings = Annotated[
 ]
 
 
-def _triple(text: Any) -> tuple[float, ...]:
-    """Read "0.9,0.8,0.7"; their ranges are the record's. It comes as a list of one text, or of three."""
-    numbers = (text if isinstance(text, str) else ",".join(map(str, text))).split(",")
-    try:
-        red, green, blue = map(float, numbers)
-    except (TypeError, ValueError) as error:
-        raise ParameterError(f"{text!r} is not three numbers such as 0.9,0.8,0.7.") from error
-    return red, green, blue
+def _triple(text: Any) -> list[str] | None:
+    """Split "0.9,0.8,0.7", which comes as a list of one text, or of three."""
+    if text is None:
+        return None
+    joined = text if isinstance(text, str) else ",".join(map(str, text))
+    numbers = joined.split(",")
+    if len(numbers) != 3:
+        raise ParameterError(f"{joined!r} is not three numbers such as 0.9,0.8,0.7.")
+    return numbers
 
 
 _NUMBER = r"[0-9]+([.][0-9]+)?(e-?[0-9]+)?"
-Triple = Annotated[
-    tuple[float, float, float] | None,
-    BeforeValidator(_in_words(_triple)),
-    _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"),
-]
+
+
+_SPLIT = (BeforeValidator(_in_words(_triple)), _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"))
+Irradiances = Annotated[tuple[Irradiance, Irradiance, Irradiance] | None, *_SPLIT]
+Reflectances = Annotated[tuple[Reflectance, Reflectance, Reflectance] | None, *_SPLIT]
 
 
 class Query(BaseModel):
@@ -203,15 +215,24 @@ class SkyParameters(Query):
     turbidity: Turbidity
     exposure: Exposure = DAYLIGHT_EXPOSURE
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
-    sun_irradiance: Triple = Field(None, description=SUN_IRRADIANCE)
-    sky_irradiance: Triple = Field(None, description=SKY_IRRADIANCE)
+    sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
+    sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
     sky_cover: SkyCover | None = None
-    ground_color: Triple = Field(None, description=GROUND_COLOR)
+    ground_color: Reflectances = Field(None, description=GROUND_COLOR)
 
-    @model_validator(mode="after")
-    def _of_one_light(self) -> Self:
-        _in_words(lambda _: self.lighting())("")
-        return self
+    @field_validator("sky_irradiance")
+    @classmethod
+    def _with_the_suns(cls, sky: Any, others: ValidationInfo) -> Any:
+        if "sun_irradiance" in others.data and (others.data["sun_irradiance"] is None) != (sky is None):
+            raise PydanticCustomError("pair", "sun_irradiance and sky_irradiance go together; one is missing")
+        return sky
+
+    @field_validator("sky_cover")
+    @classmethod
+    def _of_a_known_sky(cls, cover: float | None, others: ValidationInfo) -> float | None:
+        if cover is not None and others.data.get("sky_irradiance", True) is None:
+            raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance beside it")
+        return cover
 
     def lighting(self) -> Lighting:
         """The light with these parameters; raises ParameterError for what contradicts itself."""

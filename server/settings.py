@@ -23,6 +23,14 @@ class SettingsError(LightingError):
     """A setting that is invalid."""
 
 
+_UNSENDABLE = "holds a character that is none of the visible ones of ASCII, which no client could send"
+
+
+def _can_be_sent(key: str) -> bool:
+    """Whether a key can stand in an Authorization header."""
+    return all("!" <= letter <= "~" for letter in key)
+
+
 def _words(value: object) -> object:
     """Split a text at commas and white space."""
     return tuple(value.replace(",", " ").split()) if isinstance(value, str) else value
@@ -87,6 +95,14 @@ class Settings(BaseSettings):
             parse_many(text)
         return text
 
+    @field_validator("api_keys")
+    @classmethod
+    def _keys_can_be_sent(cls, keys: tuple[SecretStr, ...]) -> tuple[SecretStr, ...]:
+        for number, key in enumerate(keys, 1):
+            if not _can_be_sent(key.get_secret_value()):
+                raise ValueError(f"Key {number} {_UNSENDABLE}.")
+        return keys
+
     @field_validator("cors_origins")
     @classmethod
     def _origins_can_be_met(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
@@ -122,12 +138,14 @@ class Settings(BaseSettings):
 
 def _keys_in(path: Path) -> list[str]:
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} cannot be read: {error.strerror}.") from error
     except UnicodeDecodeError as error:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} is not a text file.") from error
     keys = [key for line in lines if (key := line.partition("#")[0].strip())]
+    if strange := [number for number, key in enumerate(keys, 1) if not _can_be_sent(key)]:
+        raise SettingsError(f"{PREFIX}API_KEYS_FILE: key {strange[0]} of {path} {_UNSENDABLE}.")
     if not keys:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} holds no key; leave it unset to let everybody call.")
     return keys

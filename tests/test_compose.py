@@ -31,6 +31,11 @@ def test_every_setting_is_one_and_the_images_are_pinned(services: Any) -> None:
     assert re.fullmatch(r"caddy:[\d.]+-alpine@sha256:[0-9a-f]{64}", services["proxy"]["image"])
 
 
+def test_one_address_cannot_take_all_places_for_uploads(services: Any) -> None:
+    settings = settings_of(services)
+    assert 2 * settings.uploads_per_client <= settings.uploads
+
+
 def test_the_proxy_s_limits_are_the_service_s(services: Any) -> None:
     settings, proxy = settings_of(services), services["proxy"]["environment"]
     assert (proxy["MAX_BYTES"], proxy["UPLOAD_SECONDS"], proxy["HEADER_SECONDS"]) == (

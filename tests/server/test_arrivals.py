@@ -48,3 +48,9 @@ def test_too_many_from_one_address_are_429_and_from_all_503(client: TestClient, 
         problem(post(), 503, "busy")
     assert post().status_code == 200
     assert arrivals.count == 0
+
+
+def test_the_sentence_says_what_there_is_no_room_for() -> None:
+    arrivals = Arrivals(1, 1)
+    with arrivals.one_of("a"), pytest.raises(BusyError, match="bodies are arriving"), arrivals.one_of("b"):
+        pass

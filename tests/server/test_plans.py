@@ -33,6 +33,8 @@ def test_a_plan_is_whole_and_may_be_kept(client: TestClient) -> None:
         ({"colour": "red"}, "colour"),
         ({"until": "2026-06-20"}, "query"),
         ({"until": "2026-08-21"}, "query"),
+        ({"shots": 1000}, "shots"),
+        ({"until": "2026-07-10", "shots": 20}, "query"),
         ({"date": "2200-06-21"}, "query"),
     ],
 )

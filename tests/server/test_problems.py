@@ -52,6 +52,9 @@ def test_a_body_has_one_length(client: TestClient, jpeg: bytes) -> None:
     answer = client.post("/v1/lighting", content=jpeg, headers=both)
     assert "send one of them" in problem(answer, 400, "malformed-request")["detail"]
     assert answer.headers["connection"] == "close"
+    everywhere = {"Content-Length": "5", "Transfer-Encoding": "chunked"}
+    for path in ("/livez", "/", "/absent"):
+        assert client.request("GET", path, content=b"12345", headers=everywhere).status_code == 400
 
 
 @pytest.mark.parametrize(

@@ -119,6 +119,29 @@ def test_a_number_out_of_range_is_named_with_its_range(
     assert (error["field"], error["minimum"], error["maximum"]) == (name, *limits)
 
 
+SKY = {"sun_azimuth": 0, "sun_elevation": 30, "turbidity": 3, "height": 32}
+
+
+@pytest.mark.parametrize(
+    ("colours", "field", "words"),
+    [
+        ({"sun_irradiance": "1,1,1", "sky_irradiance": "1e30,1,1"}, "sky_irradiance.0", "from 0 to 1e+06"),
+        ({"sun_irradiance": "1,nan,1", "sky_irradiance": "1,1,1"}, "sun_irradiance.1", "from 0 to 1e+06"),
+        ({"ground_color": "0,0,2"}, "ground_color.2", "from 0 to 1"),
+        ({"ground_color": "1,2"}, "ground_color", "'1,2' is not three numbers"),
+        ({"sun_irradiance": "1,1,1"}, "sky_irradiance", "go together"),
+        ({"sky_cover": "0.5"}, "sky_cover", "needs sky_irradiance and sun_irradiance"),
+    ],
+)
+def test_a_wrong_colour_is_named_with_its_range(
+    client: TestClient, colours: dict[str, str], field: str, words: str
+) -> None:
+    (error,) = problem(client.get("/v1/envmap", params={**SKY, **colours}), 422, "invalid")["errors"]
+    assert error["field"] == field
+    assert words in error["detail"]
+    assert ("maximum" in error) == ("." in field)
+
+
 @pytest.mark.parametrize(
     ("query", "field", "words"),
     [

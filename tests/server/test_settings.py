@@ -1,13 +1,14 @@
 """Settings: from the environment, checked, and in the documentation."""
 
 import re
+from pathlib import Path
 
 import pytest
-from pydantic import ValidationError
+from pydantic import SecretStr, ValidationError
 
 from server import problems
 from server.app import create_app
-from server.settings import PREFIX, Settings
+from server.settings import PREFIX, Settings, SettingsError
 from tests.pages import ROOT, text
 
 
@@ -82,3 +83,17 @@ def test_proxies_are_addresses_or_networks(trusted: str) -> None:
 def test_other_proxies_would_never_be_met(trusted: str) -> None:
     with pytest.raises(ValidationError, match="is not an IP address or network"):
         Settings(trusted_proxies=trusted)
+
+
+@pytest.mark.parametrize("key", ["tür", "ключ", "a\tb", "a\x7f"])
+def test_a_key_that_no_client_could_send_is_refused_at_the_start(tmp_path: Path, key: str) -> None:
+    with pytest.raises(ValidationError, match="Key 1 holds a character"):
+        Settings(api_keys=(SecretStr(key),))
+    (tmp_path / "keys").write_text(f"first\n{key}\n", encoding="utf-8")
+    with pytest.raises(SettingsError, match=r"key 2 of .* holds a character"):
+        Settings(api_keys_file=tmp_path / "keys").all_keys()
+
+
+def test_the_mark_at_the_beginning_of_a_file_is_no_part_of_its_first_key(tmp_path: Path) -> None:
+    (tmp_path / "keys").write_text("first\nsecond\n", encoding="utf-8-sig")
+    assert Settings(api_keys_file=tmp_path / "keys").all_keys() == ("first", "second")
