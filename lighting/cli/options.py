@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import click
 
@@ -37,6 +37,12 @@ def _objection(name: str, suffixes: Sequence[str]) -> str | None:
     return None if os.access(path.parent, os.W_OK) else f"The folder {path.parent} cannot be written to."
 
 
+def _folder(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
+    if name == "-":
+        raise click.BadParameter("the results are a folder, which stdout cannot be.")
+    return name
+
+
 def _either(words: Sequence[str]) -> str:
     return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
@@ -53,6 +59,16 @@ def _finite(_ctx: click.Context, _param: click.Parameter, value: float) -> float
     if not math.isfinite(value):
         raise click.BadParameter(f"{value} is not a finite number.")
     return value
+
+
+class FiniteRange(click.FloatRange):
+    """A range that nan is not in, which no comparison keeps out."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number.", param, ctx)
+        return number
 
 
 def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
@@ -107,6 +123,14 @@ def map_options(command: Command) -> Command:
     return command
 
 
+results_folder = click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="FOLDER",
+    callback=_folder,
+    help="New or empty unless --overwrite.",
+)
 surroundings_option = click.option(
     "--surroundings/--no-surroundings",
     default=None,

@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lighting.cli.files import refuse_collisions
 from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
-from lighting.cli.options import height_option, quiet_option
+from lighting.cli.options import FiniteRange, height_option, quiet_option
+from lighting.errors import ParameterError, ProbeError
 
 if TYPE_CHECKING:
     from lighting.probe.brackets import Shot
+    from lighting.probe.describe import SkyState
     from lighting.probe.develop import Probe
+    from lighting.probe.exposures import Bracket
     from lighting.probe.settings import Moment, Settings
 
 KINDS = ("equidistant", "equisolid", "ball", "latlong")
@@ -26,17 +30,19 @@ def probe() -> None:
 
 
 def _point(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
+    return None if text is None else _pair(text, "two numbers such as 1500,1000")
+
+
+def _pair(text: str, what: str) -> tuple[float, float]:
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError as error:
-        raise click.BadParameter(f"{text!r} is not two numbers such as 1500,1000.") from error
+        raise click.BadParameter(f"{text!r} is not {what}.") from error
     return x, y
 
 
-def _direction(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    found = _point(ctx, param, text)
+def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    found = None if text is None else _pair(text, "azimuth and elevation such as 120,35")
     if found is not None and not (abs(found[0]) <= 360.0 and 0.0 <= found[1] <= 90.0):
         raise click.BadParameter(f"{text!r} is no direction: azimuth -360 to 360, elevation 0 to 90.")
     return found
@@ -54,8 +60,8 @@ def _direction(ctx: click.Context, param: click.Parameter, text: str | None) -> 
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
 @click.option("--time", metavar="TIME", callback=read_moment, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of local times: +02:00 or 2.")
-@click.option("--lat", "latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
-@click.option("--lon", "longitude", type=click.FloatRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
+@click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
+@click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
 @click.option(
     "--yaw", type=float, metavar="DEG", help="Heading of the camera; a fisheye's lower edge has it. [the sun's]"
 )
@@ -80,13 +86,16 @@ def merge(
     from lighting.probe.settings import Settings
 
     _check_output(output, series)
+    _check_lens(options)
     when = [options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")]
+    _check_told(*when)
+    if series and when[0] is not None:
+        raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
     settings = Settings(**options)
     shots = shots_of(exposures) if series else [shot_of(_files(exposures))]
     moments = [_moment(shot, *when) for shot in shots]
+    _check_targets(shots, moments, output)
     if series:
-        if when[0] is not None:
-            raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
         _merge_series(shots, moments, settings, output, quiet)
     else:
         _merge_one(shots[0], moments[0], settings, output, quiet)
@@ -94,13 +103,49 @@ def merge(
 
 def _check_output(output: str, series: bool) -> None:
     path = Path(output)
+    if output == "-":
+        raise click.UsageError("A probe goes to a file or a folder, not to stdout.")
+    if path.is_dir():
+        return
     if path.suffix.lower() == ".exr":
         if series:
             raise click.UsageError("A series fills a folder; -o must not end in .exr.")
         if not path.parent.is_dir():
             raise click.UsageError(f"There is no folder {path.parent}.")
-    elif path.suffix or path.is_file():
+    elif path.suffix or path.exists():
         raise click.UsageError(f"{output} must end in .exr or be a folder.")
+
+
+def _check_lens(options: dict[str, Any]) -> None:
+    """Raise UsageError for an option that the lens does not have."""
+    from lighting.probe.lens import ABSENT
+
+    kind = options["kind"]
+    for name in ABSENT.get(kind, ()):
+        if options[name] is not None:
+            raise click.UsageError(f"--{name} does not go with --lens {kind}.")
+
+
+def _check_told(
+    time: datetime | None, utc_offset: float | None, latitude: float | None, longitude: float | None
+) -> None:
+    """Raise UsageError where what is told of time and place contradicts itself."""
+    from lighting.evidence import Given
+
+    try:
+        Given(time=time, utc_offset=utc_offset, latitude=latitude, longitude=longitude)
+    except ParameterError as error:
+        raise click.UsageError(str(error)) from error
+
+
+def _check_targets(shots: Sequence["Shot"], moments: Sequence["Moment"], output: str) -> None:
+    """Raise UsageError where a probe would replace an exposure or another probe."""
+    from lighting.probe.write import target_of
+
+    targets = [str(target_of(output, moment.time)) for moment in moments]
+    for shot in shots:
+        for file in shot.files:
+            refuse_collisions(str(file), *targets)
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:
@@ -115,9 +160,7 @@ def _moment(
     from dataclasses import replace
 
     from lighting.probe.settings import Moment
-    from lighting.records import check_place
 
-    check_place(latitude, longitude)
     told = replace(shot, time=time) if time is not None else shot
     place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)
     if place[0] is None or place[1] is None:
@@ -127,10 +170,9 @@ def _moment(
 
 def _merge_one(shot: "Shot", moment: "Moment", settings: "Settings", output: str, quiet: bool) -> None:
     from lighting.probe.develop import make_probe
-    from lighting.probe.exposures import read_bracket
     from lighting.probe.write import write_probe
 
-    made = make_probe(read_bracket(shot.files, settings.curve), moment, settings)
+    made = make_probe(_bracket(shot, settings), moment, settings)
     _report(made, write_probe(made, output), quiet)
 
 
@@ -142,12 +184,19 @@ def _merge_series(
     from tqdm import tqdm
 
     from lighting.probe.develop import make_series
-    from lighting.probe.exposures import read_bracket
     from lighting.probe.write import write_probe
 
-    readers = [partial(read_bracket, shot.files, settings.curve) for shot in shots]
+    readers = [partial(_bracket, shot, settings) for shot in shots]
     for made in tqdm(make_series(readers, moments, settings), total=len(shots), unit="probe", disable=quiet or None):
         _report(made, write_probe(made, output), quiet)
+
+
+def _bracket(shot: "Shot", settings: "Settings") -> "Bracket":
+    from lighting.probe.exposures import read_bracket
+    from lighting.probe.silence import silence
+
+    with silence():
+        return read_bracket(shot.files, settings.curve)
 
 
 def _report(made: "Probe", path: Path, quiet: bool) -> None:
@@ -176,10 +225,7 @@ def _fit_in_words(made: "Probe") -> str:
 @click.option("--json", "as_json", is_flag=True, help="One JSON record.")
 def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
     """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""
-    from lighting.files import checked_map, read_exr
-    from lighting.probe.describe import describe
-
-    state = describe(checked_map(read_exr(sky)[0]), sun)
+    state = _state(sky, sun)
     if as_json:
         click.echo(json.dumps({"file": sky, **state.to_dict()}))
         return
@@ -190,3 +236,17 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
         f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
         f"{trust}; cover {100 * state.cover:.0f} %"
     )
+
+
+def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
+    """What the map in a file says; errors name the file."""
+    from lighting.files.exr import read_map
+    from lighting.probe.describe import describe
+    from lighting.probe.silence import silence
+
+    with silence():
+        image = read_map(sky)
+    try:
+        return describe(image, sun)
+    except ProbeError as error:
+        raise ProbeError(f"{sky}: {error}") from error

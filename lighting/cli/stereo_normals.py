@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.cli.given import read_zone
-from lighting.cli.options import quiet_option
+from lighting.cli.options import FiniteRange, quiet_option, results_folder
 from lighting.cli.stereo import stereo
 
 if TYPE_CHECKING:
@@ -20,30 +20,24 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 @stereo.command()
 @click.argument("day", type=_FOLDER)
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="FOLDER",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Gets what is found.",
-)
-@click.option("--lat", "latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
-@click.option("--lon", "longitude", type=click.FloatRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
-@click.option("--heading", type=float, metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
-@click.option("--pitch", type=click.FloatRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
-@click.option("--roll", type=float, default=0.0, metavar="DEG", help="How far it is turned clockwise.")
+@results_folder
+@click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
+@click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
+@click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
+@click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
+@click.option("--pitch", type=FiniteRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
+@click.option("--roll", type=FiniteRange(-360, 360), default=0.0, metavar="DEG", help="How far it is turned clockwise.")
 @click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Of the camera's clock: +02:00 or 2.")
 @click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
-@click.option("--turbidity", type=click.FloatRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
+@click.option("--turbidity", type=FiniteRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
 @click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
 @click.option("--mask", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="White where the thing is.")
 @click.option("--curve", type=click.Choice(["linear", "srgb"]), help="How values are coded, against what files say.")
 @click.option("--size", type=click.IntRange(0), metavar="PIXELS", help="Longer side; 0 keeps all. [1024]")
-@click.option("--noise", type=click.FloatRange(0.01, 50), metavar="PERCENT", help="Least, of the brightest pixel. [1]")
+@click.option("--noise", type=FiniteRange(0.01, 50), metavar="PERCENT", help="Least, of the brightest pixel. [1]")
 @click.option("--network/--no-network", default=True, help="Let the network answer where it expects to err less.")
 @quiet_option
-def normals(day: Path, output: Path, network: bool, quiet: bool, **said: Any) -> None:
+def normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool, **said: Any) -> None:
     """Find the normals of a thing from photos of one DAY, taken by a camera that stood still.
 
     DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos, or a capture in DiLiGenT's layout. Times and place come from
@@ -51,14 +45,18 @@ def normals(day: Path, output: Path, network: bool, quiet: bool, **said: Any) ->
     """
     if said["probes"] and (said["sky"] or said["turbidity"]):
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
-    from lighting.stereo import solve_day, write_solved
+    from lighting.stereo import check_folder, solve_day, write_solved
 
+    folder = Path(output)
+    if folder.resolve() == day.resolve():
+        raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
+    check_folder(folder, overwrite=overwrite)
     solved = solve_day(day, _known(**said), _network() if network else None, _watch(quiet))
-    write_solved(output, solved)
+    write_solved(folder, solved)
     for warning in solved.warnings:
         click.echo(f"Warning: {warning}", err=True)
     if not quiet:
-        click.echo(_in_words(day, output, solved))
+        click.echo(_in_words(day, folder, solved))
 
 
 def _known(sky: str | None, noise: float | None, size: int | None, **said: Any) -> "Known":  # noqa: ARG001

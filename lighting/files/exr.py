@@ -89,6 +89,21 @@ def read_exr(source: Target) -> tuple[Image, Lighting | None]:
     return np.stack(planes, axis=-1), _lighting_in(header)
 
 
+def read_map(file: str | os.PathLike[str]) -> Image:
+    """The map (H, 2H, 3) in an EXR file.
+
+    Raises EnvironmentMapError, which names the file, for what is no whole map, and for values that are not finite.
+    """
+    data = _read(file)
+    try:
+        image = checked_map(read_exr(io.BytesIO(data))[0])
+        if not np.isfinite(image).all():
+            raise EnvironmentMapError("The map holds values that are not finite numbers.")
+    except EnvironmentMapError as error:
+        raise EnvironmentMapError(f"{os.fspath(file)}: {error}") from error
+    return image
+
+
 def read_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
     """The header of an EXR file, without its pixels. Raises EnvironmentMapError for what is not one."""
     import OpenEXR
@@ -167,7 +182,8 @@ def _decode(data: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
         return file.header(), file.channels()
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:
-        raise EnvironmentMapError(f"The EXR file cannot be read: {error}.") from error
+        # OpenEXR's own words are of buffers, parts and codecs
+        raise EnvironmentMapError("The EXR file cannot be read: it is damaged or of an unknown kind.") from error
 
 
 def _is_whole(data: bytes) -> bool:

@@ -49,10 +49,10 @@ def read_linear(path: str | Path, curve: Curve | None = None) -> LinearPhoto:
         return _read_raw(file)
     try:
         return _read_picture(file, curve)
-    except (PhotoError, FileNotFoundError):
+    except (PhotoError, FileNotFoundError, PermissionError):
         raise
     except Exception as error:  # decoders raise nearly anything on hostile bytes
-        raise PhotoError(f"{file} cannot be read as a picture ({type(error).__name__}: {error}).") from error
+        raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture.") from error
 
 
 def of_floats(pixels: Pixels) -> LinearPhoto:

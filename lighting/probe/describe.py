@@ -18,6 +18,7 @@ from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance
 
 LOWEST = 10.0  # deg, below which hills, trees and haze hide the sky
+LEAST_ROWS = 16  # of a map; in fewer the sun's glow leaves too little sky
 CLEAR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear
 
 
@@ -51,8 +52,10 @@ class SkyState:
 def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None) -> SkyState:
     """The state of a map's (H, 2H, 3) sky, its sun found or given as azimuth and elevation [deg].
 
-    Raises ProbeError where no sun is found, where it is given below the horizon, and where no clear sky is seen.
+    Raises ProbeError for a map that is too small, black or negative, where no sun is found, where it is given below the
+    horizon, and where no clear sky is seen.
     """
+    _check_sky(image)
     azimuth, elevation = sun or _found(image)
     if elevation < 0:
         raise ProbeError(f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit.")
@@ -62,6 +65,15 @@ def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None)
     cover = _cover(image, direction(azimuth, elevation), fit)
     source = "given" if sun else "found"
     return SkyState(azimuth, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
+
+
+def _check_sky(image: NDArray[np.float32]) -> None:
+    if len(image) < LEAST_ROWS:
+        rows = "1 row" if len(image) == 1 else f"{len(image)} rows"
+        raise ProbeError(f"The map has {rows}; a sky needs {LEAST_ROWS} or more to be fitted.")
+    light = luminance(image[: len(image) // 2])
+    if (light > 0).sum() <= (light < 0).sum():  # a few values under 0 are the ringing of a filter
+        raise ProbeError("The sky in the map is black or negative.")
 
 
 def _found(image: NDArray[np.float32]) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The exposures of one bracket, as files and as arrays."""
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import PhotoError, ProbeError
+from lighting.errors import EnvironmentMapError, PhotoError, ProbeError
 from lighting.photo import Curve, LinearPhoto, of_floats, read_linear
 
 _FLOAT_SUFFIXES = (".exr", ".hdr")
@@ -61,9 +62,22 @@ def brightness(pixels: NDArray[np.float32]) -> float:
 def _read(path: Path, curve: Curve | None) -> LinearPhoto:
     if path.suffix.lower() not in _FLOAT_SUFFIXES:
         return read_linear(path, curve)
-    from lighting.files import read_exr, read_hdr
-
-    photo = of_floats(read_exr(path)[0] if path.suffix.lower() == ".exr" else read_hdr(path))
     if curve == "srgb":
         raise PhotoError(f"{path.name} holds floats, which are linear; --curve srgb is for integers.")
-    return photo
+    pixels = _floats(path)
+    try:
+        return of_floats(pixels)
+    except PhotoError as error:
+        raise PhotoError(f"{path}: {error}") from error
+
+
+def _floats(path: Path) -> NDArray[np.float32]:
+    from lighting.files import read_exr, read_hdr
+
+    if path.suffix.lower() == ".hdr":
+        return read_hdr(path)
+    data = path.read_bytes()
+    try:
+        return read_exr(io.BytesIO(data))[0]
+    except EnvironmentMapError as error:
+        raise PhotoError(f"{path}: {error}") from error

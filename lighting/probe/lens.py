@@ -16,6 +16,10 @@ from lighting.geometry import Floats, camera_axes, direction, latlong_pixel
 Kind = Literal["equidistant", "equisolid", "ball", "latlong"]
 
 KINDS: tuple[Kind, ...] = ("equidistant", "equisolid", "ball", "latlong")
+ABSENT: dict[Kind, tuple[str, ...]] = {  # what can be told of other lenses, but does nothing with these
+    "ball": ("fov",),
+    "latlong": ("fov", "centre", "radius"),
+}
 _PITCH = {"equidistant": 90.0, "equisolid": 90.0, "ball": 0.0, "latlong": 0.0}
 
 

@@ -1,6 +1,6 @@
 """A probe as an OpenEXR map with what is known of it in the header."""
 
-from datetime import UTC
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,19 @@ from lighting.probe.develop import Probe
 from lighting.probe.folders import TIME, probe_path
 
 
+def target_of(output: str | Path, time: datetime) -> Path:
+    """Where a probe of an aware time goes: the file that ends in .exr, or below a folder in the SkyDB's layout."""
+    path = Path(output)
+    return path if path.suffix.lower() == ".exr" and not path.is_dir() else probe_path(path, time)
+
+
 def write_probe(probe: Probe, output: str | Path) -> Path:
     """Write to a file that ends in .exr, or below a folder in the SkyDB's layout; the path that was written.
 
     Raises EnvironmentMapError or ProbeError where it cannot be written.
     """
-    path = Path(output)
-    if path.suffix.lower() != ".exr":
-        path = probe_path(path, probe.moment.time)
+    path = target_of(output, probe.moment.time)
+    if path != Path(output):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:

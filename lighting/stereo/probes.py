@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.errors import EnvironmentMapError, ParameterError
-from lighting.files.exr import checked_map, read_exr
+from lighting.files.exr import read_map
 from lighting.geometry import Floats, latlong_directions
 from lighting.prefilter import shrink
 from lighting.probe import probes_in
@@ -61,12 +61,7 @@ def read_skies(files: list[Path]) -> Skies:
 
 
 def _read(file: Path) -> Skies:
-    try:
-        image = checked_map(read_exr(file)[0])
-    except EnvironmentMapError as error:
-        raise EnvironmentMapError(f"{file}: {error}") from error
-    if not np.isfinite(image).all():
-        raise EnvironmentMapError(f"{file}: The map holds values that are not finite numbers.")
+    image = read_map(file)
     skies = skies_of_maps(image[None], brightest(image)[None])
     return Skies(shrink(skies.radiance[0], HEIGHT)[None], skies.sun_direction, skies.sun_irradiance)
 

@@ -26,6 +26,7 @@ MASK, TIMES = "mask.png", "times.csv"
 LEAST = 3  # photos, for a normal and an albedo
 SPAN = 20.0  # min, the shortest day
 SIZE = 1024  # pixels of the longer side, to which photos are reduced
+LEAST_SIDE = 2  # pixels, that a slope is between
 
 _MOST_CLIPPED = 0.1  # share of the thing that may be clipped in some photo
 _ALIKE = 0.02  # relative difference of exposures that cameras round alike
@@ -57,7 +58,8 @@ def read_shots(
     """The photos of a folder in the order of their times, reduced by a whole factor to `size` pixels.
 
     `utc_offset` [h] is of a camera's clock that does not say it. Raises PhotoError for fewer than LEAST photos, times
-    that are missing or do not differ, sizes, lenses or exposures that do, a camera that moved, and clipped photos.
+    that are missing or do not differ, sizes, lenses or exposures that do, a camera that moved, and photos that are
+    clipped or too small.
     """
     shots = [_reduced(read_shot(path, curve), size) for path in progress(_photos(folder))]
     if len(shots) < LEAST:
@@ -66,6 +68,7 @@ def read_shots(
     order = np.argsort(times, kind="stable")
     shots, times = [shots[index] for index in order], times[order]
     _check_alike(shots)
+    _check_size(shots[0])
     _check_times(times)
     area = _mask(folder, mask, shots[0].pixels.shape[:2])
     images = np.stack([shot.pixels for shot in shots])
@@ -91,7 +94,8 @@ def _place(facts: PhotoFacts) -> tuple[float, float] | None:
 def _photos(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise PhotoError(f"There is no folder {folder}.")
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() in FORMATS and p.name != MASK and p.name[0] != ".")
+    files = (path for path in folder.iterdir() if path.suffix.lower() in FORMATS and path.is_file())
+    return sorted(path for path in files if path.name != MASK and path.name[0] != ".")
 
 
 def _reduced(shot: Shot, size: int | None) -> Shot:
@@ -116,8 +120,11 @@ def _times(folder: Path, shots: list[Shot], utc_offset: float | None) -> NDArray
 def _listed_times(file: Path) -> dict[str, datetime]:
     if not file.exists():
         return {}
-    with file.open(newline="", encoding="utf-8-sig") as stream:
-        rows = list(csv.DictReader(stream))
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.DictReader(stream))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise PhotoError(f"{file} is not a CSV file in UTF-8.") from error
     if rows and not {"file", "time"} <= rows[0].keys():
         raise PhotoError(f"{file} needs the columns file and time.")
     return {row["file"]: read_time(row["time"] or "") for row in rows}
@@ -158,6 +165,14 @@ def _check_alike(shots: list[Shot]) -> None:
             raise PhotoError(f"{shot.name} and {first.name} differ in focal length; the lens must not change.")
         if _exposures_differ(shot.exposure, first.exposure):
             raise PhotoError(f"{shot.name} and {first.name} differ in exposure; fix time, aperture and ISO.")
+
+
+def _check_size(shot: Shot) -> None:
+    height, width = shot.clipped.shape
+    if min(height, width) < LEAST_SIDE:
+        raise PhotoError(
+            f"{shot.name} is reduced to {width} x {height} pixels; normals need {LEAST_SIDE} or more each way."
+        )
 
 
 def _exposures_differ(a: Exposure, b: Exposure) -> bool:

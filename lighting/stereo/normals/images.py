@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms
 
 from lighting.colour import srgb_decode
-from lighting.errors import PhotoError
+from lighting.errors import EnvironmentMapError, PhotoError
 from lighting.files import read_exr
 from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw
 from lighting.photo.exif import read_facts
@@ -59,16 +59,15 @@ def read_shot(path: Path, curve: Curve | None = None) -> Shot:
     """
     try:
         return _read(path, curve)
-    except PhotoError as error:
+    except (EnvironmentMapError, PhotoError) as error:
         raise PhotoError(f"{path.name}: {error}") from error
 
 
 def _read(path: Path, curve: Curve | None) -> Shot:
-    suffix = path.suffix.lower()
+    suffix, data = path.suffix.lower(), path.read_bytes()
     if suffix == ".exr":
-        pixels = read_exr(path)[0]
+        pixels = read_exr(BytesIO(data))[0]
         return Shot(path.name, pixels, np.zeros(pixels.shape[:2], dtype=bool), coded=False)
-    data = path.read_bytes()
     header = _header(data)
     if suffix in RAW_SUFFIXES:
         return _shot(path.name, develop_raw(data, "The file", upright=True)[0], header, coded=False)

@@ -97,9 +97,9 @@ def solve_day(folder: Path, known: Known, network: Network | None = None, watch:
 
 
 def write_solved(folder: Path, solved: Solved) -> None:
-    """Write the pictures, the mesh and the record of a solved day into a folder, which is made if need be."""
+    """Write the pictures, the mesh and the record of a solved day into a folder, which is made where its parent is."""
     vertices = surface(solved)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(exist_ok=True)
     write_map(folder, solved.map, solved.pose)
     write_mesh(folder / MESH, vertices, solved.map)
     write_record(folder / RECORD, solved.record)

@@ -1,6 +1,7 @@
 """`lighting probe`: from files on disk to maps, and what they say."""
 
 import json
+from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from export.probe.report import DAY, PLACE, lighting_at
 from export.probe.synthetic import Camera, expose, photograph
 from lighting.cli import cli
 from lighting.cli.probe import KINDS
-from lighting.files.exr import read_attributes, read_exr
+from lighting.files.exr import read_attributes, read_exr, write_exr
 from lighting.probe.align import yaw_rotation
-from lighting.probe.folders import probes_in
+from lighting.probe.folders import probe_path, probes_in
 from lighting.probe.lens import KINDS as LENSES
 from lighting.probe.lens import lens_of
 from lighting.probe.settings import Moment
+from tests.lighting.cli.runners import error_of
 from tests.pictures import taken, write_png16
 
 TIMES = (1 / 8000, 1 / 90, 1.0)
@@ -115,8 +117,6 @@ def test_what_is_not_known_is_asked_for(exposures: list[Path], tmp_path: Path) -
 
 
 def test_a_map_without_a_sky_is_said(tmp_path: Path) -> None:
-    from lighting.files.exr import write_exr
-
     write_exr(tmp_path / "a.exr", np.full((32, 64, 3), 0.5, np.float32))
     result = run("fit", tmp_path / "a.exr")
     assert result.exit_code == 1
@@ -133,3 +133,124 @@ def test_a_sun_that_cannot_be_is_wrong_usage(tmp_path: Path, sun: str) -> None:
 
 def test_the_lenses_offered_are_those_known() -> None:
     assert KINDS == LENSES
+
+
+def panorama(path: Path, value: float = 0.5, height: int = 32) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_exr(path, np.full((height, 2 * height, 3), value, np.float32), compression="none")
+    return path
+
+
+def test_no_exposure_is_replaced(tmp_path: Path) -> None:
+    exposures = [panorama(tmp_path / "a.exr"), panorama(probe_path(tmp_path, DAY), 0.1)]
+    before = [path.read_bytes() for path in exposures]
+    for output in (tmp_path / "a.exr", tmp_path):
+        result = run("merge", *exposures, "--lens", "latlong", *WHERE, "--time", DAY.isoformat(), "-o", output)
+        assert error_of(result, 2) == "The input and the outputs must be different files."
+    assert [path.read_bytes() for path in exposures] == before
+
+
+@pytest.mark.parametrize(
+    ("lens", "option", "value"),
+    [
+        ("latlong", "--fov", "90"),
+        ("latlong", "--radius", "10"),
+        ("latlong", "--centre", "3,4"),
+        ("ball", "--fov", "90"),
+    ],
+)
+def test_options_that_the_lens_does_not_have_are_wrong_usage(
+    exposures: list[Path], tmp_path: Path, lens: str, option: str, value: str
+) -> None:
+    result = run("merge", *exposures, "--lens", lens, *WHERE, option, value, "-o", tmp_path / "a.exr")
+    assert error_of(result, 2) == f"{option} does not go with --lens {lens}."
+
+
+def test_what_is_told_twice_must_not_differ(exposures: list[Path], tmp_path: Path) -> None:
+    base = ("merge", *exposures, "--lens", "equidistant", "-o", tmp_path / "a.exr")
+    result = run(*base, *WHERE, "--time", "2024-06-01T08:10+02:00", "--utc-offset", "5")
+    assert error_of(result, 2) == "The time already has its offset from UTC; another one contradicts it."
+    assert error_of(run(*base, "--lat", 47), 2) == "A latitude needs a longitude and the other way round."
+    assert "nan is not a finite number." in error_of(run(*base, "--lat", "nan", "--lon", 8), 2)
+
+
+def test_a_folder_may_have_a_dot_in_its_name(exposures: list[Path], tmp_path: Path) -> None:
+    for name in ("s.d", "s.exr"):
+        (tmp_path / name).mkdir()
+        result = run("merge", *exposures, "--lens", "equidistant", *WHERE, "--height", 64, "-q", "-o", tmp_path / name)
+        assert result.exit_code == 0, result.output
+        assert probes_in(tmp_path / name)[0].time == DAY
+
+
+def test_a_probe_does_not_go_to_stdout(exposures: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "not to stdout." in error_of(run("merge", *exposures, "--lens", "equidistant", *WHERE, "-o", "-"), 2)
+    assert not list(tmp_path.iterdir())
+
+
+def test_exposures_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"junk")
+    (tmp_path / "a.exr").write_bytes(b"junk")
+    for path, said in (
+        (tmp_path / "a.png", " cannot be read as a PNG, TIFF or JPEG picture."),
+        (tmp_path / "a.exr", ": The file is not an OpenEXR image."),
+        (panorama(tmp_path / "b.exr", np.nan), ": The picture holds values that are not finite numbers."),
+    ):
+        result = run(
+            "merge", path, path, "--lens", "latlong", *WHERE, "--time", DAY.isoformat(), "-o", tmp_path / "probe.exr"
+        )
+        assert error_of(result) == f"{path}{said}"
+
+
+def _spoilt(path: Path, value: float) -> Path:
+    """A sky with one pixel that has another value."""
+    image = np.random.default_rng(0).uniform(0.1, 1, (32, 64, 3)).astype(np.float32)
+    image[3, 4] = value
+    write_exr(path, image)
+    return path
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_sky_with_a_pixel_that_is_no_number_is_refused(tmp_path: Path, value: float) -> None:
+    path = _spoilt(tmp_path / "a.exr", value)
+    for sun in ((), ("--sun", "10,40")):
+        said = error_of(run("fit", path, *sun))
+        assert said == f"{path}: The map holds values that are not finite numbers."
+
+
+def test_a_map_that_holds_no_sky_is_refused(tmp_path: Path) -> None:
+    dark, small = panorama(tmp_path / "dark.exr", -1.0), panorama(tmp_path / "small.exr", height=1)
+    assert error_of(run("fit", dark)) == f"{dark}: The sky in the map is black or negative."
+    assert error_of(run("fit", small)) == f"{small}: The map has 1 row; a sky needs 16 or more to be fitted."
+
+
+def _damaged_header(data: bytearray) -> None:
+    data[data.index(b"channels") + 12] = 0xFF
+
+
+def _damaged_pixels(data: bytearray) -> None:
+    for index in range(len(data) - 3000, len(data) - 2900):
+        data[index] ^= 0x5A
+
+
+def _no_exr(data: bytearray) -> None:
+    data[0] = 0
+
+
+@pytest.mark.parametrize("spoil", [_damaged_header, _damaged_pixels, _no_exr])
+def test_a_bad_exr_is_named_in_one_sentence(
+    tmp_path: Path, spoil: Callable[[bytearray], None], capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = _spoilt(tmp_path / "a.exr", 1.0)
+    data = bytearray(path.read_bytes())
+    spoil(data)
+    path.write_bytes(data)
+    said = error_of(run("fit", path))
+    assert said.startswith(f"{path}: The ")
+    assert "python_buffer" not in said
+    assert tuple(capfd.readouterr()) == ("", "")  # nor what OpenEXR prints by itself
+
+
+def test_a_sun_that_is_no_pair_is_told_what_it_should_be(tmp_path: Path) -> None:
+    path = panorama(tmp_path / "a.exr")
+    assert "'10' is not azimuth and elevation such as 120,35." in error_of(run("fit", path, "--sun", "10"), 2)

@@ -19,7 +19,7 @@ from lighting import __version__
 from lighting.envmap import render
 from lighting.errors import EnvironmentMapError
 from lighting.files import full_record
-from lighting.files.exr import read_exr, write_exr
+from lighting.files.exr import read_exr, read_map, write_exr
 from lighting.records import RANGES, Lighting
 
 LIGHT = Lighting(
@@ -185,6 +185,36 @@ def test_cut_files_are_refused_quietly(data: bytes, share: float, capfd: pytest.
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
         read_exr(io.BytesIO(data[: max(5, int(share * len(data)))]))
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_damaged_header_is_refused_in_plain_words(data: bytes) -> None:
+    spoilt = bytearray(data)
+    spoilt[data.index(b"channels") + 12] = 0xFF
+    with pytest.raises(
+        EnvironmentMapError, match=r"^The EXR file cannot be read: it is damaged or of an unknown kind\.$"
+    ):
+        read_exr(io.BytesIO(spoilt))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_map_of_numbers_that_are_not_finite_is_named(
+    tmp_path: Path, image: NDArray[np.float32], value: float
+) -> None:
+    spoilt = image.copy()
+    spoilt[3, 4, 1] = value
+    write_exr(tmp_path / "a.exr", spoilt)
+    with pytest.raises(EnvironmentMapError, match=r"a\.exr: The map holds values that are not finite numbers\.$"):
+        read_map(tmp_path / "a.exr")
+    write_exr(tmp_path / "a.exr", image, compression="none")
+    np.testing.assert_array_equal(read_map(tmp_path / "a.exr"), image)
+
+
+def test_what_is_no_map_is_named_once(tmp_path: Path, image: NDArray[np.float32]) -> None:
+    (tmp_path / "a.exr").write_bytes(encoded({"RGB": np.ascontiguousarray(image[:, :5])}))
+    with pytest.raises(EnvironmentMapError, match=r"a\.exr: An environment map has the shape"):
+        read_map(tmp_path / "a.exr")
+    with pytest.raises(EnvironmentMapError, match=r"^[^:]*none\.exr cannot be read: No such file or directory\.$"):
+        read_map(tmp_path / "none.exr")
 
 
 def test_any_cut_is_refused(data: bytes) -> None:

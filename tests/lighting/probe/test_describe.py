@@ -41,3 +41,19 @@ def test_skies_that_say_nothing_are_refused() -> None:
         describe(grey, (0.0, 30.0))
     with pytest.raises(ProbeError, match="below the horizon"):
         describe(grey, (0.0, -3.0))
+
+
+def test_maps_without_a_sky_are_refused() -> None:
+    for value in (0.0, -1.0):
+        with pytest.raises(ProbeError, match="black or negative"):
+            describe(np.full((64, 128, 3), value, np.float32), (0.0, 30.0))
+    with pytest.raises(ProbeError, match=r"has 1 row; a sky needs 16"):
+        describe(np.ones((1, 2, 3), np.float32))
+    with pytest.raises(ProbeError, match=r"has 15 rows; a sky needs 16"):
+        describe(np.ones((15, 30, 3), np.float32))
+
+
+def test_a_few_values_under_zero_do_no_harm() -> None:
+    image = render(Lighting(sun_azimuth=0.0, sun_elevation=40.0, turbidity=3.0, exposure=0.7), 128, sun=True)
+    image[60, ::8] = -0.01
+    assert describe(image).turbidity == pytest.approx(3.0, abs=0.1)

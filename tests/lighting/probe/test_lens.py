@@ -5,7 +5,7 @@ import pytest
 
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, direction
-from lighting.probe.lens import KINDS, Kind, lens_directions, lens_of, lens_pixels, pixels_per_degree
+from lighting.probe.lens import ABSENT, KINDS, Kind, lens_directions, lens_of, lens_pixels, pixels_per_degree
 
 ZENITH = np.array([0.0, 1.0, 0.0])
 
@@ -71,3 +71,13 @@ def test_impossible_lenses_are_refused() -> None:
             lens_of("equidistant", 200, 200, **told)
     with pytest.raises(ProbeError, match="twice as wide"):
         lens_of("latlong", 200, 200)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_lens_does_not_have_changes_nothing(kind: Kind) -> None:
+    told = {"fov": 150.0, "centre": (90.0, 95.0), "radius": 80.0}
+    towards = direction(80.0, 35.0)
+    usual = lens_pixels(lens_of(kind, 400, 200), towards)
+    for name, value in told.items():
+        same = np.array_equal(lens_pixels(lens_of(kind, 400, 200, **{name: value}), towards), usual)
+        assert same is (name in ABSENT.get(kind, ()))

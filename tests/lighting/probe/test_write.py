@@ -9,7 +9,7 @@ from lighting.errors import ProbeError
 from lighting.files.exr import read_attributes, read_exr
 from lighting.probe.develop import Probe
 from lighting.probe.folders import probes_in
-from lighting.probe.write import write_probe
+from lighting.probe.write import target_of, write_probe
 from tests.lighting.probe.test_develop import MOMENT, clipped  # noqa: F401
 
 
@@ -35,3 +35,9 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, clipped: Probe) ->
     (tmp_path / "file").write_text("")
     with pytest.raises(ProbeError, match="cannot be made"):
         write_probe(clipped, tmp_path / "file")
+
+
+def test_a_folder_stays_one_whatever_its_name(tmp_path: Path) -> None:
+    (tmp_path / "sky.exr").mkdir()
+    assert target_of(tmp_path / "sky.exr", MOMENT.time) == tmp_path / "sky.exr/20240601/090000/envmap.exr"
+    assert target_of(tmp_path / "probe.exr", MOMENT.time) == tmp_path / "probe.exr"

@@ -43,6 +43,14 @@ def test_folders_are_days_by_a_clock(tmp_path: Path) -> None:
     assert day.skies.sun_irradiance.min() > 0
 
 
+def test_a_probe_with_values_that_are_no_numbers_is_named(tmp_path: Path) -> None:
+    image = sky()
+    image[2, 3] = np.inf
+    write_exr(tmp_path / "a.exr", image)
+    with pytest.raises(EnvironmentMapError, match=r"a\.exr: The map holds values that are not finite numbers\.$"):
+        read_skies([tmp_path / "a.exr"])
+
+
 def test_one_probe_is_no_day_and_sizes_do_not_mix(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="two or more"):
         read_day(JUNE, {600.0: tmp_path})

@@ -122,3 +122,24 @@ def test_other_days_that_cannot_be_used(tmp_path: Path) -> None:
     (tmp_path / "times.csv").write_text("file,time\n0.jpg,soon\n")
     with pytest.raises(ParameterError, match="soon"):
         read_shots(tmp_path, utc_offset=0.0)
+
+
+def test_a_folder_named_like_a_photo_is_none(tmp_path: Path) -> None:
+    fill(tmp_path, 3)
+    (tmp_path / "out.png").mkdir()
+    assert read_shots(tmp_path, utc_offset=0.0).names == ("0.jpg", "1.jpg", "2.jpg")
+
+
+@pytest.mark.parametrize("content", [b"file,time\n\xff,\n", b"file,time\n" + b"a" * 200_000 + b",\n"])
+def test_times_that_are_no_table_are_refused(tmp_path: Path, content: bytes) -> None:
+    fill(tmp_path, 3)
+    (tmp_path / "times.csv").write_bytes(content)
+    with pytest.raises(PhotoError, match=r"times\.csv is not a CSV file in UTF-8\.$"):
+        read_shots(tmp_path, utc_offset=0.0)
+
+
+def test_photos_may_be_small_but_not_a_point(tmp_path: Path) -> None:
+    fill(tmp_path, 3)
+    assert read_shots(tmp_path, utc_offset=0.0, size=2).images.shape[1:3] == (2, 2)
+    with pytest.raises(PhotoError, match="1 x 1 pixels"):
+        read_shots(tmp_path, utc_offset=0.0, size=1)

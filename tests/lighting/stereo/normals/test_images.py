@@ -72,3 +72,9 @@ def test_what_is_no_photo_ends_in_a_sentence(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"nothing of the kind")
     with pytest.raises(PhotoError, match=name):
         read_shot(tmp_path / name)
+
+
+def test_a_bad_exr_is_named(tmp_path: Path) -> None:
+    write_picture(tmp_path / "depth.exr", np.ones((8, 8, 1), np.float32))
+    with pytest.raises(PhotoError, match=r"^depth\.exr: The EXR file has no channel R, G, B"):
+        read_shot(tmp_path / "depth.exr")

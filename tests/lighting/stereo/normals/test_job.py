@@ -69,6 +69,16 @@ def test_the_mesh_holds_every_pixel_and_its_triangles_face_the_camera(day: Path,
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
+def test_results_are_replaced_where_told_and_other_files_stay(day: Path, tmp_path: Path) -> None:
+    for name in ("notes.txt", "normals.json"):
+        (tmp_path / name).write_text("old")
+    options = ("--lat", "47", "--lon", "0", "--heading", "20", "--no-network", "--turbidity", "3", "-o", tmp_path)
+    result = run(day, *options, "--overwrite")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "notes.txt").read_text() == "old"
+    assert json.loads((tmp_path / "normals.json").read_text())["turbidity"] == 3
+
+
 def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Path) -> None:
     skies = clear_skies(june_suns(), height=128)
     for time, radiance, sun, power in zip(JUNE, skies.radiance, skies.sun_direction, skies.sun_irradiance, strict=True):
