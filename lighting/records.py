@@ -238,10 +238,12 @@ class Lighting:
                 raise ParameterError(f"The lighting record lacks {name}.")
         values |= {f"model_{name}": _text(found["model"], name) for name in ("name", "version")}
         values |= {name: _texts(record, name) for name in ("evidence", "warnings")}
-        values["camera_heading_probability"] = _numbers(found["camera"], "heading_probability")
+        values["camera_heading_probability"] = _numbers(
+            found["camera"], "heading_probability", "camera.heading_probability"
+        )
         for path, attribute in _COLOURS.items():
             section, name = path.split(".")
-            values[attribute] = _numbers(found[section], name) or None
+            values[attribute] = _numbers(found[section], name, path) or None
         values |= {"sky_model": found["sky"].get("model"), "suitable": record.get("suitable")}
         return cls(**{name: value for name, value in values.items() if value is not None})
 
@@ -318,10 +320,10 @@ def _texts(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def _numbers(section: Mapping[str, Any], name: str) -> tuple[float, ...]:
+def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
     numbers = () if section.get(name) is None else section[name]
     if not isinstance(numbers, list | tuple):
-        raise ParameterError(f"{name} must be a list of numbers, not {reprlib.repr(numbers)}.")
+        raise ParameterError(f"{path} must be a list of numbers, not {reprlib.repr(numbers)}.")
     return tuple(numbers)
 
 

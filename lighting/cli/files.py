@@ -81,10 +81,14 @@ def stdin() -> BinaryIO:
 
 def open_lighting(name: str) -> "Lighting":
     """The record in a JSON file, bare or in the line that `estimate --json` printed."""
+    with opened(name) as stream:
+        return lighting_of(stream.read(MOST_OF_RECORD + 1), name)
+
+
+def lighting_of(data: bytes, name: str) -> "Lighting":
+    """The same of what a file of that name holds."""
     from lighting.records import Lighting
 
-    with opened(name) as stream:
-        data = stream.read(MOST_OF_RECORD + 1)
     if len(data) > MOST_OF_RECORD:
         raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
     try:

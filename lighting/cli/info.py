@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import naming, open_lighting, picture_bytes
+from lighting.cli.files import lighting_of, naming, open_lighting, picture_bytes
 from lighting.cli.group import cli
+from lighting.cli.words import shown
 
 if TYPE_CHECKING:
     from lighting.photo import PhotoFacts
+    from lighting.records import Lighting
 
 
 @cli.command()
@@ -25,9 +27,13 @@ def info(file: str) -> None:
 
 
 def _describe_record(file: str) -> dict[str, Any]:
+    return _of_record(open_lighting(file))
+
+
+def _of_record(lighting: "Lighting") -> dict[str, Any]:
     from lighting.files import full_record
 
-    return {"kind": "lighting record", "lighting": full_record(open_lighting(file))}
+    return {"kind": "lighting record", "lighting": full_record(lighting)}
 
 
 def _describe_network(file: str) -> dict[str, Any]:
@@ -42,7 +48,9 @@ def _describe_picture(file: str) -> dict[str, Any]:
 
     data = picture_bytes(file)
     if data.startswith(MAGIC):
-        return _describe_map(data)
+        return _describe_map(file, data)
+    if data.lstrip().startswith(b"{"):
+        return _of_record(lighting_of(data, file))
     with naming(file):
         photo = read_photo(data)
     size = {"format": photo.format, "width": photo.width, "height": photo.height}
@@ -59,10 +67,14 @@ def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
     }
 
 
-def _describe_map(data: bytes) -> dict[str, Any]:
+def _describe_map(file: str, data: bytes) -> dict[str, Any]:
+    from lighting.errors import EnvironmentMapError
     from lighting.files import full_record, read_exr
 
-    image, lighting = read_exr(BytesIO(data))
+    try:
+        image, lighting = read_exr(BytesIO(data))
+    except EnvironmentMapError as error:
+        raise EnvironmentMapError(f"{shown(file)}: {error}") from error
     record = None if lighting is None else full_record(lighting)
     return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}
 

@@ -10,7 +10,7 @@ from click.core import ParameterSource
 from lighting.cli.files import estimated, naming, open_lighting, photo_bytes
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
-from lighting.cli.options import height_option, model_option, quiet_option, sun_option
+from lighting.cli.options import height_option, model_option, quiet_option, results_folder, sun_option
 from lighting.cli.words import in_words, report_warnings
 from lighting.scene import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
 
@@ -24,7 +24,7 @@ class _Options:
 
     photo: str
     tool: Tool
-    output: Path
+    output: str
     overwrite: bool
     record: str | None  # the name of a file, or "-"
     up_axis: UpAxis | None
@@ -44,7 +44,7 @@ class _Options:
 @cli.command()
 @click.argument("photo")
 @click.option("--for", "tool", required=True, type=click.Choice(TOOLS), help="The tool that opens the scene.")
-@click.option("-o", "--output", required=True, type=Path, metavar="FOLDER", help="New or empty unless --overwrite.")
+@results_folder
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; other files in it stay.")
 @click.option("--lighting", "record", metavar="LIGHTING.json", help="Take the light from this record, not from PHOTO.")
 @click.option("--up-axis", type=click.Choice(UP_AXES, case_sensitive=False), help="With --for usd; Y by default.")
@@ -64,7 +64,7 @@ def scene(**options: Any) -> None:
     from lighting.photo import read_photo
     from lighting.scene import PLATE_SIDE, check_target, make_scene, write_scene
 
-    check_target(asked.output, overwrite=asked.overwrite)
+    check_target(Path(asked.output), overwrite=asked.overwrite)
     with naming(asked.photo):
         data = photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)

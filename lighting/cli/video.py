@@ -8,7 +8,8 @@ import click
 
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
-from lighting.cli.options import height_option, model_option, quiet_option, sun_option
+from lighting.cli.options import FiniteRange, height_option, model_option, quiet_option, results_folder, sun_option
+from lighting.cli.words import shown
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
@@ -18,11 +19,11 @@ if TYPE_CHECKING:
 
 @cli.command()
 @click.argument("clip", metavar="SHOT.mp4")
-@click.option("-o", "--output", required=True, metavar="FOLDER", help="New or empty unless --overwrite.")
+@results_folder
 @click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
 @click.option(
     "--every",
-    type=click.FloatRange(0.04, 60.0),
+    type=FiniteRange(0.04, 60.0),
     default=0.2,
     show_default=True,
     metavar="SECONDS",
@@ -54,9 +55,12 @@ def video(
     of the first frame. Time, place and lens are taken from the clip's metadata and from DJI's subtitles beside it,
     unless stated here. The exit status is 1 where part of the clip has no answer.
     """
+    from lighting.errors import VideoError
     from lighting.model import Model
     from lighting.video.output import PART, Job, Wanted, check_folder, process
 
+    if clip == "-":
+        raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
     job = Job(Path(clip), Path(output), given, every, Wanted(**options))
     check_folder(job.folder, overwrite=overwrite)
@@ -64,6 +68,8 @@ def video(
     try:
         with _progress(clip, quiet) as bar:
             done = process(job, network, lambda time: bar.update(round(time, 2) - bar.n))
+    except VideoError as error:
+        raise VideoError(f"{shown(clip)}: {error}") from error
     except KeyboardInterrupt:
         _tell_interrupted(job.folder / PART)
         raise
@@ -104,15 +110,18 @@ def _report(clip: str, done: "Done", quiet: bool) -> None:
 
 def in_words(number: int, shot: "Shot") -> str:
     """One line for people about a shot."""
-    path, sun = shot.path, shot.fused.sun
+    from lighting.video.records import light_of
+
+    path, light = shot.path, light_of(shot)
     turned = path.heading.max() - path.heading.min()
     north = "" if shot.north is None else f", first heading {(shot.north + path.heading[0]) % 360.0:.0f}°"
     frames = "1 frame" if len(shot.frames) == 1 else f"{len(shot.frames)} frames"
     bridged = f", {path.bridged.sum()} bridged" if path.bridged.any() else ""
     return (
         f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {frames}{bridged}: "
-        f"sun {sun.elevation:.1f}° high and {abs(sun.azimuth):.1f}° {'right' if sun.azimuth >= 0 else 'left'} of the "
-        f"first frame (50 % within {sun.radius_50:.1f}°, 90 % within {sun.radius_90:.1f}°), "
-        f"direct sunlight {100 * shot.fused.prediction.sun_visibility:.0f} %; "
+        f"sun {light.sun_elevation:.1f}° high and {abs(light.sun_azimuth):.1f}° "
+        f"{'right' if light.sun_azimuth >= 0 else 'left'} of the first frame "
+        f"(50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
+        f"direct sunlight {100 * light.sun_visibility:.0f} %; "
         f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_sigma:.1f}°{north}"
     )

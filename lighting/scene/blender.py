@@ -24,7 +24,7 @@ from lighting.scene.parts import (
 )
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
-SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
+SCRIPT, NUMBERS, FILE = FILES = "scene.py", "scene.json", "scene.blend"
 
 SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre

@@ -14,7 +14,7 @@ from typing import Any
 
 from lighting.errors import SceneError
 from lighting.scene.common import Scene
-from lighting.scene.parts import Folder
+from lighting.scene.parts import ENVIRONMENT, LIT_GROUND, PLATE, RECORD, Folder
 from lighting.scene.tools import TOOLS
 
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
@@ -25,8 +25,8 @@ def write_scene(
 ) -> None:
     """Write the scene for one of TOOLS to a folder, which is new or empty unless `overwrite`.
 
-    Overwriting replaces the files that the scene consists of and leaves all others in the folder alone. `options` go
-    to the tool's `write`. Raises SceneError for another tool and for a folder that cannot be written.
+    Overwriting replaces a scene of any tool and leaves all other files in the folder alone. `options` go to the tool's
+    `write`. Raises SceneError for another tool and for a folder that cannot be written.
     """
     target = Path(folder).resolve()
     check_target(target, overwrite=overwrite)
@@ -95,7 +95,24 @@ def check_target(target: Path, *, overwrite: bool) -> None:
 def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> None:
     if tool not in TOOLS:
         raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(TOOLS)}.")
-    import_module(f"lighting.scene.{tool}").write(scene, folder, **options)
+    _module(tool).write(scene, folder, **options)
+
+
+def remove_scene(folder: Path, *others: str) -> None:
+    """Remove a scene's files and those named `others` from a folder, and the folder if it holds nothing else."""
+    for name in (*_names(), *others):
+        (folder / name).unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def _names() -> set[str]:
+    """The names that files of scenes have."""
+    return {PLATE, ENVIRONMENT, RECORD, LIT_GROUND} | {name for tool in TOOLS for name in _module(tool).FILES}
+
+
+def _module(tool: str) -> Any:
+    return import_module(f"lighting.scene.{tool}")
 
 
 @contextmanager
@@ -111,6 +128,10 @@ def _beside(target: Path) -> Iterator[Path]:
 
 
 def _replace_files(source: Path, target: Path) -> None:
+    """Move a scene's files into a folder; those of a scene for another tool there would show what is no more."""
+    for name in _names():
+        if not (source / name).exists():
+            (target / name).unlink(missing_ok=True)
     for file in sorted(path for path in source.rglob("*") if path.is_file()):
         place = target / file.relative_to(source)
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,9 @@ over: what was done before an interruption stays.
 """
 
 import json
+import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -15,6 +17,8 @@ from lighting.errors import VideoError
 from lighting.evidence import Given
 from lighting.files import write_envmap
 from lighting.model import Model
+from lighting.scene.files import remove_scene
+from lighting.video.camera import SHOT_FILES
 from lighting.video.clip import Clip
 from lighting.video.records import FrameLight, frame_lights, world_map
 from lighting.video.run import around, shots_of
@@ -22,6 +26,8 @@ from lighting.video.shot import Shot
 from lighting.video.watch import EVERY
 
 RECORDS, PART, FILM, FRAMES = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
+_SCENE, _FRAME = re.compile(r"shot-\d+-(blender|usd)"), re.compile(r"\d{6,}\.exr")  # names of results
+_MAP_OR_FILM = re.compile(r"shot-\d+\.exr|preview\.mp4")
 PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side at most
 
 
@@ -91,6 +97,7 @@ def process(job: Job, model: Model, progress: Callable[[float], Any] | None = No
                 lines.flush()
         done.damage, rate = clip.damage, clip.info.frame_rate
     (job.folder / PART).replace(job.folder / RECORDS)
+    _remove_others(job, done, {light.frame for light in lights})
     if job.wanted.tool is not None:
         _write_scenes(job, done.shots, rate)
     if job.wanted.film:
@@ -115,6 +122,22 @@ def _write(job: Job, shot: Shot | VideoError, number: int, lines: TextIO) -> lis
             picture = render(light.lighting, job.wanted.height, sun=job.wanted.sun)
             write_envmap(job.folder / FRAMES / f"{light.frame:06d}.exr", picture, light.lighting)
     return lights
+
+
+def _remove_others(job: Job, done: Done, frames: set[int]) -> None:
+    """Remove the results of an earlier clip that were not replaced."""
+    shots = [number for number, shot in enumerate(done.shots, 1) if isinstance(shot, Shot)]
+    kept = {shot_map(number) for number in shots} | {f"shot-{number}-{job.wanted.tool}" for number in shots}
+    kept |= {f"{frame:06d}.exr" for frame in frames if job.wanted.frames_exr} | ({FILM} if job.wanted.film else set())
+    for path in [*job.folder.iterdir(), *(job.folder / FRAMES).glob("*")]:
+        if path.name in kept:
+            continue
+        if path.is_dir() and _SCENE.fullmatch(path.name):
+            remove_scene(path, *SHOT_FILES)
+        elif path.is_file() and (_FRAME if path.parent.name == FRAMES else _MAP_OR_FILM).fullmatch(path.name):
+            path.unlink()
+    with suppress(OSError):  # it holds files that are none of ours, or is not there
+        (job.folder / FRAMES).rmdir()
 
 
 def _write_scenes(job: Job, shots: Sequence[Shot | VideoError], rate: float) -> None:

@@ -34,7 +34,12 @@ class FrameLight:
 def light_of(shot: Shot) -> Lighting:
     """The shot's light as its first camera sees it."""
     light = with_ground(estimate_of(shot.fused, shot.known).lighting, shot.ground)
-    return replace(light, camera_elevation=float(shot.path.elevation[0]), camera_roll=float(shot.path.roll[0]))
+    return replace(
+        light,
+        camera_elevation=float(shot.path.elevation[0]),
+        camera_roll=float(shot.path.roll[0]),
+        camera_heading=shot.north,
+    )
 
 
 def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:

@@ -39,6 +39,13 @@ def test_info_of_a_record(record_path: Path, tmp_path: Path) -> None:
 
 def test_info_reads_stdin(photo_path: Path) -> None:
     assert json.loads(run("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
+    record = json.dumps(full_record(LIGHTING)).encode()
+    assert json.loads(run("info", "-", stdin=record).stdout)["lighting"] == full_record(LIGHTING)
+
+
+def test_a_damaged_map_is_named(tmp_path: Path) -> None:
+    (tmp_path / "cut.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(40))
+    assert error_of(run("info", tmp_path / "cut.exr")).startswith(f"{tmp_path / 'cut.exr'}: ")
 
 
 @pytest.mark.parametrize("data", [b"", b"text", b"v/1\x01 and no more"])

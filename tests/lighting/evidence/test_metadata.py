@@ -135,5 +135,14 @@ def test_a_photo_of_night_leaves_no_time_to_the_others() -> None:
     assert [k.is_night for k in known_together([FACTS, FACTS], Given())] == [False, False]
 
 
+def test_photos_of_different_places_are_told() -> None:
+    assert FACTS.latitude is not None
+    near, far = replace(FACTS, latitude=FACTS.latitude + 0.5), replace(FACTS, latitude=-FACTS.latitude)
+    found = known_together([FACTS, near, far], Given())
+    assert [bool(k.warnings) for k in found] == [False, False, True]
+    assert "km from that of the first photo" in found[2].warnings[-1]
+    assert not any(k.warnings for k in known_together([FACTS, far], Given(latitude=48.0, longitude=11.0)))
+
+
 def test_photos_that_know_nothing_stay_as_they_are() -> None:
     assert of_one_place([PhotoFacts(), PhotoFacts()]) == [PhotoFacts(), PhotoFacts()]

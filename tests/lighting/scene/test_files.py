@@ -86,3 +86,11 @@ def test_an_archive_holds_what_the_folder_holds(tmp_path: Path, tool: str) -> No
 
 def test_one_scene_makes_one_archive() -> None:
     assert zip_scene(plain_scene(), "mitsuba") == zip_scene(plain_scene(), "mitsuba")
+
+
+def test_a_scene_for_another_tool_leaves_none_of_the_one_before(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    write_scene(plain_scene(), "usd", folder)
+    write_scene(plain_scene(turbidity=6.0), "threejs", folder, overwrite=True)
+    write_scene(plain_scene(), "threejs", tmp_path / "other")
+    assert {p.name for p in folder.iterdir()} == {p.name for p in (tmp_path / "other").iterdir()}

@@ -95,6 +95,17 @@ def test_a_heading_makes_the_map_look_north(network: Path, tmp_path: Path) -> No
     assert records(tmp_path / "b")[0]["lighting"]["camera"]["heading"] == pytest.approx(90.0, abs=0.1)
 
 
+def test_a_map_whose_centre_is_north_says_so_without_time_and_place(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
+    assert run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, "--heading", 120).exit_code == 0
+    _, light = read_exr(tmp_path / "out" / "shot-1.exr")
+    first = records(tmp_path / "out")[0]["lighting"]
+    assert light is not None
+    assert light.camera_heading == pytest.approx(0.0, abs=1e-6)
+    assert light.camera_elevation == pytest.approx(first["camera"]["elevation"], abs=1e-3)
+    assert (first["sun"]["azimuth"] + 120 - light.sun_azimuth + 180) % 360 == pytest.approx(180, abs=0.01)
+
+
 def test_usd_has_a_camera_with_time_samples(clip: Path, network: Path, tmp_path: Path) -> None:
     from pxr import Usd, UsdGeom
 
@@ -132,6 +143,42 @@ def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
     assert "2 shots, for there are cuts" in done.output
     assert {line["shot"] for line in records(tmp_path / "out")} == {1, 2}
     assert (tmp_path / "out" / "shot-2.exr").is_file()
+
+
+def test_overwriting_leaves_nothing_of_the_clip_before_but_what_is_the_users(network: Path, tmp_path: Path) -> None:
+    cut = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
+    one, out = write_clip(tmp_path / "one.mp4", pan(6, 3.0)), tmp_path / "out"
+    extras = ["--for", "blender", "--frames-exr", "--preview"]
+    assert run(cut, "-o", out, "--model", network, "--height", 32, *extras).exit_code == 0
+    (out / "shot-2-blender" / "mine.blend").write_text("mine")
+    assert run(one, "-o", out, "--model", network, "--height", 32, "--overwrite", "--for", "usd").exit_code == 0
+    assert sorted(p.name for p in out.iterdir()) == ["lighting.jsonl", "shot-1-usd", "shot-1.exr", "shot-2-blender"]
+    assert [p.name for p in (out / "shot-2-blender").iterdir()] == ["mine.blend"]
+
+
+def test_in_twilight_the_words_are_those_of_the_record(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
+    dusk = ["--time", "2024-03-01T18:25+01:00", "--lat", 48, "--lon", 11]
+    done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, *dusk)
+    assert "direct sunlight 0 %" in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["-", "-o", "out"], 2, "not from stdin"),
+        (["CLIP", "-o", "-"], 2, "a folder, which stdout cannot be"),
+        (["CLIP", "-o", "out", "--every", "nan"], 2, "not a finite number"),
+        (["JUNK", "-o", "out"], 1, "junk.mp4: The file is not a clip"),
+    ],
+)
+def test_what_cannot_be_is_refused(tmp_path: Path, arguments: list[str], status: int, words: str) -> None:
+    (tmp_path / "junk.mp4").write_bytes(b"junk")
+    names = {"CLIP": tmp_path / "clip.mp4", "JUNK": tmp_path / "junk.mp4", "out": tmp_path / "out"}
+    done = run(*(names.get(argument, argument) for argument in arguments))
+    assert done.exit_code == status
+    assert words in " ".join(done.output.split())
+    assert not Path("-").exists()
 
 
 def test_what_can_be_read_of_a_damaged_clip_is_kept(network: Path, tmp_path: Path) -> None:
