@@ -1,6 +1,6 @@
 /** The service as the page uses it. Paths are relative, so that it also works behind a proxy's prefix. */
 
-import { apiKey } from "./key";
+import { apiKey, keyHeader } from "./key";
 import type { Camera } from "./pure/camera";
 import type { Distribution } from "./pure/distribution";
 import { type Given, givenQuery } from "./pure/given";
@@ -87,6 +87,9 @@ export async function estimate(photos: Blob[], given: Given, signal: AbortSignal
 export const uprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =>
   send("v1/photo", formOf([photo]), signal);
 
+/** An example's file. */
+export const exampleFile = async (url: string): Promise<Blob> => (await ask(url, {})).blob();
+
 /** The preview of a photo's estimate, as PNG. */
 export const previewFile = (photo: Blob, given: Given): Promise<Blob> =>
   send(`v1/preview?${givenQuery(given, 1)}`, formOf([photo]));
@@ -149,7 +152,7 @@ export async function accuracy(): Promise<Record<string, number>> {
 
 async function ask(url: string, init: RequestInit): Promise<Response> {
   const key = apiKey();
-  const headers: HeadersInit = key ? { Authorization: `Bearer ${key}` } : {};
+  const headers: HeadersInit = key ? keyHeader(key) : {};
   const response = await fetch(url, { ...init, headers }).catch((error: unknown) => {
     if (init.signal?.aborted) throw error;
     throw new Refusal(0, "The service did not answer", "Check that it is still running, then try again.");

@@ -1,12 +1,20 @@
-/** The metadata of a file, read in the browser; nothing where there are none that can be read. */
+/** The metadata of a file, read in the browser. */
 
-import { type Facts, factsOf } from "./pure/facts";
+import { exifBlock, isJpeg } from "./pure/container";
+import { type Facts, factsOf, isTurned } from "./pure/metadata";
+
+const MOST = 256e6; // bytes that are looked at; photos have fewer
+const OPTIONS = { reviveValues: false, translateValues: false };
 
 export async function readFacts(file: Blob): Promise<Facts> {
   try {
-    const { parse } = await import("exifr/dist/lite.esm.mjs");
-    return factsOf((await parse(file, { reviveValues: false, translateValues: false })) ?? {});
+    const bytes = new Uint8Array(await file.slice(0, MOST).arrayBuffer());
+    const block = exifBlock(bytes);
+    if (!block) return {};
+    const { parse } = await import("exifr/dist/full.esm.mjs");
+    const tags = (await parse(block, OPTIONS)) ?? {};
+    return { ...factsOf(tags), ...(isTurned(tags) && !isJpeg(bytes) ? { turned: true } : {}) };
   } catch {
-    return {};
+    return { unread: true };
   }
 }

@@ -1,3 +1,6 @@
-declare module "exifr/dist/lite.esm.mjs" {
-  export function parse(file: Blob, options: Record<string, unknown>): Promise<Record<string, unknown> | undefined>;
+declare module "exifr/dist/full.esm.mjs" {
+  export function parse(
+    file: Uint8Array,
+    options: Record<string, unknown>,
+  ): Promise<Record<string, unknown> | undefined>;
 }

@@ -10,10 +10,11 @@ import { headline } from "./pure/headline";
 import { latest } from "./pure/latest";
 import type { Subject } from "./pure/snippets";
 import { SkyRenderer } from "./sky/renderer";
-import { type Look, lookOf, questionOf, type Shown, type View, viewOf } from "./studio";
+import { filesOf, type Look, lookOf, questionOf, type Shown, type View, viewOf } from "./studio";
 import { Dome } from "./views/dome";
-import { changedLight, isChanged, listenForDownloads, mapHeight } from "./views/downloads";
+import { changedLight, isChanged, listenForDownloads, mapHeight, showPreview } from "./views/downloads";
 import { FactsView } from "./views/facts";
+import { gesture, listenForGestures } from "./views/gesture";
 import { listenForUndo, showUndo } from "./views/history";
 import { mapMarks, photoMarks } from "./views/marks";
 import { showNumbers } from "./views/numbers";
@@ -45,7 +46,7 @@ const dome = new Dome(byId("dome"), byId("readout"), ({ azimuth, elevation }) =>
 );
 const sliders = new Sliders(light);
 const object = new ObjectView(change, fail);
-const facts = new FactsView((given) => asked && take(asked.files, given));
+const facts = new FactsView((given) => shown && take(filesOf(shown), given));
 const submit = latest<Wish>(run, 0, fail);
 const sky = new SkyRenderer(({ light, picture }) => {
   const view = current();
@@ -67,14 +68,16 @@ const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) =>
   return view ? mapMarks(view.answer, lookOf(view).parameters, aspectOf(view.photo), width, height) : [];
 });
 
-listenForPhotos((files) => take(files, NOTHING), withPhoto);
+listenForPhotos((files) => take(files, NOTHING), withPhoto, fail);
+listenForGestures();
 listenForDownloads(settled, fail);
 listenForUndo(() => current()?.history, refresh);
 listenForCopies(subject);
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  keepKey(byId<HTMLInputElement>("key").value);
-  if (asked) take(asked.files, asked.given);
+  const kept = keepKey(byId<HTMLInputElement>("key").value);
+  byId("key-note").hidden = kept;
+  if (kept && asked) take(asked.files, asked.given);
 });
 byId("reset").addEventListener("click", () => {
   const view = current();
@@ -88,11 +91,13 @@ function take(files: File[], given: Given): void {
   status.textContent = `Looking at ${files.map(({ name }) => name).join(", ")}…`;
   byId("error").hidden = true;
   byId("key-form").hidden = true;
+  byId("key-note").hidden = true;
   setBusy(true);
   submit(asked);
 }
 
 function withPhoto(model: File): void {
+  byId("error").hidden = true;
   if (current()) object.take(model);
   else fail(new Error("Choose a photo first, then drop your object on it."));
 }
@@ -144,22 +149,23 @@ function open(index: number): void {
   refresh();
 }
 
-/** Changes the look of the photo on show; steps of one kind are undone together. */
+/** Changes the look of the photo on show; `kind` says which steps may be undone together. */
 function change(part: Partial<Look>, kind: string): void {
   const view = current();
   if (!view) return;
-  view.history.push({ ...lookOf(view), ...part }, kind);
+  view.history.push({ ...lookOf(view), ...part }, kind, gesture());
   refresh();
 }
 
 /** Brings everything to the look that the history holds. */
 function refresh(): void {
   const view = current();
-  if (!view) return;
+  if (!view || !shown) return;
   const look = lookOf(view);
   sliders.show(look.parameters, parametersOf(view.answer));
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
   showUndo(view.history);
+  showPreview(view, shown);
   dome.mark(look.parameters);
   drawPhotoMarks();
   drawMapMarks();

@@ -3,7 +3,7 @@
 import { uprightPhoto } from "./api";
 import { readFacts } from "./exif";
 import type { Pixels } from "./picture/pixels";
-import type { Facts } from "./pure/facts";
+import type { Facts } from "./pure/metadata";
 
 export interface Photo {
   file: File;
@@ -11,20 +11,23 @@ export interface Photo {
   picture: HTMLCanvasElement; // upright, for the stage
   pixels: Pixels; // the same, small, to look for ground and shade
   facts: Facts;
-  byService: boolean; // whether the service decoded it, since the browser cannot
+  byService: boolean; // whether the service decoded it
 }
 
 const LONGEST = 2048; // pixels of the stage's backdrop
 const SMALL = 256; // pixels of the picture that is looked at
 
-/** Decodes a file here, or by the service where this browser cannot, as most cannot with HEIC. */
+/**
+ * Decodes a file here, or by the service where this browser cannot, as most cannot with HEIC, or where it may show it
+ * another way up, as a WebP with an orientation.
+ */
 export async function openPhoto(file: File, signal: AbortSignal): Promise<Photo> {
-  const facts = readFacts(file);
-  const own = await decoded(file);
+  const facts = await readFacts(file);
+  const own = facts.turned ? null : await decoded(file);
   const image = own ?? (await decoded(await uprightPhoto(file, signal)));
   if (!image) throw new Error(`${file.name} cannot be shown.`);
   const picture = pictureOf(image, LONGEST);
-  return { file, url: image.src, picture, pixels: pixelsOf(image), facts: await facts, byService: !own };
+  return { file, url: image.src, picture, pixels: pixelsOf(image), facts, byService: !own };
 }
 
 export const aspectOf = ({ picture }: Photo): number => picture.width / picture.height;

@@ -48,6 +48,7 @@ export function viewOf(photo: Photo, answer: Estimate): View {
   };
 }
 
+export const filesOf = ({ views }: Shown): File[] => views.map(({ photo }) => photo.file);
 export const lookOf = ({ history }: View): Look => history.state;
 
 /** What the sky's worker is asked for a view. */

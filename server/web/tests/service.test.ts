@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { accuracy, type Estimate, envmapFile, estimate, type Refusal, sceneFile } from "../src/api";
+import { accuracy, type Estimate, envmapFile, estimate, exampleFile, type Refusal, sceneFile } from "../src/api";
+import { apiKey, keepKey } from "../src/key";
 import { NOTHING } from "../src/pure/given";
 import { latest } from "../src/pure/latest";
 
@@ -7,7 +8,10 @@ const stored = new Map<string, string>();
 
 beforeEach(() => {
   stored.clear();
-  vi.stubGlobal("sessionStorage", { getItem: (name: string) => stored.get(name) ?? null });
+  vi.stubGlobal("sessionStorage", {
+    getItem: (name: string) => stored.get(name) ?? null,
+    setItem: (name: string, value: string) => stored.set(name, value),
+  });
 });
 
 afterEach(() => {
@@ -90,6 +94,24 @@ describe("the service", () => {
   it("may not be there", async () => {
     vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("Failed to fetch")));
     expect((await refusalOf()).title).toBe("The service did not answer");
+  });
+});
+
+describe("an example", () => {
+  it("is refused as an own photo is where the service is not there, and is no photo where it has none", async () => {
+    vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("Failed to fetch")));
+    await expect(exampleFile("assets/a.jpg")).rejects.toMatchObject({ status: 0, title: "The service did not answer" });
+    answer("<html>Gone</html>", 404);
+    await expect(exampleFile("assets/a.jpg")).rejects.toMatchObject({ title: "The service answered 404" });
+    answer("photo", 200);
+    expect(await (await exampleFile("assets/a.jpg")).text()).toBe("photo");
+  });
+});
+
+describe("a key", () => {
+  it("is kept where a request can carry it, and never otherwise", () => {
+    expect([keepKey("schlüssel"), apiKey()]).toEqual([true, "schlüssel"]);
+    expect([keepKey("key“€”"), keepKey("a\nb"), apiKey()]).toEqual([false, false, "schlüssel"]);
   });
 });
 

@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
-import { evidenceWords, factsOf, formValues, givenBy, said } from "../src/pure/facts";
+import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
 import { History } from "../src/pure/history";
+import { factsOf } from "../src/pure/metadata";
 import { distance, footOf, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
 import { curlOf, pythonOf, type Subject } from "../src/pure/snippets";
 
@@ -11,8 +12,10 @@ const TAGS = {
   Make: "SONY",
   Model: "ILCE-9M2",
   FocalLengthIn35mmFormat: 20,
-  latitude: 41.90100555,
-  longitude: -12.4795,
+  GPSLatitude: [41, 54, 3.61998],
+  GPSLatitudeRef: "N",
+  GPSLongitude: [12, 28, 46.2],
+  GPSLongitudeRef: "W",
   GPSImgDirection: 87.4,
   GPSImgDirectionRef: "M",
   GPSTimeStamp: [15, 27, 34],
@@ -34,7 +37,13 @@ describe("what a photo says", () => {
   });
 
   it("is left out where it cannot be read", () => {
-    const broken = { DateTimeOriginal: "    ", latitude: Number.NaN, longitude: 5, GPSImgDirection: "north", Make: 3 };
+    const place = {
+      GPSLatitude: [Number.NaN, 0, 0],
+      GPSLatitudeRef: "N",
+      GPSLongitude: [5, 0, 0],
+      GPSLongitudeRef: "E",
+    };
+    const broken = { ...place, DateTimeOriginal: "    ", GPSImgDirection: "north", Make: 3 };
     expect(factsOf({ ...broken, FocalLengthIn35mmFormat: 0 })).toEqual({});
   });
 
@@ -73,6 +82,23 @@ describe("undo", () => {
     expect([history.undo(), history.redo(), history.redo()]).toEqual(["a", "c", "d"]);
     history.push("f", "click");
     expect([history.canRedo, history.undo()]).toEqual([false, "d"]);
+  });
+
+  it("takes a gesture back in one step, whatever its pauses, and each gesture alone", () => {
+    let time = 0;
+    const history = new History("a", () => time);
+    for (const [state, gesture] of [
+      ["b", 1],
+      ["c", 1],
+      ["d", 1],
+      ["e", 2],
+      ["f", 0],
+      ["g", 0],
+    ] as const) {
+      time += state === "c" ? 5000 : 10;
+      history.push(state, "slide", gesture);
+    }
+    expect([history.undo(), history.undo(), history.undo(), history.canUndo]).toEqual(["e", "d", "a", false]);
   });
 });
 
@@ -129,6 +155,10 @@ describe("the light on show as text", () => {
     expect(curlOf({ ...subject, keyed: true })).toContain("-H 'Authorization: Bearer YOUR_KEY'");
   });
 
+  it("quotes the file's name as curl reads it", () => {
+    expect(curlOf({ ...subject, photo: 'a "b"; c,\\d.jpg' })).toContain(`-F 'photo=@"a \\"b\\"; c,\\\\d.jpg"' `);
+  });
+
   it("replaces the light in the curl command", () => {
     expect(curlOf(moved)).toContain("&sun_azimuth=-41.2&sun_elevation=33&turbidity=3&exposure=5&sun=false&");
   });
@@ -138,6 +168,14 @@ describe("the light on show as text", () => {
       'Given(time=datetime.fromisoformat("2024-06-01T14:30+02:00"), latitude=48.14, longitude=11.58)',
     );
     expect(pythonOf({ ...subject, given: NOTHING })).not.toContain("Given");
+  });
+
+  it("writes every offset as ISO 8601 does, in the Python program", () => {
+    const program = (utc_offset: string): string => pythonOf({ ...subject, given: { ...subject.given, utc_offset } });
+    const offsets = { 2: "+02:00", "5.5": "+05:30", "-3": "-03:00", "-0330": "-03:30", Z: "+00:00" };
+    for (const [given, iso] of Object.entries(offsets)) expect(program(given)).toContain(`"2024-06-01T14:30${iso}"`);
+    const alone = { ...NOTHING, utc_offset: "-0330" };
+    expect(pythonOf({ ...subject, given: alone })).toContain("Given(utc_offset=-3.5)");
   });
 
   it("replaces the light in the Python program", () => {

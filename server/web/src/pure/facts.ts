@@ -1,61 +1,48 @@
-/** What a photo says of itself: the metadata that the service reads, as words and as the form's values. */
+/** What a photo says of itself, in words and as the form's values. */
 
 import type { Given } from "./given";
+import type { Facts } from "./metadata";
 import { short } from "./words";
-
-/** As `exifr` gives the tags, by their names; anything may be missing or broken. */
-export type Tags = Record<string, unknown>;
-
-export interface Facts {
-  time?: string; // local, as 2024-06-01T14:30:05
-  offset?: string; // as +02:00
-  satellites?: boolean; // whether GPS gave the time too, and so the time zone
-  latitude?: number;
-  longitude?: number;
-  heading?: number;
-  magnetic?: boolean; // whether the heading counts from magnetic north
-  focal?: number; // mm of a 35 mm camera
-  camera?: string;
-}
-
-export function factsOf(tags: Tags): Facts {
-  const facts: Facts = {};
-  const time = /^(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)/.exec(text(tags.DateTimeOriginal));
-  if (time) facts.time = `${time[1]}-${time[2]}-${time[3]}T${time[4]}`;
-  if (/^[+-]\d\d:\d\d$/.test(text(tags.OffsetTimeOriginal))) facts.offset = text(tags.OffsetTimeOriginal);
-  if (tags.GPSTimeStamp && tags.GPSDateStamp) facts.satellites = true;
-  if (isAngle(tags.latitude, 90) && isAngle(tags.longitude, 180)) {
-    Object.assign(facts, { latitude: tags.latitude, longitude: tags.longitude });
-  }
-  if (isAngle(tags.GPSImgDirection, 360)) {
-    Object.assign(facts, { heading: tags.GPSImgDirection, magnetic: text(tags.GPSImgDirectionRef).startsWith("M") });
-  }
-  const focal = tags.FocalLengthIn35mmFormat;
-  if (typeof focal === "number" && focal > 0) facts.focal = focal;
-  const camera = [text(tags.Make), text(tags.Model)].filter(Boolean).join(" ");
-  if (camera) facts.camera = camera;
-  return facts;
-}
-
-const text = (value: unknown): string => (typeof value === "string" ? value.trim() : "");
-const isAngle = (value: unknown, most: number): value is number =>
-  typeof value === "number" && Number.isFinite(value) && Math.abs(value) <= most;
 
 export interface Said {
   name: string;
   value: string;
 }
 
-/** The facts in words; what a photo does not say is named too, since it can be given. */
-export function said(facts: Facts): Said[] {
-  const unknown = "not in the file";
-  return [
-    { name: "Time", value: timeWords(facts) ?? unknown },
-    { name: "Place", value: placeWords(facts) ?? unknown },
-    { name: "Heading", value: headingWords(facts) ?? unknown },
-    { name: "Lens", value: facts.focal ? `${short(facts.focal)} mm (as of a 35 mm camera)` : unknown },
-    { name: "Camera", value: facts.camera ?? unknown },
-  ];
+/** The facts in words; what a photo does not say is named too, since it can be given. `used`: see `usedUnseen`. */
+export function said(facts: Facts, used: readonly Fact[] = []): Said[] {
+  const unknown = facts.unread ? "cannot be read here" : "not in the file";
+  const lens = facts.focal && `${short(facts.focal)} mm (as of a 35 mm camera)`;
+  const words: Record<Fact | "Camera", string | undefined> = {
+    Time: timeWords(facts),
+    Place: placeWords(facts),
+    Heading: headingWords(facts),
+    Lens: lens || undefined,
+    Camera: facts.camera,
+  };
+  return Object.entries(words).map(([name, value]) => ({
+    name,
+    value: value ?? (used.some((fact) => fact === name) ? "read by the service" : unknown),
+  }));
+}
+
+/** The parts of an answer's evidence that a file may hold. */
+const SOURCES = {
+  Time: { evidence: "time+place", given: ["time"], fact: "time" },
+  Place: { evidence: "time+place", given: ["lat"], fact: "latitude" },
+  Heading: { evidence: "heading", given: ["heading", "headings"], fact: "heading" },
+  Lens: { evidence: "focal length", given: ["fov"], fact: "focal" },
+} as const;
+type Fact = keyof typeof SOURCES;
+
+/** What the answer used though neither the user nor any of the photos, as they are read here, say it. */
+export function usedUnseen(evidence: readonly string[], given: Given, photos: readonly Facts[]): Fact[] {
+  return (Object.keys(SOURCES) as Fact[]).filter((name) => {
+    const source = SOURCES[name];
+    const known =
+      source.given.some((field) => given[field]) || photos.some((facts) => facts[source.fact] !== undefined);
+    return evidence.includes(source.evidence) && !known;
+  });
 }
 
 function timeWords({ time, offset, satellites }: Facts): string | undefined {
@@ -70,8 +57,8 @@ function placeWords({ latitude, longitude }: Facts): string | undefined {
   return `${degrees(latitude, "NS")}, ${degrees(longitude, "EW")}`;
 }
 
-function headingWords({ heading, magnetic }: Facts): string | undefined {
-  return heading === undefined ? undefined : `${heading.toFixed(0)}° from ${magnetic ? "magnetic" : "true"} north`;
+function headingWords({ heading, north }: Facts): string | undefined {
+  return heading === undefined ? undefined : `${heading.toFixed(0)}° from ${north ? `${north} ` : ""}north`;
 }
 
 /** What each part of `evidence` means. */
@@ -108,7 +95,9 @@ export function givenBy(form: Given, facts: Facts): Given {
   const own = formValues(facts, { ...form, time: "", utc_offset: "", lat: "", lon: "", heading: "", fov: "" });
   const unless = (name: "time" | "utc_offset" | "lat" | "lon" | "heading"): string =>
     form.exif && form[name] === own[name] ? "" : form[name];
-  const given = { ...form, time: unless("time"), utc_offset: unless("utc_offset"), heading: unless("heading") };
+  const time = unless("time");
+  const utc_offset = time ? form.utc_offset : unless("utc_offset"); // a time replaces the photo's offset too
+  const given = { ...form, time, utc_offset, heading: unless("heading") };
   const [lat, lon] = [unless("lat"), unless("lon")];
   return lat || lon ? { ...given, lat: form.lat, lon: form.lon } : { ...given, lat: "", lon: "" };
 }

@@ -1,11 +1,15 @@
 /** What was done, to be undone: states one after another. */
 
-const TOGETHER = 800; // ms within which changes of the same kind count as one
+const TOGETHER = 800; // ms within which changes of the same kind count as one, of keys
+
+/** The number of no gesture. */
+export const NO_GESTURE = 0;
 
 export class History<State> {
   private past: State[] = [];
   private future: State[] = [];
   private kind = "";
+  private gesture = NO_GESTURE;
   private last = Number.NEGATIVE_INFINITY;
 
   constructor(
@@ -25,11 +29,17 @@ export class History<State> {
     return this.future.length > 0;
   }
 
-  /** A new state; steps of one `kind` in quick succession, as of a slider, are undone together. */
-  push(state: State, kind: string): void {
+  /**
+   * A new state. Steps of one `kind` are undone together if they are of one gesture of the pointer, however long it
+   * takes, or, without one, follow each other quickly, as those of a key that is held down.
+   */
+  push(state: State, kind: string, gesture = NO_GESTURE): void {
     const time = this.clock();
-    if (kind !== this.kind || time - this.last > TOGETHER || this.past.length === 0) this.past.push(this.now);
+    const quick = gesture !== NO_GESTURE || time - this.last <= TOGETHER;
+    const together = kind === this.kind && gesture === this.gesture && quick;
+    if (!together || this.past.length === 0) this.past.push(this.now);
     this.kind = kind;
+    this.gesture = gesture;
     this.last = time;
     this.future = [];
     this.now = state;

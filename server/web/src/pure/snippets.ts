@@ -1,6 +1,7 @@
 /** The light on show as a command and as a program, to be copied. */
 
 import { numberText, type Parameters, photoQuery } from "../api";
+import { isoOffset, readOffset } from "./clock";
 import type { Given } from "./given";
 
 export interface Subject {
@@ -14,6 +15,7 @@ export interface Subject {
 
 const quoted = (text: string): string => `'${text.replaceAll("'", "'\\''")}'`;
 const text = (value: string): string => JSON.stringify(value);
+const inForm = (name: string): string => `"${name.replaceAll(/["\\]/g, "\\$&")}"`; // as curl reads names in -F
 const stem = (photo: string): string => photo.replace(/\.\w+$/, "") || "photo";
 
 /** A curl command that writes the environment map. */
@@ -21,7 +23,7 @@ export function curlOf({ origin, photo, given, changed, height, keyed }: Subject
   const key = keyed ? " -H 'Authorization: Bearer YOUR_KEY'" : "";
   const query = photoQuery(given, changed);
   query.set("height", String(height));
-  const parts = [`photo=@"${photo}"`, `${origin}v1/envmap?${query}`, `${stem(photo)}.exr`].map(quoted);
+  const parts = [`photo=@${inForm(photo)}`, `${origin}v1/envmap?${query}`, `${stem(photo)}.exr`].map(quoted);
   return `curl -f${key} -F ${parts[0]} ${parts[1]} -o ${parts[2]}`;
 }
 
@@ -54,16 +56,11 @@ function changes(light: Parameters): string[] {
 /** The arguments of `Given` for what the user said; empty where nothing was. */
 function givenFields(given: Given): string {
   const parts = given.exif ? [] : ["use_exif=False"];
-  const time = given.time + (given.utc_offset && given.time ? given.utc_offset : "");
-  if (time) parts.push(`time=datetime.fromisoformat(${text(time)})`);
-  if (given.utc_offset && !given.time) parts.push(`utc_offset=${hours(given.utc_offset)}`);
+  const hours = readOffset(given.utc_offset);
+  const offset = hours === undefined ? "" : isoOffset(hours);
+  if (given.time) parts.push(`time=datetime.fromisoformat(${text(given.time + offset)})`);
+  else if (hours !== undefined) parts.push(`utc_offset=${hours}`);
   const numbers = { latitude: given.lat, longitude: given.lon, heading: given.heading, vertical_fov: given.fov };
   for (const [name, value] of Object.entries(numbers)) if (value) parts.push(`${name}=${Number(value)}`);
   return parts.join(", ");
-}
-
-function hours(offset: string): number {
-  const parts = /^([+-]?)(\d{1,2}):(\d\d)$/.exec(offset);
-  if (!parts) return Number(offset) || 0;
-  return (parts[1] === "-" ? -1 : 1) * (Number(parts[2]) + Number(parts[3]) / 60);
 }

@@ -1,7 +1,8 @@
 /** The user's own object: a GLB file, brought to radius 1 and to stand on y = 0. It stays in the browser. */
 
-import { Box3, Group, type Object3D, Vector3 } from "three";
+import { type Box3, Group, type Object3D, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { boxOf } from "./box";
 
 const MOST_BYTES = 100e6;
 
@@ -9,7 +10,7 @@ const MOST_BYTES = 100e6;
 export async function readModel(file: File): Promise<Object3D> {
   if (file.size > MOST_BYTES) throw new Error(`${file.name} is larger than ${MOST_BYTES / 1e6} MB.`);
   const model = await parsed(file);
-  const box = new Box3().setFromObject(model);
+  const box = boxOf(model);
   if (box.isEmpty()) throw new Error(`${file.name} holds no surfaces.`);
   return standing(model, box);
 }

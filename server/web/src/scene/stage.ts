@@ -24,6 +24,7 @@ import { type Camera, cameraAxes } from "../pure/camera";
 import type { Finish, Shape } from "../pure/objects";
 import type { Place } from "../pure/place";
 import type { Light } from "../sky/light";
+import { heightOf } from "./box";
 import { environment } from "./environment";
 import { Ground, type Lit } from "./ground";
 import { materialOf, meshOf } from "./objects";
@@ -46,6 +47,7 @@ export class Stage {
   private readonly object = new Group();
   private own: Object3D | undefined;
   private dressed = ""; // the shape and finish that the object has
+  private height = 0; // of the object at radius 1
   private towards = new Vector3(0, 1, 0);
   private scheduled = false;
 
@@ -59,6 +61,11 @@ export class Stage {
     this.sun.shadow.mapSize.set(1024, 1024);
     this.scene.environmentRotation.y = Math.PI / 2; // three.js has +X at a map's centre, here it is -Z
     this.scene.add(this.ground, this.object, this.sun, this.sun.target);
+  }
+
+  /** How high the object stands, metres. */
+  get objectHeight(): number {
+    return this.height * this.object.scale.x;
   }
 
   /** The photo as the backdrop, seen by its own camera; `lit` says where its ground lies in the sun. */
@@ -101,6 +108,7 @@ export class Stage {
     const model = shape === "own" ? this.own : meshOf(shape);
     if (!model) return;
     this.undress();
+    this.height = heightOf(model);
     this.object.add(shape === "own" ? model.clone() : model);
     const keep = shape === "own" && finish === "file's own";
     const material = keep ? null : materialOf(finish, shape !== "own");

@@ -8,6 +8,8 @@ import { lookOf, type Shown, type View } from "../studio";
 type Get = (view: View, shown: Shown) => Promise<Blob>;
 
 const FORMATS: Format[] = ["exr", "hdr", "png"];
+const CHANGED = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
+const TOGETHER = "The preview shows the estimate from one photo alone; these photos were estimated together.";
 
 /** Listens to the buttons; `on` gives what is shown when one is pressed. */
 export function listenForDownloads(on: () => Promise<Shown | undefined>, failed: (error: unknown) => void): void {
@@ -45,6 +47,15 @@ function sceneOf(view: View, shown: Shown, tool: Tool): Promise<Blob> {
 /** The light on show where the service would not give the same for this photo alone. */
 export function changedLight(view: View, { views }: Shown): Parameters | undefined {
   return isChanged(view) || views.length > 1 ? lookOf(view).parameters : undefined;
+}
+
+/** The preview is of the estimate from one photo alone: it is offered while that is the light on show. */
+export function showPreview(view: View, shown: Shown): void {
+  const refused = changedLight(view, shown) !== undefined;
+  byId<HTMLButtonElement>("get-preview").disabled = refused;
+  const note = byId("preview-note");
+  note.hidden = !refused;
+  note.textContent = refused ? (shown.views.length > 1 ? TOGETHER : CHANGED) : "";
 }
 
 async function recordFile(view: View): Promise<Blob> {

@@ -1,8 +1,9 @@
 /** What the photo says, what of it was used, and the form in which it is given or corrected. */
 
 import { byId, make } from "../dom";
-import { evidenceWords, type Facts, formValues, givenBy, said } from "../pure/facts";
+import { evidenceWords, formValues, givenBy, said, usedUnseen } from "../pure/facts";
 import { type Given, type GivenName, NOTHING } from "../pure/given";
+import type { Facts } from "../pure/metadata";
 import type { Shown, View } from "../studio";
 
 const FIELDS: GivenName[] = ["time", "utc_offset", "lat", "lon", "heading", "fov", "headings"];
@@ -21,8 +22,13 @@ export class FactsView {
 
   show({ views, given }: Shown, { photo, answer }: View): void {
     this.facts = photo.facts;
+    const used = usedUnseen(
+      answer.evidence,
+      given,
+      views.map((view) => view.photo.facts),
+    );
     byId("facts").replaceChildren(
-      ...said(photo.facts).map(({ name, value }) =>
+      ...said(photo.facts, used).map(({ name, value }) =>
         make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: value })),
       ),
     );

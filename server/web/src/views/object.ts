@@ -57,16 +57,13 @@ export class ObjectView {
     this.with((stage) => {
       stage.setLook(shape, finish);
       stage.setPlace(place);
+      this.tell(place, stage.objectHeight);
       this.note.textContent = place.grounded ? HOW : AFLOAT;
     });
     radio(byId("shapes"), shape).checked = true;
     radio(byId("finishes"), finish).checked = true;
     this.size.value = String(Math.log2(place.radius));
     this.turn.value = String(Math.round(place.turn));
-    const words = `${metres(2 * place.radius)} high`;
-    const away = place.grounded ? `, ${metres(distance(place))} away` : "";
-    byId("object-where").textContent = `${words}${away}, if the camera was 1.6 m above the ground.`;
-    this.size.setAttribute("aria-valuetext", words);
     this.canvas.dataset.foot = this.view ? JSON.stringify(footOf(place, this.view.answer.camera, this.aspect)) : "";
   }
 
@@ -90,6 +87,14 @@ export class ObjectView {
     } catch (error) {
       this.failed(error);
     }
+  }
+
+  /** Where the object stands and how large it is, in words. */
+  private tell(place: Place, height: number): void {
+    const words = `${metres(height)} high`;
+    const away = place.grounded ? `, ${metres(distance(place))} away` : "";
+    byId("object-where").textContent = `${words}${away}, if the camera was 1.6 m above the ground.`;
+    this.size.setAttribute("aria-valuetext", words);
   }
 
   private offerOwn(there: boolean): void {

@@ -1,14 +1,16 @@
 /** The ways a photo comes in: the file chooser, drop, paste, and the examples. */
 
+import { exampleFile } from "../api";
 import { byId, make } from "../dom";
 import { EXAMPLES, type Example } from "../examples";
 
 const MODEL = /\.(glb|gltf)$/i;
 
 type Take = (files: File[]) => void;
+type Failed = (error: unknown) => void;
 
-/** `take` gets photos, `model` an object of the user's own. */
-export function listenForPhotos(take: Take, model: (file: File) => void): void {
+/** `take` gets photos, `model` an object of the user's own, `failed` why there is no example. */
+export function listenForPhotos(take: Take, model: (file: File) => void, failed: Failed): void {
   const give = (files: Iterable<File> | null | undefined): void => {
     const all = [...(files ?? [])];
     const own = all.find(({ name }) => MODEL.test(name));
@@ -25,7 +27,7 @@ export function listenForPhotos(take: Take, model: (file: File) => void): void {
   }
   document.addEventListener("paste", (event) => give(event.clipboardData?.files));
   listenForDrops(give);
-  byId("examples").append(...EXAMPLES.map((example) => make("li", {}, exampleButton(example, take))));
+  byId("examples").append(...EXAMPLES.map((example) => make("li", {}, exampleButton(example, take, failed))));
 }
 
 /** The whole page takes drops, so that a photo that misses the field does not replace the page. */
@@ -43,11 +45,11 @@ function listenForDrops(give: (files: Iterable<File> | undefined) => void): void
   });
 }
 
-function exampleButton({ name, title, url, thumb, credit }: Example, take: Take): HTMLButtonElement {
+function exampleButton({ name, title, url, thumb, credit }: Example, take: Take, failed: Failed): HTMLButtonElement {
   const picture = make("img", { src: thumb, alt: "", width: 120, height: 90 });
   const button = make("button", { type: "button", title: credit }, picture, make("span", { textContent: title }));
-  button.addEventListener("click", async () =>
-    take([new File([await (await fetch(url)).blob()], name, { type: "image/jpeg" })]),
-  );
+  button.addEventListener("click", () => {
+    exampleFile(url).then((blob) => take([new File([blob], name, { type: "image/jpeg" })]), failed);
+  });
   return button;
 }

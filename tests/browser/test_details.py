@@ -1,0 +1,165 @@
+"""The page in Chromium where things go otherwise: other formats, refusals, slow drags. Driven by details.mjs."""
+
+import json
+import struct
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import ExifTags, Image
+
+from tests.server import test_page as page
+
+url = page.url  # the fixture
+
+SIZE = (320, 240)
+FACTS = ["2024-08-10 14:28:12 (time zone by GPS)", "41.9058°\N{NO-BREAK SPACE}N, 12.4824°\N{NO-BREAK SPACE}E"]
+SAVED: dict[str, dict[str, Any]] = {
+    "jpg": {},
+    "png": {},
+    "webp": {},
+    "tif": {},
+    "avif": {},
+    "lossless.webp": {"lossless": True},
+}
+
+
+def photo(orientation: int = 1) -> tuple[Image.Image, Image.Exif]:
+    """A small photo and the EXIF block of the original, with another orientation."""
+    with Image.open(page.NOON) as original:
+        said = original.getexif()
+        said[ExifTags.Base.Orientation] = orientation
+        return original.convert("RGB").resize(SIZE), said
+
+
+def in_every_format(folder: Path, orientation: int) -> dict[str, str]:
+    """Files of the same photo and metadata, by suffix."""
+    files = {}
+    for suffix, options in SAVED.items():
+        files[suffix] = str(folder / f"way{orientation}.{suffix}")
+        picture, said = photo(orientation)  # anew, since Pillow takes the orientation out of what it writes to an AVIF
+        picture.save(files[suffix], exif=said, **options)
+    with suppress(ImportError):
+        import pillow_heif
+
+        files["heic"] = str(folder / f"way{orientation}.heic")
+        picture, said = photo(orientation)
+        pillow_heif.from_pillow(picture).save(files["heic"], exif=said.tobytes())
+    return files
+
+
+def wide_model() -> bytes:
+    """A .glb of one triangle, four times as wide as high."""
+    points = np.array([[0, 0, 0], [4, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
+    document = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "buffers": [{"byteLength": len(points)}], "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [4, 1, 0],
+                       "min": [0, 0, 0]}],
+    }  # fmt: skip
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(points), 0x004E4942) + points
+    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+def files_for(folder: Path) -> dict[str, Any]:
+    """What the visitor brings along, by name."""
+    (folder / "notes.txt").write_text("This is no photo.", encoding="utf-8")
+    (folder / "wide.glb").write_bytes(wide_model())
+    page.halves().save(folder / "small.png")
+    return {
+        "formats": in_every_format(folder, 1),
+        "upright": in_every_format(folder, 6),
+        **{"photo": str(page.PHOTO), "other": str(page.NOON), "small": str(folder / "small.png")},
+        **{"textFile": str(folder / "notes.txt"), "model": str(folder / "wide.glb")},
+    }
+
+
+@pytest.fixture(scope="module")
+def visit(url: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a visitor saw."""
+    script = str(page.ROOT / "tests" / "browser" / "details.mjs")
+    files = json.dumps(files_for(tmp_path_factory.mktemp("details")))
+    command = ["node", script, url, str(page.chromium()), files]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=page.PATIENCE)
+    assert done.returncode == 0, done.stderr
+    seen: dict[str, Any] = json.loads(done.stdout)
+    return seen
+
+
+pytestmark = [pytest.mark.slow, page.in_chromium]
+
+
+class TestFormats:
+    def test_every_format_says_the_same(self, visit: dict[str, Any]) -> None:
+        assert {name: facts[:2] for name, facts in visit["facts"].items() if facts[:2] != FACTS} == {}
+        lens = {(facts[3], facts[4]) for facts in visit["facts"].values()}
+        assert lens == {("20 mm (as of a 35 mm camera)", "SONY ILCE-9M2")}
+        assert set(SAVED) <= set(visit["facts"])
+
+    def test_what_only_the_service_reads_is_not_called_absent(self, visit: dict[str, Any]) -> None:
+        time, place, heading, lens, _ = visit["unread"]
+        assert (time, place, lens) == ("read by the service",) * 3
+        assert heading == "not in the file"
+
+    def test_every_format_is_shown_upright(self, visit: dict[str, Any]) -> None:
+        assert {name: shown for name, shown in visit["upright"].items() if shown != [240, 320, "0.75"]} == {}
+        assert visit["upright"].keys() == visit["facts"].keys()
+
+
+class TestRefusals:
+    def test_another_try_is_for_the_photo_on_show(self, visit: dict[str, Any]) -> None:
+        assert visit["again"] == [[page.PHOTO.name, False]] * 2
+
+    def test_a_key_that_no_request_can_carry_is_refused_beside_its_field(self, visit: dict[str, Any]) -> None:
+        assert visit["badKey"]["form"]
+        assert "no request can carry" in visit["badKey"]["words"]
+        assert visit["badKey"]["stored"] == 0
+        assert visit["sentKeys"] == [None, "Bearer key"]
+
+    def test_a_missing_example_is_told_as_a_missing_answer(self, visit: dict[str, Any]) -> None:
+        down, busy = visit["missing"]
+        assert down == "The service did not answer. Check that it is still running, then try again."
+        assert busy.startswith("The service answered 503.")
+
+    def test_an_error_goes_with_the_next_success(self, visit: dict[str, Any]) -> None:
+        assert not visit["errorAfterModel"]
+
+
+class TestGestures:
+    def test_a_slow_drag_of_a_slider_is_one_step(self, visit: dict[str, Any]) -> None:
+        start, first, second, undone, undone_twice = visit["slider"]
+        assert len({start[0], first[0], second[0]}) == 3
+        assert (undone, undone_twice) == (first, start)
+
+    def test_a_slow_drag_on_the_dome_is_one_step(self, visit: dict[str, Any]) -> None:
+        start, dragged, undone = visit["dome"]
+        assert dragged != start == undone
+
+    def test_a_slow_drag_on_the_stage_is_one_step(self, visit: dict[str, Any]) -> None:
+        start, dragged, undone, more = visit["turns"]
+        assert float(dragged) > float(start) + 10
+        assert undone == start
+        assert not more
+
+
+def test_the_preview_is_offered_while_it_shows_the_light_on_show(visit: dict[str, Any]) -> None:
+    (alone, _), (changed, why_changed), (reset, _), (together, why_together) = visit["preview"]
+    assert (alone, changed, reset, together) == (True, False, True, False)
+    assert "the light was changed" in why_changed
+    assert "estimated together" in why_together
+
+
+def test_an_own_object_is_as_high_as_it_stands(visit: dict[str, Any]) -> None:
+    (sphere, round_), (own, round_again) = visit["heights"]
+    assert sphere == pytest.approx(round_, rel=0.06)
+    assert own == pytest.approx(round_again / 4, rel=0.06)
+
+
+def test_the_browser_has_nothing_to_complain_of(visit: dict[str, Any]) -> None:
+    assert visit["complaints"] == []
