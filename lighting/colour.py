@@ -16,6 +16,7 @@ def srgb_decode(value: ArrayLike) -> Floats:
 
 SRGB_LINEAR: NDArray[np.float32] = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
 """Linear value (256,) of each 8-bit sRGB value."""
+SRGB_LINEAR.flags.writeable = False
 
 
 def srgb_encode(linear: ArrayLike) -> Floats:

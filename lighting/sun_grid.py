@@ -33,6 +33,14 @@ def grid_solid_angle(layout: str) -> Floats:
 
 @lru_cache(maxsize=8)
 def _grid(layout: str) -> tuple[Floats, Floats]:
+    """Directions and solid angles, which are everybody's and nobody's to change."""
+    found = _cells(layout)
+    for array in found:
+        array.flags.writeable = False
+    return found
+
+
+def _cells(layout: str) -> tuple[Floats, Floats]:
     kind, _, size = layout.partition(":")
     counts = [int(count) if count.isdecimal() else 0 for count in size.split("x")]
     if min(counts) > 0:

@@ -10,13 +10,14 @@ from export.evaluation.tables import table
 from export.video.sequences import KINDS, Sequenced, sequences
 from export.video.speed import speed_report
 from export.video.streams import stream_report
+from lighting.colour import luminance
 from lighting.evidence import Evidence
 from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
 from lighting.model import Model
 from lighting.records import SunEstimate
 from lighting.video.light import Look, ShotLight
 from lighting.video.path import smoothed
-from lighting.video.shot import Shot, luminance_gain, solve
+from lighting.video.shot import Shot, solve
 from lighting.video.watch import EVERY, see, shots_watched
 from lighting.video.watched import Circumstances
 
@@ -140,7 +141,7 @@ def best_sun(truth: Sequenced, first: int, model: Model) -> SunEstimate:
 def _gain_error(shot: Shot, truth: Sequenced) -> float:
     """Percent, in the median over the frames."""
     true = truth.gain[shot.frames] / truth.gain[shot.frames[0]]
-    said = [luminance_gain(g) / luminance_gain(t) for g, t in zip(shot.gains, true, strict=True)]
+    said = [float(luminance(g) / luminance(t)) for g, t in zip(shot.gains, true, strict=True)]
     return 100.0 * float(np.median(np.abs(np.array(said) - 1.0)))
 
 

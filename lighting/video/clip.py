@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from lighting.errors import MissingExtraError, VideoError
 from lighting.photo import MAX_PIXELS, MIN_SIDE, PhotoFacts
+from lighting.photo.read import MAX_ASPECT
 from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
 from lighting.video.transfer import CURVES, to_srgb
 
 SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 THREADS = 2
-MAX_ASPECT = 8  # longer side / shorter side
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 _END = 0.75  # s that may be missing at the end of a whole clip
 
@@ -89,7 +89,9 @@ class Clip:
         if self.info.duration - last > _END + 2.0 * self._interval():
             self.damage = f"The clip ends after {last:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
         elif lost or self._errors:
-            self.damage = f"{max(lost, self._errors)} damaged frames of the clip were left out."
+            count = max(lost, self._errors)
+            what = "1 damaged frame of the clip was" if count == 1 else f"{count} damaged frames of the clip were"
+            self.damage = f"{what} left out."
 
     def _interval(self) -> float:
         return 1.0 / self.info.frame_rate if self.info.frame_rate else 1.0 / 30.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.colour import luminance
 from lighting.envmap import brighten, render
 from lighting.files import replacing
 from lighting.geometry import wrap_azimuth
@@ -55,7 +56,7 @@ class _Balls:
 
 
 def _gain(light: FrameLight) -> float:
-    return float(np.array(light.gain) @ np.array([0.2126, 0.7152, 0.0722]))
+    return float(luminance(light.gain))
 
 
 def write_film(source: Path, lights: Mapping[int, FrameLight], target: Path) -> None:

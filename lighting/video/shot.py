@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.colour import luminance
 from lighting.errors import VideoError
 from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
@@ -164,18 +165,13 @@ def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, len
     for frame, seen in watched.looks.items():
         i = position[frame]
         evidence = around.known_at(float(path.time[i])).evidence
-        light.add(Look(seen, float(path.heading[i]), fov, luminance_gain(gains[i]), evidence))
+        light.add(Look(seen, float(path.heading[i]), fov, float(luminance(gains[i])), evidence))
     compass = _compass(path, around.gimbal)
     there = around.known_at(float(path.time[0]), compass)
     fused = light.answer(there.evidence)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])
     return Shot(frames, path, gains, fov, sigma, fused, light.ground, there, north_of(fused, there))
-
-
-def luminance_gain(gain: Floats) -> float:
-    """One number for gains (3,) of linear red, green and blue."""
-    return float(gain @ np.array([0.2126, 0.7152, 0.0722]))
 
 
 def _compass(path: Path, gimbal: Gimbal) -> float | None:

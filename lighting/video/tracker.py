@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.colour import luminance
 from lighting.decoding import with_ground
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
@@ -26,7 +27,7 @@ from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
 from lighting.video.lens import LENS_FLOOR, LENS_SPREAD, tells_lens
 from lighting.video.light import Look, ShotLight
-from lighting.video.shot import is_believed, luminance_gain, north_of
+from lighting.video.shot import is_believed, north_of
 from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
 from lighting.video.watched import Circumstances
@@ -137,7 +138,7 @@ class Tracker:
         self._up = np.asarray(mean / np.linalg.norm(mean))
         heading = self._angles()[0]
         evidence = self._around.known_at(frame.time).evidence
-        self._light.add(Look(seen, heading, self._lens.fov, luminance_gain(self._gain), evidence))
+        self._light.add(Look(seen, heading, self._lens.fov, float(luminance(self._gain)), evidence))
         self._fused = self._light.answer(self._known_at(frame.time).evidence)
 
     def _known_at(self, time: float) -> Known:
