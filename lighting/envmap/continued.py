@@ -13,7 +13,7 @@ RATIO = (0.05, 4.0)  # how far a cell of the bare map may be dimmed or lit
 _FEWEST = 8  # sampled pixels of the photo by which a cell is known
 _NEAR = 5.0  # deg within which the photo's cells count alike; with
 _UPRIGHT = 3.0  # how much farther off a cell is above another than beside it, and
-_FALL = 3.0  # the power of the squared distance by which they count less, tried on panoramas of `train`
+_FALL = 2.5  # the power of the squared distance by which they count less, tried on panoramas of `train`
 _FADES = 60.0  # deg from the photo at which a third of its difference is left, tried there as well
 _DARKEST = 1e-9
 
