@@ -1,7 +1,6 @@
 """Files that appear under their final name only when they are whole."""
 
 import os
-import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,7 +27,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
 
 def _empty(final: Path) -> Path:
     """A new file beside another, with the permissions of any file that the process makes."""
-    path = final.parent / f".{secrets.token_hex(8)}{final.suffix}"
+    path = final.parent / f".{os.urandom(8).hex()}{final.suffix}"
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
