@@ -31,13 +31,20 @@ def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.fl
 
 def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
     """A map (H, 2H, C) reduced to `rows` rows by area averages; unchanged if it has no more rows."""
-    if rows >= len(image):
+    height = len(image)
+    if rows >= height:
         return image
-    from PIL import Image
+    wide = np.tensordot(_shares(rows, height), image, 1)  # (rows, 2H, C)
+    return np.asarray(np.einsum("xw,ywc->yxc", _shares(2 * rows, 2 * height), wide, optimize=True))
 
-    planes = (np.ascontiguousarray(image[..., c], dtype=np.float32) for c in range(image.shape[2]))
-    small = [Image.fromarray(p).resize((2 * rows, rows), Image.Resampling.BOX) for p in planes]
-    return np.stack([np.asarray(p) for p in small], axis=-1)
+
+def _shares(fewer: int, pixels: int) -> NDArray[np.float32]:
+    """How much (fewer, pixels) of each of the larger pixels each of the smaller ones fills; rows sum to 1."""
+    edges = np.arange(fewer + 1) * (pixels / fewer)
+    low, high = edges[:-1, None], edges[1:, None]
+    at = np.arange(pixels)
+    filled = np.clip(np.minimum(high, at + 1) - np.maximum(low, at), 0.0, None)
+    return np.asarray(filled * (fewer / pixels), dtype=np.float32)
 
 
 def irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:

@@ -24,7 +24,7 @@ from lighting.geometry import (
 )
 from lighting.prefilter import shrink
 
-ROWS = 256  # of the maps in which suns are split off
+ROWS = 256  # of the maps in which suns are split off, at least: pixels are joined whole
 
 _SEARCH = 6.0  # deg around the label's sun in which the brightest pixel counts as the sun
 _REACH = 2.5  # deg around that pixel over which the sun's light is summed: lenses spread it
@@ -44,9 +44,9 @@ class TrueLight:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """A panorama at ROWS rows with its sun apart, in its own frame and units."""
+    """A panorama at ROWS rows or a few more with its sun apart, in its own frame and units."""
 
-    image: Floats  # (ROWS, 2 ROWS, 3)
+    image: Floats  # (R, 2R, 3)
     sunless: Floats
     sun_azimuth: float  # deg, NaN without direct sun
     sun_elevation: float
@@ -55,7 +55,7 @@ class Split:
 
 def split(image: NDArray[np.float32], near: Floats | None) -> Split:
     """A panorama (H, 2H, 3) with the sun near a direction (3,) apart; None where no direct light reaches the place."""
-    small = shrink(image, ROWS)
+    small = shrink(image, len(image) // max(1, len(image) // ROWS))
     if near is None:
         return Split(small, small, math.nan, math.nan, np.zeros(3))
     sunless, sun, power = without_true_sun(small, near)

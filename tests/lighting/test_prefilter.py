@@ -52,3 +52,11 @@ def test_a_shrunk_map_looks_the_same_way(height: int) -> None:
     small = shrink(near, 128)[..., 0] * latlong_solid_angle(128)[:, None]
     mean = np.tensordot(small, latlong_directions(128), 2)
     assert np.degrees(np.arccos(mean @ there / np.linalg.norm(mean))) < 0.1
+
+
+@pytest.mark.parametrize(("height", "rows"), [(384, 256), (1000, 128), (500, 499)])
+def test_a_shrunk_map_keeps_the_power_of_a_single_pixel(height: int, rows: int) -> None:
+    for row in range(height // 3, height // 3 + 4):
+        spot = np.zeros((height, 2 * height, 3), np.float32)
+        spot[row, height] = 1e5
+        np.testing.assert_allclose(shrink(spot, rows).sum((0, 1)) * (height / rows) ** 2, 1e5, rtol=1e-5)
