@@ -23,12 +23,12 @@ class SettingsError(LightingError):
     """A setting that is invalid."""
 
 
-_UNSENDABLE = "holds a character that is none of the visible ones of ASCII, which no client could send"
+_UNSENDABLE = "holds a character outside ASCII or a control character, which no client could send"
 
 
 def _can_be_sent(key: str) -> bool:
     """Whether a key can stand in an Authorization header."""
-    return all("!" <= letter <= "~" for letter in key)
+    return all(" " <= letter <= "~" for letter in key)
 
 
 def _words(value: object) -> object:

@@ -1,6 +1,7 @@
 """The command that describes a file."""
 
 import json
+from codecs import BOM_UTF8
 from dataclasses import asdict
 from datetime import datetime
 from io import BytesIO
@@ -49,7 +50,7 @@ def _describe_picture(file: str) -> dict[str, Any]:
     data = picture_bytes(file)
     if data.startswith(MAGIC):
         return _describe_map(file, data)
-    if data.lstrip().startswith(b"{"):
+    if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):
         return _of_record(lighting_of(data, file))
     with naming(file):
         photo = read_photo(data)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import refuse_collisions
 from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
@@ -142,10 +141,11 @@ def _check_targets(shots: Sequence["Shot"], moments: Sequence["Moment"], output:
     """Raise UsageError where a probe would replace an exposure or another probe."""
     from lighting.probe.write import target_of
 
-    targets = [str(target_of(output, moment.time)) for moment in moments]
-    for shot in shots:
-        for file in shot.files:
-            refuse_collisions(str(file), *targets)
+    targets = [target_of(output, moment.time).resolve() for moment in moments]
+    if not {file.resolve() for shot in shots for file in shot.files}.isdisjoint(targets):
+        raise click.UsageError("The input and the outputs must be different files.")
+    if len(set(targets)) < len(targets):
+        raise click.UsageError("Two brackets are of the same second, so their probes would be one file.")
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lighting.cli.files import refuse_collisions
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, model_option, quiet_option, results_folder, sun_option
@@ -57,13 +58,14 @@ def video(
     """
     from lighting.errors import VideoError
     from lighting.model import Model
-    from lighting.video.output import PART, Job, Wanted, check_folder, process
+    from lighting.video.output import FILM, PART, Job, Wanted, check_folder, process
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
     job = Job(Path(clip), Path(output), given, every, Wanted(**options))
     check_folder(job.folder, overwrite=overwrite)
+    refuse_collisions(clip, str(job.folder / FILM) if job.wanted.film else None)
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:

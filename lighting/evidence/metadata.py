@@ -17,7 +17,7 @@ from lighting.photo import PhotoFacts
 
 GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
 
-Place = tuple[float, float] | None  # latitude and longitude, deg
+Location = tuple[float, float] | None  # latitude and longitude, deg
 
 _EARTH_RADIUS = 6371.0  # km
 _ONE_PLACE = 100.0  # km within which the sun stands within a degree of the same direction
@@ -71,20 +71,20 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
     """The evidence of photos taken together. If one of them was taken at night by its metadata, no time is used."""
     there = of_one_place(facts)
     found = [known(fact, given) for fact in (there if given.utc_offset is not None else by_one_clock(there))]
-    if given.latitude is None:
+    if given.use_exif and given.latitude is None:
         found = [_elsewhere(k, place_of(own), place_of(used)) for k, own, used in zip(found, facts, there, strict=True)]
     return [_timeless(k) for k in found] if any(k.is_night for k in found) else found
 
 
-def _elsewhere(known: Known, own: Place, used: Place) -> Known:
+def _elsewhere(known: Known, own: Location, used: Location) -> Known:
     """With a warning where a photo's own place is another than the one that is used for all."""
-    if own is None or used is None:
+    if own is None or used is None or not known.evidence.candidates:
         return known
     there = (direction(longitude, latitude) for latitude, longitude in (own, used))
     distance = _EARTH_RADIUS * math.radians(float(angle_between(*there)))
     if distance < _ONE_PLACE:
         return known
-    warning = f"Its own place lies {distance:.0f} km from that of the first photo, which was used for all."
+    warning = f"Its own place lies {distance:.0f} km from that of the first photo that has one, which was used for all."
     return replace(known, warnings=(*known.warnings, warning))
 
 

@@ -3,6 +3,7 @@
 from lighting.files.atomic import replacing
 from lighting.files.compression import COMPRESSIONS, Compression
 from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attributes, read_exr, write_exr
+from lighting.files.folders import objection_to
 from lighting.files.formats import encode_envmap, encode_jpeg, encode_png, write_envmap
 from lighting.files.record import full_record, json_line
 from lighting.files.rgbe import read_hdr
@@ -19,6 +20,7 @@ __all__ = [
     "encode_png",
     "full_record",
     "json_line",
+    "objection_to",
     "read_attributes",
     "read_exr",
     "read_hdr",

@@ -181,7 +181,7 @@ def _decode(data: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
         return file.header(), file.channels()
-    except (RuntimeError, ValueError, TypeError, MemoryError) as error:
+    except (RuntimeError, ValueError, TypeError) as error:
         # OpenEXR's own words are of buffers, parts and codecs
         raise EnvironmentMapError("The EXR file cannot be read: it is damaged or of an unknown kind.") from error
 

@@ -49,8 +49,10 @@ def read_linear(path: str | Path, curve: Curve | None = None) -> LinearPhoto:
         return _read_raw(file)
     try:
         return _read_picture(file, curve)
-    except (PhotoError, FileNotFoundError, PermissionError):
+    except (PhotoError, FileNotFoundError, PermissionError, MemoryError):
         raise
+    except Image.DecompressionBombError as error:
+        raise PhotoError(f"{file} has too many pixels to be read.") from error
     except Exception as error:  # decoders raise nearly anything on hostile bytes
         raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture.") from error
 

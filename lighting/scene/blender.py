@@ -24,7 +24,8 @@ from lighting.scene.parts import (
 )
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
-SCRIPT, NUMBERS, FILE = FILES = "scene.py", "scene.json", "scene.blend"
+SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
+MAIN = SCRIPT  # needs the files of `write_shared_files` beside it
 
 SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from lighting.errors import SceneError
+from lighting.files import objection_to
 from lighting.scene.common import Scene
-from lighting.scene.parts import ENVIRONMENT, LIT_GROUND, PLATE, RECORD, Folder
+from lighting.scene.parts import RECORD, Folder
 from lighting.scene.tools import TOOLS
 
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
@@ -25,8 +26,9 @@ def write_scene(
 ) -> None:
     """Write the scene for one of TOOLS to a folder, which is new or empty unless `overwrite`.
 
-    Overwriting replaces a scene of any tool and leaves all other files in the folder alone. `options` go to the tool's
-    `write`. Raises SceneError for another tool and for a folder that cannot be written.
+    Overwriting replaces the files that the scene consists of and leaves all others in the folder alone. `options` go
+    to the tool's `write`. Raises SceneError for another tool, for a folder that cannot be written, and for one with a
+    scene for another tool, in other light, that would be left with this one's map.
     """
     target = Path(folder).resolve()
     check_target(target, overwrite=overwrite)
@@ -34,6 +36,7 @@ def write_scene(
         with _beside(target) as built:
             _write(scene, tool, built, options)
             if target.is_dir():
+                _check_others(built, target, tool)
                 _replace_files(built, target)
             else:
                 built.replace(target)
@@ -80,35 +83,14 @@ class _Member:
 
 def check_target(target: Path, *, overwrite: bool) -> None:
     """Raise SceneError if the folder of a scene cannot be written, or is not empty and `overwrite` is false."""
-    if target.exists() and not target.is_dir():
-        raise SceneError(f"{target} is a file; a scene is a folder.")
-    if not overwrite and target.is_dir() and any(target.iterdir()):
-        raise SceneError(f"{target} is not empty; --overwrite replaces the scene in it.")
-    parent = target.absolute().parent
-    if not parent.is_dir():
-        raise SceneError(f"There is no folder {parent}.")
-    for place in (parent, target):
-        if place.exists() and not os.access(place, os.W_OK | os.X_OK):
-            raise SceneError(f"The folder {place} cannot be written to.")
+    if objection := objection_to(target, overwrite=overwrite, what="the scene", need="a scene is a folder"):
+        raise SceneError(objection)
 
 
 def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> None:
     if tool not in TOOLS:
         raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(TOOLS)}.")
     _module(tool).write(scene, folder, **options)
-
-
-def remove_scene(folder: Path, *others: str) -> None:
-    """Remove a scene's files and those named `others` from a folder, and the folder if it holds nothing else."""
-    for name in (*_names(), *others):
-        (folder / name).unlink(missing_ok=True)
-    if not any(folder.iterdir()):
-        folder.rmdir()
-
-
-def _names() -> set[str]:
-    """The names that files of scenes have."""
-    return {PLATE, ENVIRONMENT, RECORD, LIT_GROUND} | {name for tool in TOOLS for name in _module(tool).FILES}
 
 
 def _module(tool: str) -> Any:
@@ -127,11 +109,21 @@ def _beside(target: Path) -> Iterator[Path]:
         shutil.rmtree(name, ignore_errors=True)
 
 
+def _check_others(source: Path, target: Path, tool: str) -> None:
+    """Raise SceneError where the map and plate of another tool's scene would become those of another light."""
+    if not (source / RECORD).exists() or _same(source / RECORD, target / RECORD):
+        return
+    for other in TOOLS:
+        main = getattr(_module(other), "MAIN", None)
+        if other != tool and main is not None and (target / main).is_file():
+            raise SceneError(f"{target} holds a scene for {other} in other light, {main}; choose another folder.")
+
+
+def _same(one: Path, other: Path) -> bool:
+    return other.is_file() and one.read_bytes() == other.read_bytes()
+
+
 def _replace_files(source: Path, target: Path) -> None:
-    """Move a scene's files into a folder; those of a scene for another tool there would show what is no more."""
-    for name in _names():
-        if not (source / name).exists():
-            (target / name).unlink(missing_ok=True)
     for file in sorted(path for path in source.rglob("*") if path.is_file()):
         place = target / file.relative_to(source)
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -21,7 +21,6 @@ from lighting.scene.parts import Folder, plate_png
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 FILE = "scene.glb"
-FILES = (FILE,)
 
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _FLOAT, _UNSIGNED_SHORT = 5126, 5123  # component types

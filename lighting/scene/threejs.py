@@ -16,7 +16,6 @@ from lighting.scene.parts import Folder, data_text, filled, lit_ground_png, plat
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 
 PAGE = "scene.html"
-FILES = (PAGE,)
 
 _YAW = -90.0  # deg, turns the map so that three.js finds -Z where our maps have it
 

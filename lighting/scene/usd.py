@@ -27,7 +27,7 @@ from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 from lighting.scene.tools import UP_AXES
 
 STAGE = "scene.usda"
-FILES = (STAGE,)
+MAIN = STAGE  # needs the files of `write_shared_files` beside it
 
 Placed = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 

@@ -23,7 +23,7 @@ from lighting.video.records import light_of
 from lighting.video.shot import Shot
 
 TOOLS = ("blender", "usd")
-STAGE, SCRIPT, NUMBERS = SHOT_FILES = "shot.usda", "shot.py", "shot.json"
+STAGE, SCRIPT, NUMBERS = "shot.usda", "shot.py", "shot.json"
 
 
 def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float) -> None:

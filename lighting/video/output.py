@@ -13,12 +13,10 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from lighting.envmap import render
-from lighting.errors import VideoError
+from lighting.errors import EnvironmentMapError, VideoError
 from lighting.evidence import Given
-from lighting.files import write_envmap
+from lighting.files import objection_to, read_attributes, write_envmap
 from lighting.model import Model
-from lighting.scene.files import remove_scene
-from lighting.video.camera import SHOT_FILES
 from lighting.video.clip import Clip
 from lighting.video.records import FrameLight, frame_lights, world_map
 from lighting.video.run import around, shots_of
@@ -26,8 +24,7 @@ from lighting.video.shot import Shot
 from lighting.video.watch import EVERY
 
 RECORDS, PART, FILM, FRAMES = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
-_SCENE, _FRAME = re.compile(r"shot-\d+-(blender|usd)"), re.compile(r"\d{6,}\.exr")  # names of results
-_MAP_OR_FILM = re.compile(r"shot-\d+\.exr|preview\.mp4")
+_SHOT, _FRAME = re.compile(r"shot-\d+\.exr"), re.compile(r"\d{6,}\.exr")
 PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side at most
 
 
@@ -73,12 +70,8 @@ def shot_map(number: int) -> str:
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
     """Raise a one-sentence VideoError where the results cannot or must not be written."""
-    if folder.exists() and not folder.is_dir():
-        raise VideoError(f"{folder} is a file; the results need a folder.")
-    if not overwrite and folder.is_dir() and any(folder.iterdir()):
-        raise VideoError(f"{folder} is not empty; --overwrite replaces the results in it.")
-    if not folder.absolute().parent.is_dir():
-        raise VideoError(f"There is no folder {folder.absolute().parent}.")
+    if objection := objection_to(folder, overwrite=overwrite):
+        raise VideoError(objection)
 
 
 def process(job: Job, model: Model, progress: Callable[[float], Any] | None = None) -> Done:
@@ -97,13 +90,13 @@ def process(job: Job, model: Model, progress: Callable[[float], Any] | None = No
                 lines.flush()
         done.damage, rate = clip.damage, clip.info.frame_rate
     (job.folder / PART).replace(job.folder / RECORDS)
-    _remove_others(job, done, {light.frame for light in lights})
     if job.wanted.tool is not None:
         _write_scenes(job, done.shots, rate)
     if job.wanted.film:
         from lighting.video.film import by_frame, write_film
 
         write_film(job.source, by_frame(lights), job.folder / FILM)
+    _remove_others(job, done, {light.frame for light in lights})
     return done
 
 
@@ -125,19 +118,23 @@ def _write(job: Job, shot: Shot | VideoError, number: int, lines: TextIO) -> lis
 
 
 def _remove_others(job: Job, done: Done, frames: set[int]) -> None:
-    """Remove the results of an earlier clip that were not replaced."""
-    shots = [number for number, shot in enumerate(done.shots, 1) if isinstance(shot, Shot)]
-    kept = {shot_map(number) for number in shots} | {f"shot-{number}-{job.wanted.tool}" for number in shots}
-    kept |= {f"{frame:06d}.exr" for frame in frames if job.wanted.frames_exr} | ({FILM} if job.wanted.film else set())
-    for path in [*job.folder.iterdir(), *(job.folder / FRAMES).glob("*")]:
-        if path.name in kept:
-            continue
-        if path.is_dir() and _SCENE.fullmatch(path.name):
-            remove_scene(path, *SHOT_FILES)
-        elif path.is_file() and (_FRAME if path.parent.name == FRAMES else _MAP_OR_FILM).fullmatch(path.name):
+    """Remove the maps of an earlier run that this one has not replaced; each says in its header that it is ours."""
+    shots = {shot_map(number) for number, shot in enumerate(done.shots, 1) if isinstance(shot, Shot)}
+    written = {f"{frame:06d}.exr" for frame in frames if job.wanted.frames_exr}
+    others = [p for p in job.folder.glob("shot-*.exr") if _SHOT.fullmatch(p.name) and p.name not in shots]
+    others += [p for p in (job.folder / FRAMES).glob("*.exr") if _FRAME.fullmatch(p.name) and p.name not in written]
+    for path in others:
+        if path.is_file() and not path.is_symlink() and _is_ours(path):
             path.unlink()
     with suppress(OSError):  # it holds files that are none of ours, or is not there
         (job.folder / FRAMES).rmdir()
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        return "lighting.json" in read_attributes(path)
+    except EnvironmentMapError:
+        return False
 
 
 def _write_scenes(job: Job, shots: Sequence[Shot | VideoError], rate: float) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ParameterError
-from lighting.files import SOFTWARE, replacing
+from lighting.files import SOFTWARE, objection_to, replacing
 from lighting.geometry import Floats
 from lighting.stereo.normals.frame import Pose, to_world
 from lighting.stereo.normals.solve import NormalMap
@@ -29,13 +29,8 @@ _HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
     """Raise a one-sentence ParameterError where the results cannot or must not be written."""
-    if folder.exists() and not folder.is_dir():
-        raise ParameterError(f"{folder} is a file; the results need a folder.")
-    if not overwrite and folder.is_dir() and any(folder.iterdir()):
-        raise ParameterError(f"{folder} is not empty; --overwrite replaces the results in it.")
-    parent = folder.absolute().parent
-    if not parent.is_dir():
-        raise ParameterError(f"There is no folder {parent}.")
+    if objection := objection_to(folder, overwrite=overwrite):
+        raise ParameterError(objection)
 
 
 def write_map(folder: Path, found: NormalMap, pose: Pose) -> None:

@@ -40,7 +40,8 @@ def test_info_of_a_record(record_path: Path, tmp_path: Path) -> None:
 def test_info_reads_stdin(photo_path: Path) -> None:
     assert json.loads(run("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
     record = json.dumps(full_record(LIGHTING)).encode()
-    assert json.loads(run("info", "-", stdin=record).stdout)["lighting"] == full_record(LIGHTING)
+    for mark in (b"", b"\xef\xbb\xbf"):
+        assert json.loads(run("info", "-", stdin=mark + record).stdout)["lighting"] == full_record(LIGHTING)
 
 
 def test_a_damaged_map_is_named(tmp_path: Path) -> None:

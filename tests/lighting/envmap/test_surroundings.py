@@ -101,3 +101,13 @@ def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, wanted: boo
     answer = estimate(around(given_light()) if known else None)
     assert (place_of(answer, PHOTO, 96, PHOTO.repeat, wanted=wanted) is not None) == shows
     assert place_of(answer, PHOTO, 96, PHOTO.repeat, wanted=True) is not None
+
+
+def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
+    light = replace(given_light(), camera_elevation=0.0)
+    dark, red = np.full((60, 80, 3), 40, np.uint8), np.full((60, 80, 3), (160, 40, 40), np.uint8)
+    maps = [surround(light, Place(photo, around(light)), HEIGHT, disc=False) for photo in (dark, red)]
+    beside, behind = (slice(40, 46), slice(HEIGHT + 26, HEIGHT + 30)), (slice(40, 46), slice(0, 4))
+    tints = [[float((m[at][..., 0] / m[at][..., 1]).mean()) for at in (beside, behind)] for m in maps]
+    assert tints[1][0] > 2 * tints[0][0]
+    assert tints[1][1] < 1.5 * tints[0][1]

@@ -141,6 +141,9 @@ def test_photos_of_different_places_are_told() -> None:
     found = known_together([FACTS, near, far], Given())
     assert [bool(k.warnings) for k in found] == [False, False, True]
     assert "km from that of the first photo" in found[2].warnings[-1]
+    assert not any(k.warnings for k in known_together([FACTS, far], Given(use_exif=False)))
+    timeless = [replace(f, local_time=None, utc_time=None) for f in (FACTS, far)]
+    assert not any(k.warnings for k in known_together(timeless, Given()))
     assert not any(k.warnings for k in known_together([FACTS, far], Given(latitude=48.0, longitude=11.0)))
 
 

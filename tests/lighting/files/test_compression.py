@@ -123,3 +123,19 @@ def test_a_forked_process_writes_too(image: NDArray[np.float32]) -> None:
         signal.alarm(20)
         os._exit(0 if packed(image, "zip") == first else 1)
     assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+@pytest.mark.filterwarnings("ignore:This process.*fork:DeprecationWarning")
+def test_a_fork_leaves_the_parents_threads_as_they_were(image: NDArray[np.float32]) -> None:
+    packed(image, "zip")
+    before = OpenEXR.global_thread_count()
+    try:
+        pack_in_threads(2)
+        child = os.fork()
+        if child == 0:
+            os._exit(0)
+        os.waitpid(child, 0)
+        assert OpenEXR.global_thread_count() == 2
+    finally:
+        pack_in_threads(before)

@@ -154,3 +154,10 @@ def test_raw_photos_ask_for_their_library_or_say_what_is_wrong(tmp_path: Path) -
     (tmp_path / "a.dng").write_bytes(b"nothing")
     with pytest.raises(PhotoError, match=r"rawpy|RAW"):
         read_linear(tmp_path / "a.dng")
+
+
+def test_a_picture_with_too_many_pixels_is_called_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Image.fromarray(np.zeros((40, 40), np.uint8)).save(tmp_path / "large.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    with pytest.raises(PhotoError, match=r"large\.png has too many pixels"):
+        read_linear(tmp_path / "large.png")

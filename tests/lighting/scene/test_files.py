@@ -88,9 +88,13 @@ def test_one_scene_makes_one_archive() -> None:
     assert zip_scene(plain_scene(), "mitsuba") == zip_scene(plain_scene(), "mitsuba")
 
 
-def test_a_scene_for_another_tool_leaves_none_of_the_one_before(tmp_path: Path) -> None:
+def test_a_scene_beside_one_for_another_tool_is_in_the_same_light(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     write_scene(plain_scene(), "usd", folder)
-    write_scene(plain_scene(turbidity=6.0), "threejs", folder, overwrite=True)
-    write_scene(plain_scene(), "threejs", tmp_path / "other")
-    assert {p.name for p in folder.iterdir()} == {p.name for p in (tmp_path / "other").iterdir()}
+    write_scene(plain_scene(), "mitsuba", folder, overwrite=True)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(SceneError, match=r"holds a scene for usd in other light, scene\.usda"):
+        write_scene(plain_scene(turbidity=6.0), "mitsuba", folder, overwrite=True)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    write_scene(plain_scene(turbidity=6.0), "gltf", folder, overwrite=True)  # which has all in one file
+    assert {name: (folder / name).read_bytes() for name in before} == before

@@ -145,15 +145,39 @@ def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
     assert (tmp_path / "out" / "shot-2.exr").is_file()
 
 
-def test_overwriting_leaves_nothing_of_the_clip_before_but_what_is_the_users(network: Path, tmp_path: Path) -> None:
+def test_overwriting_removes_the_maps_of_the_clip_before_and_nothing_of_the_users(
+    network: Path, tmp_path: Path
+) -> None:
     cut = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
-    one, out = write_clip(tmp_path / "one.mp4", pan(6, 3.0)), tmp_path / "out"
-    extras = ["--for", "blender", "--frames-exr", "--preview"]
-    assert run(cut, "-o", out, "--model", network, "--height", 32, *extras).exit_code == 0
-    (out / "shot-2-blender" / "mine.blend").write_text("mine")
-    assert run(one, "-o", out, "--model", network, "--height", 32, "--overwrite", "--for", "usd").exit_code == 0
-    assert sorted(p.name for p in out.iterdir()) == ["lighting.jsonl", "shot-1-usd", "shot-1.exr", "shot-2-blender"]
-    assert [p.name for p in (out / "shot-2-blender").iterdir()] == ["mine.blend"]
+    out = tmp_path / "out"
+    assert run(cut, "-o", out, "--model", network, "--height", 32, "--for", "usd", "--frames-exr").exit_code == 0
+    write_clip(out / "preview.mp4", pan(6, 3.0))
+    write_envmap(out / "frames" / "000099.exr", np.zeros((4, 8, 3), np.float32))
+    write_envmap(out / "shot-7.exr", np.zeros((4, 8, 3), np.float32))
+    (out / "shot-8.exr").symlink_to(out / "shot-2.exr")
+    assert run(out / "preview.mp4", "-o", out, "--model", network, "--height", 32, "--overwrite").exit_code == 0
+    kept = [
+        "frames",
+        "lighting.jsonl",
+        "preview.mp4",
+        "shot-1-usd",
+        "shot-1.exr",
+        "shot-2-usd",
+        "shot-7.exr",
+        "shot-8.exr",
+    ]
+    assert sorted(p.name for p in out.iterdir()) == kept
+    assert [p.name for p in (out / "frames").iterdir()] == ["000099.exr"]
+
+
+def test_a_clip_is_not_replaced_by_its_own_preview(network: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    clip = write_clip(tmp_path / "out" / "preview.mp4", pan(6, 3.0))
+    before = clip.read_bytes()
+    done = run(clip, "-o", tmp_path / "out", "--model", network, "--overwrite", "--preview")
+    assert done.exit_code == 2
+    assert "must be different files" in done.output
+    assert clip.read_bytes() == before
 
 
 def test_in_twilight_the_words_are_those_of_the_record(network: Path, tmp_path: Path) -> None:
