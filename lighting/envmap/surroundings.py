@@ -75,11 +75,12 @@ def surround(
 
 def _vary(image: Image, lighting: Lighting, place: Place) -> None:
     """Give the map the light of the place, cell by cell; what is finer stays."""
-    height, width = image.shape[:2]
     bare = _pooled(image)
-    ratio = np.ones_like(bare) if place.around is None else _by_halves(_ratio(place.around, bare), _ROWS, 2 * _ROWS)
+    ratio = np.ones_like(bare)
+    if place.around is not None:
+        _multiply(ratio, _ratio(place.around, bare))
     ratio *= continued(ratio * bare, place.photo, lighting)
-    image *= _by_halves(ratio, height, width)
+    _multiply(image, ratio)
 
 
 def _pooled(image: Image) -> Image:
@@ -97,10 +98,11 @@ def _ratio(around: Image, bare: Image) -> Image:
     return np.asarray(np.clip(around / np.maximum(pooled, np.float32(_LEAST)), *RATIO))
 
 
-def _by_halves(cells: Image, height: int, width: int) -> Image:
-    """Cells (R, C, 3) as (height, width, 3), smooth but for the horizon."""
-    half = len(cells) // 2
-    return np.concatenate([_smooth(part, height // 2, width) for part in (cells[:half], cells[half:])])
+def _multiply(image: Image, cells: Image) -> None:
+    """Multiply a map (H, 2H, 3) by cells (R, 2R, 3) that blend into each other but for the horizon."""
+    middle, horizon = len(image) // 2, len(cells) // 2
+    image[:middle] *= _smooth(cells[:horizon], middle, image.shape[1])
+    image[middle:] *= _smooth(cells[horizon:], middle, image.shape[1])
 
 
 def _smooth(cells: Image, height: int, width: int) -> Image:
