@@ -41,7 +41,7 @@ def is_diligent(folder: Path) -> bool:
 
 def read_diligent(folder: Path) -> Lit:
     """The photos of a folder; PhotoError where files are missing or do not fit together."""
-    names = tuple((folder / NAMES).read_text().split())
+    names = _names(folder / NAMES)
     directions, intensities = _numbers(folder / DIRECTIONS, len(names)), _numbers(folder / INTENSITIES, len(names))
     if len(names) < 3:
         raise PhotoError(f"{folder / NAMES} lists {len(names)} pictures; normals need at least 3.")
@@ -50,6 +50,13 @@ def read_diligent(folder: Path) -> Lit:
         raise PhotoError(f"The pictures of {folder} differ in size.")
     images = np.asarray(np.stack(pictures) / intensities[:, None, None, :], dtype=np.float32)
     return Lit(names, images, _mask(folder, images.shape[1:3]), _lights(directions), _truth(folder))
+
+
+def _names(file: Path) -> tuple[str, ...]:
+    try:
+        return tuple(file.read_text(encoding="utf-8").split())
+    except UnicodeDecodeError as error:
+        raise PhotoError(f"{file} is not a text in UTF-8.") from error
 
 
 def _numbers(file: Path, rows: int) -> NDArray[np.float64]:
@@ -75,7 +82,10 @@ def _mask(folder: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     file = folder / "mask.png"
     if not file.exists():
         return np.ones(shape, dtype=bool)
-    inside = np.asarray(Image.open(file).convert("L")) > 127
+    try:
+        inside = np.asarray(Image.open(file).convert("L")) > 127
+    except Exception as error:  # Pillow raises nearly anything on hostile bytes
+        raise PhotoError(f"{file} is not a mask that can be read.") from error
     if inside.shape != shape:
         raise PhotoError(f"{file} does not have the pictures' size.")
     return np.asarray(inside)
@@ -87,7 +97,10 @@ def _truth(folder: Path) -> Pixels | None:
         return None
     from scipy.io import loadmat
 
-    content: dict[str, Any] = loadmat(file)
+    try:
+        content: dict[str, Any] = loadmat(file)
+    except Exception as error:  # scipy raises nearly anything on hostile bytes
+        raise PhotoError(f"{file} is not a MATLAB file that can be read.") from error
     normals = content.get("Normal_gt")
     if normals is None or normals.ndim != 3:
         raise PhotoError(f"{file} holds no Normal_gt (H, W, 3).")

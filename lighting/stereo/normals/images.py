@@ -67,6 +67,8 @@ def _read(path: Path, curve: Curve | None) -> Shot:
     suffix, data = path.suffix.lower(), path.read_bytes()
     if suffix == ".exr":
         pixels = read_exr(BytesIO(data))[0]
+        if not np.isfinite(pixels).all():
+            raise PhotoError("The picture holds values that are not finite numbers.")
         return Shot(path.name, pixels, np.zeros(pixels.shape[:2], dtype=bool), coded=False)
     header = _header(data)
     if suffix in RAW_SUFFIXES:

@@ -45,5 +45,15 @@ def test_spoiled_files_are_named(folder: Path, file: str, text: str, sentence: s
         read_diligent(folder)
 
 
+@pytest.mark.parametrize(
+    ("file", "sentence"),
+    [("filenames.txt", "not a text"), ("mask.png", "not a mask"), ("Normal_gt.mat", "not a MATLAB")],
+)
+def test_files_of_other_bytes_are_named(folder: Path, file: str, sentence: str) -> None:
+    (folder / file).write_bytes(b"\xff\xfe\x00junk")
+    with pytest.raises(PhotoError, match=rf"{file} is {sentence}"):
+        read_diligent(folder)
+
+
 def test_a_folder_without_lights_is_another_one(tmp_path: Path) -> None:
     assert not is_diligent(tmp_path)

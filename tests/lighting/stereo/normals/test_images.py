@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from lighting.errors import PhotoError
+from lighting.files import write_exr
 from lighting.stereo.normals.files import write_picture, write_png16
 from lighting.stereo.normals.images import read_shot
 from tests.lighting.photo.test_linear import plain_dng
@@ -78,3 +79,11 @@ def test_a_bad_exr_is_named(tmp_path: Path) -> None:
     write_picture(tmp_path / "depth.exr", np.ones((8, 8, 1), np.float32))
     with pytest.raises(PhotoError, match=r"^depth\.exr: The EXR file has no channel R, G, B"):
         read_shot(tmp_path / "depth.exr")
+
+
+def test_an_exr_with_values_that_are_not_finite_is_refused(tmp_path: Path) -> None:
+    pixels = np.ones((4, 8, 3), np.float32)
+    pixels[1, 2] = np.nan
+    write_exr(tmp_path / "spoiled.exr", pixels)
+    with pytest.raises(PhotoError, match=r"^spoiled\.exr: .* not finite"):
+        read_shot(tmp_path / "spoiled.exr")
