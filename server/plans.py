@@ -48,9 +48,10 @@ class PlanQuery(Query):
             self.skies()
         except ParameterError as error:
             raise PydanticCustomError("parameter", "{reason}", {"reason": str(error)}) from error
-        if self.until and (self.until - self.date).days >= MOST_DAYS:
+        days = ((self.until or self.date) - self.date).days + 1
+        if days > MOST_DAYS:
             raise PydanticCustomError("days", "until is more than {days} days from date", {"days": MOST_DAYS})
-        if self.until and ((self.until - self.date).days + 1) * self.shots > MOST_WORK:
+        if days * self.shots > MOST_WORK:
             raise PydanticCustomError("work", "days times shots may be {most} at most", {"most": MOST_WORK})
         return self
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import click
 
 from lighting.cli.words import shown
-from lighting.errors import ParameterError, PhotoError
+from lighting.errors import EnvironmentMapError, ParameterError, PhotoError, ProbeError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,12 +57,12 @@ def photo_bytes(name: str) -> bytes:
 
 
 @contextmanager
-def naming(photo: str) -> Iterator[None]:
-    """Errors of the photo begin with its name."""
+def naming(file: str) -> Iterator[None]:
+    """Errors of what is in the file begin with its name."""
     try:
         yield
-    except PhotoError as error:
-        raise PhotoError(f"{shown(photo)}: {error}") from error
+    except (EnvironmentMapError, PhotoError, ProbeError) as error:
+        raise type(error)(f"{shown(file)}: {error}") from error
 
 
 def open_photo(name: str, target: int | None = None) -> "Photo":

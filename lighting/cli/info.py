@@ -12,7 +12,6 @@ import click
 
 from lighting.cli.files import lighting_of, naming, open_lighting, picture_bytes
 from lighting.cli.group import cli
-from lighting.cli.words import shown
 
 if TYPE_CHECKING:
     from lighting.photo import PhotoFacts
@@ -69,13 +68,10 @@ def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
 
 
 def _describe_map(file: str, data: bytes) -> dict[str, Any]:
-    from lighting.errors import EnvironmentMapError
     from lighting.files import full_record, read_exr
 
-    try:
+    with naming(file):
         image, lighting = read_exr(BytesIO(data))
-    except EnvironmentMapError as error:
-        raise EnvironmentMapError(f"{shown(file)}: {error}") from error
     record = None if lighting is None else full_record(lighting)
     return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}
 

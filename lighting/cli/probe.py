@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lighting.cli.files import naming
 from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
-from lighting.errors import ParameterError, ProbeError
+from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
     from lighting.probe.brackets import Shot
@@ -246,7 +247,5 @@ def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
 
     with silence():
         image = read_map(sky)
-    try:
+    with naming(sky):
         return describe(image, sun)
-    except ProbeError as error:
-        raise ProbeError(f"{sky}: {error}") from error

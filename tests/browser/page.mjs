@@ -2,21 +2,9 @@
 import { visitLight } from "./light.mjs";
 import { visitObject } from "./object.mjs";
 import { visitSaid } from "./said.mjs";
-import { faults, launch, open } from "./visit.mjs";
+import { faults, open, report } from "./visit.mjs";
 
-const [url, executablePath, files] = process.argv.slice(2);
-const seen = { complaints: [], seconds: {} };
-const browser = await launch(executablePath);
-try {
-  for (const visit of [visitLight, visitObject, visitSaid, visitNarrow]) {
-    const began = Date.now();
-    await visit(browser, url, seen, JSON.parse(files));
-    seen.seconds[visit.name] = (Date.now() - began) / 1000;
-  }
-} finally {
-  await browser.close();
-}
-console.log(JSON.stringify(seen));
+await report([visitLight, visitObject, visitSaid, visitNarrow]);
 
 /** An example, chosen by keyboard on a narrow screen. */
 async function visitNarrow(browser, url, seen) {

@@ -1,13 +1,9 @@
 """The page in Chromium where things go otherwise: other formats, refusals, slow drags. Driven by details.mjs."""
 
-import json
-import struct
-import subprocess
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
@@ -51,26 +47,10 @@ def in_every_format(folder: Path, orientation: int) -> dict[str, str]:
     return files
 
 
-def wide_model() -> bytes:
-    """A .glb of one triangle, four times as wide as high."""
-    points = np.array([[0, 0, 0], [4, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
-    document = {
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "buffers": [{"byteLength": len(points)}], "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [4, 1, 0],
-                       "min": [0, 0, 0]}],
-    }  # fmt: skip
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(points), 0x004E4942) + points
-    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
-
-
 def files_for(folder: Path) -> dict[str, Any]:
     """What the visitor brings along, by name."""
     (folder / "notes.txt").write_text("This is no photo.", encoding="utf-8")
-    (folder / "wide.glb").write_bytes(wide_model())
+    (folder / "wide.glb").write_bytes(page.triangle_model(4))
     page.halves().save(folder / "small.png")
     return {
         "formats": in_every_format(folder, 1),
@@ -83,13 +63,7 @@ def files_for(folder: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def visit(url: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What a visitor saw."""
-    script = str(page.ROOT / "tests" / "browser" / "details.mjs")
-    files = json.dumps(files_for(tmp_path_factory.mktemp("details")))
-    command = ["node", script, url, str(page.chromium()), files]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=page.PATIENCE)
-    assert done.returncode == 0, done.stderr
-    seen: dict[str, Any] = json.loads(done.stdout)
-    return seen
+    return page.visited("details.mjs", url, files_for(tmp_path_factory.mktemp("details")))
 
 
 pytestmark = [pytest.mark.slow, page.in_chromium]

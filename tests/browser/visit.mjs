@@ -9,11 +9,28 @@ const { chromium } = require("playwright-core");
 export const PATIENCE = 120_000; // ms; WebGL is drawn by the CPU here
 export const axePath = require.resolve("axe-core/axe.min.js");
 
-export const launch = (executablePath) =>
+const launch = (executablePath) =>
   chromium.launch({
     executablePath,
     args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"],
   });
+
+/** Makes the visits with a script's arguments PAGE_URL CHROMIUM FILES_AS_JSON, and prints what they saw as JSON. */
+export async function report(visits) {
+  const [url, executablePath, files] = process.argv.slice(2);
+  const seen = { complaints: [], seconds: {} };
+  const browser = await launch(executablePath);
+  try {
+    for (const visit of visits) {
+      const began = Date.now();
+      await visit(browser, url, seen, JSON.parse(files));
+      seen.seconds[visit.name] = (Date.now() - began) / 1000;
+    }
+  } finally {
+    await browser.close();
+  }
+  console.log(JSON.stringify(seen));
+}
 
 /**
  * A page at `url` whose faults go to `seen.complaints` and whose requests go to `page.asked`. `flat` takes WebGL away,

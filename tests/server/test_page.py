@@ -79,15 +79,15 @@ def halves() -> Image.Image:
     return Image.fromarray(pixels.astype(np.uint8))
 
 
-def box_model() -> bytes:
-    """A .glb of one triangle with a material of its own."""
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
+def triangle_model(width: int = 1) -> bytes:
+    """A .glb of one triangle, `width` times as wide as high, with a material of its own."""
+    points = np.array([[0, 0, 0], [width, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
     document = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
         "materials": [{"doubleSided": True, "pbrMetallicRoughness": {"baseColorFactor": [0, 0.6, 0.1, 1]}}],
         "buffers": [{"byteLength": len(points)}], "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [1, 1, 0],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [width, 1, 0],
                        "min": [0, 0, 0]}],
     }  # fmt: skip
     text = json.dumps(document).encode()
@@ -99,7 +99,7 @@ def box_model() -> bytes:
 def files_for(folder: Path) -> dict[str, str]:
     """What the visitor brings along, by name."""
     (folder / "notes.txt").write_text("This is no photo.", encoding="utf-8")
-    (folder / "box.glb").write_bytes(box_model())
+    (folder / "box.glb").write_bytes(triangle_model())
     halves().save(folder / "halves.png")
     heic = ""
     with suppress(ImportError):
@@ -123,11 +123,16 @@ def files_for(folder: Path) -> dict[str, str]:
 def visit(url: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What a visitor saw, and the folder with what they downloaded."""
     folder = tmp_path_factory.mktemp("visit")
-    script = str(ROOT / "tests" / "browser" / "page.mjs")
-    command = ["node", script, url, str(chromium()), json.dumps(files_for(folder))]
+    return {**visited("page.mjs", url, files_for(folder)), "folder": folder, "url": url}
+
+
+def visited(script: str, url: str, files: dict[str, Any]) -> dict[str, Any]:
+    """What a script of tests/browser saw that visits the page with these files."""
+    command = ["node", str(ROOT / "tests" / "browser" / script), url, str(chromium()), json.dumps(files)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
-    return {**json.loads(done.stdout), "folder": folder, "url": url}
+    seen: dict[str, Any] = json.loads(done.stdout)
+    return seen
 
 
 in_chromium = pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")

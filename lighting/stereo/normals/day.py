@@ -17,7 +17,7 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.photo import Curve, PhotoFacts, in_utc, read_time
-from lighting.stereo.normals.images import FORMATS, Exposure, Shot, read_shot
+from lighting.stereo.normals.images import FORMATS, Exposure, Shot, read_mask, read_shot
 from lighting.stereo.normals.still import check_still
 
 Pixels = NDArray[np.float32]
@@ -188,10 +188,7 @@ def _mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[n
     file = given or folder / MASK
     if given is None and not file.exists():
         return np.ones(shape, dtype=bool)
-    try:
-        image = Image.open(file).convert("L")
-    except Exception as error:  # Pillow raises nearly anything on hostile bytes
-        raise PhotoError(f"{file} is not a mask that can be read.") from error
+    image = read_mask(file)
     if abs(image.width / image.height - shape[1] / shape[0]) > 0.02 * shape[1] / shape[0]:
         raise PhotoError(f"{file} is {image.width} x {image.height} pixels; it does not have the photos' shape.")
     inside = np.asarray(image.resize((shape[1], shape[0]), Image.Resampling.NEAREST)) > 127

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals.images import read_shot
+from lighting.stereo.normals.images import read_mask, read_shot
 
 Pixels = NDArray[np.float32]
 
@@ -82,10 +81,7 @@ def _mask(folder: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     file = folder / "mask.png"
     if not file.exists():
         return np.ones(shape, dtype=bool)
-    try:
-        inside = np.asarray(Image.open(file).convert("L")) > 127
-    except Exception as error:  # Pillow raises nearly anything on hostile bytes
-        raise PhotoError(f"{file} is not a mask that can be read.") from error
+    inside = np.asarray(read_mask(file)) > 127
     if inside.shape != shape:
         raise PhotoError(f"{file} does not have the pictures' size.")
     return np.asarray(inside)

@@ -63,6 +63,14 @@ def read_shot(path: Path, curve: Curve | None = None) -> Shot:
         raise PhotoError(f"{path.name}: {error}") from error
 
 
+def read_mask(file: Path) -> Image.Image:
+    """A mask as a picture of grey values; PhotoError where it cannot be read."""
+    try:
+        return Image.open(file).convert("L")
+    except Exception as error:  # Pillow raises nearly anything on hostile bytes
+        raise PhotoError(f"{file} is not a mask that can be read.") from error
+
+
 def _read(path: Path, curve: Curve | None) -> Shot:
     suffix, data = path.suffix.lower(), path.read_bytes()
     if suffix == ".exr":

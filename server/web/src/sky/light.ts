@@ -60,11 +60,12 @@ interface Gains {
 
 function gainsOf(table: SkyTable, asked: Parameters, stated: Stated): Gains {
   if (!stated.sky && !stated.sun) return { sky: NEUTRAL, sun: NEUTRAL };
-  const model = modelled(table, 32, { ...asked, sun: true }, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
+  const { sky } = modelled(table, 32, asked, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
+  const sun = steadyPower(table, asked);
   const ratio = (said: Triple | undefined, own: Triple): Triple =>
     said ? each((c) => said[c] / Math.max(own[c], 1e-9)) : NEUTRAL;
-  const sun = each((c) => steadyPower(table, asked)[c] * asked.exposure);
-  return { sky: ratio(stated.sky, model.sky), sun: ratio(stated.sun, sun) };
+  const exposed = each((c) => sun[c] * asked.exposure);
+  return { sky: ratio(stated.sky, sky), sun: ratio(stated.sun, exposed) };
 }
 
 /** The light of a question, its map `height` rows high. */
