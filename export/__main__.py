@@ -85,6 +85,7 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @flag("--licensed-only", "Train on permissively licensed panoramas only.")
 @flag("--scratch", "Start from random weights instead of ImageNet's.")
 @option("--start", "Folder of an earlier run to start from. [default: ImageNet's weights]")
+@option("--teacher", "Folder of a finished run to learn from as well; repeatable.", multiple=True)
 @option("--synthetic", "Folder of `synthesize`, whose places are mixed in.")
 @share("--synthetic-share", 0.3, "Share of the crops that show synthetic places.")
 @share("--aimed", 0.2, "Share of the crops of panoramas with a visible sun whose camera is turned towards it.")
@@ -95,18 +96,20 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @flag("--only-camera", "Train for the camera's elevation, roll and field of view alone.")
 @share("--tune-share", 0.08, "Share of the places that are held out for the log.")
 @option("--workers", "Processes that cut crops.", click.IntRange(0), 2)
-def train(out: Path | None, network: str, scratch: bool, **given: Any) -> None:
+def train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ...], **given: Any) -> None:
     """Train a network, or resume a run that was stopped. Uses a GPU if there is one."""
     from export.networks import TARGET_WIDTH
     from export.training import TrainConfig
     from export.training import train as run
 
-    if network != "outdoor" and (given["only_seen"] or given["only_camera"] or given["surroundings"]):
-        options = "--only-seen, --only-camera and --surroundings"
+    if network != "outdoor" and (given["only_seen"] or given["only_camera"] or given["surroundings"] or teacher):
+        options = "--only-seen, --only-camera, --surroundings and --teacher"
         raise click.UsageError(f"{options} are for the network outdoor, not for {network}.")
     if given["only_seen"] and given["only_camera"]:
         raise click.UsageError("Choose one of --only-seen and --only-camera.")
-    given |= {"out": out or Path("runs") / network}
+    if teacher and (given["only_seen"] or given["only_camera"]):
+        raise click.UsageError("--teacher answers for all heads; leave out --only-seen and --only-camera.")
+    given |= {"out": out or Path("runs") / network, "teachers": tuple(map(str, teacher))}
     given |= {name: str(given[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}
     run(TrainConfig(**given, network=network, target_width=TARGET_WIDTH[network], pretrained=not scratch))
 

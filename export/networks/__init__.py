@@ -5,7 +5,7 @@ from export.networks.checkpoints import CHECKPOINT, averaged_weights, read_netwo
 from export.networks.layers import Said
 from export.networks.network import build, load_weights
 from export.networks.onnx import write_onnx
-from export.networks.parameters import LIGHT, binned, encode
+from export.networks.parameters import LIGHT, binned, decode, encode, expected
 from export.networks.runs import RECORD, history, read_record, read_spec
 from export.networks.specs import TARGET_WIDTH, specs
 
@@ -18,7 +18,9 @@ __all__ = [
     "averaged_weights",
     "binned",
     "build",
+    "decode",
     "encode",
+    "expected",
     "history",
     "load_weights",
     "merge",

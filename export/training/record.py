@@ -16,14 +16,15 @@ from lighting.files import replacing
 
 
 def write_record(run: Run, commits: Iterable[str], kept: Sequence[Panorama], held_out: Sequence[Panorama]) -> None:
-    """Write the run's settings, spec, commits, panoramas and the runs it continues."""
+    """Write the run's settings, spec, commits, panoramas and the runs it continues or learns from."""
     config = run.config
+    sources = [config.start, *config.teachers] if config.start else config.teachers
     record = {
         "config": asdict(config),
         "spec": asdict(run.spec),
         "commit": ", ".join(dict.fromkeys(commits)),
         "torch": torch.__version__,
-        "before": history(read_record(Path(config.start))) if config.start else [],
+        "before": history(*(read_record(Path(folder)) for folder in sources)),
         "panoramas": {"train": [p.name for p in kept], "tune": [p.name for p in held_out]},
     }
     with replacing(Path(config.out) / RECORD) as path:
@@ -33,7 +34,7 @@ def write_record(run: Run, commits: Iterable[str], kept: Sequence[Panorama], hel
 def earlier_commits(config: TrainConfig) -> list[str]:
     """The commits that trained the run in `config.out` so far; DataError if it has other settings."""
     record = read_record(Path(config.out))
-    now = asdict(config)
+    now = json.loads(json.dumps(asdict(config)))
     changed = [name for name in now if name not in MAY_CHANGE and record["config"].get(name) != now[name]]
     if changed:
         raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")

@@ -14,6 +14,7 @@ from export.networks import CHECKPOINT, averaged_weights, build, load_weights, s
 from export.training.batches import Batch, TrainingCrops
 from export.training.config import TrainConfig
 from export.training.losses import losses
+from export.training.teaching import Teachers, blended
 from lighting.files import replacing
 
 CLIPPED = 5.0  # largest norm of the gradient
@@ -48,6 +49,7 @@ class Run:
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
         trained = [p for p in self.network.parameters() if p.requires_grad]
         self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
+        self.teachers = Teachers([Path(folder) for folder in config.teachers], self.device) if config.teachers else None
         self.steps = config.crops // config.batch
         self.step = 0
         self.checkpoint = Path(config.out) / CHECKPOINT
@@ -79,11 +81,20 @@ class Run:
             said = network(batch.photo)
         return losses(said, batch)
 
+    def taught(self, teachers: Teachers, batch: Batch) -> dict[str, Tensor]:
+        """Losses of a batch against what is known of its crops and against what the teachers answer."""
+        batch = blended(batch, self.config.blended)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
+            answers = teachers.targets(batch.photo)
+            said = self.network(batch.photo)
+        return losses(said, batch) | {f"taught {name}": loss for name, loss in losses(said, answers).items()}
+
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """One step of the optimiser."""
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * learning_rate(self.step, self.steps, self.config.warmup)
-        parts = self._chosen(self.forward(self.network, batch))
+        learnt = self.taught(self.teachers, batch) if self.teachers else self.forward(self.network, batch)
+        parts = self._chosen(learnt)
         torch.autograd.backward(torch.stack(list(parts.values())).sum())
         nn.utils.clip_grad_norm_(self.network.parameters(), CLIPPED)
         self.optimizer.step()
