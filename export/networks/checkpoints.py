@@ -5,6 +5,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from export.data import DataError
 from export.networks.network import build, load_weights
 from export.networks.runs import read_spec
 
@@ -13,7 +14,9 @@ LEARNT = {"sees": "seen.", "bins": "camera.", "around": "light."}  # parts of a 
 
 
 def averaged_weights(folder: Path) -> dict[str, Tensor]:
-    """The averaged weights of a run, by the network's own names."""
+    """The averaged weights of a run, by the network's own names; DataError if the folder holds none."""
+    if not (folder / CHECKPOINT).is_file():
+        raise DataError(f"{folder} is not the folder of a training run: it holds no {CHECKPOINT}.")
     average = torch.load(folder / CHECKPOINT, map_location="cpu", weights_only=True)["average"]
     return {name.removeprefix("module."): value for name, value in average.items() if name.startswith("module.")}
 

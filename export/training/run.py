@@ -49,7 +49,9 @@ class Run:
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
         trained = [p for p in self.network.parameters() if p.requires_grad]
         self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
-        self.teachers = Teachers([Path(folder) for folder in config.teachers], self.device) if config.teachers else None
+        teachers = [Path(folder) for folder in config.teachers]
+        around = config.surroundings
+        self.teachers = Teachers(teachers, self.spec, self.device, around=around) if teachers else None
         self.steps = config.crops // config.batch
         self.step = 0
         self.checkpoint = Path(config.out) / CHECKPOINT

@@ -1,28 +1,44 @@
 """Learning from earlier runs: what they answer together is a second target of every crop.
 
-Hinton et al., Distilling the knowledge in a neural network (2015); pictures are blended so that the answers are compared
-where no place is remembered: Beyer et al., Knowledge distillation: a good teacher is patient and consistent (CVPR 2022).
+Hinton et al., Distilling the knowledge in a neural network (2015). Pictures are blended, so that answers are compared
+where no place is remembered: Beyer et al., Knowledge distillation: a good teacher is patient and consistent (CVPR
+2022).
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from export.networks import Said, decode, expected, read_network
+from export.data import DataError
+from export.networks import Said, decode, expected, read_network, read_spec
 from export.training.batches import Batch
+from lighting.records import ModelSpec
 
 LEAST_SHARE = 0.5  # of a blended crop in its picture
 
 
 class Teachers:
-    """The averaged networks of finished runs, whose mean answer is a target."""
+    """The averaged networks of finished runs, whose mean answer is a target; with `around`, of the light around, too.
 
-    def __init__(self, folders: Sequence[Path], device: torch.device) -> None:
-        read = [read_network(folder).requires_grad_(False) for folder in folders]
-        self.networks = [n.to(device, memory_format=torch.channels_last) for n in read]  # type: ignore[call-overload]
+    DataError if a run has other outputs than `spec` or none for the light around.
+    """
+
+    def __init__(self, folders: Sequence[Path], spec: ModelSpec, device: torch.device, *, around: bool) -> None:
+        read = {folder: read_network(folder).requires_grad_(False) for folder in folders}
+        for folder, network in read.items():
+            if replace(read_spec(folder), version="") != replace(spec, version=""):
+                raise DataError(f"{folder} cannot teach this run: its network has another form.")
+            if around and network.light is None:
+                raise DataError(f"{folder} cannot teach --surroundings: it has not learnt them.")
+        self.around = around
+        self.networks = [
+            network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+            for network in read.values()
+        ]
 
     @torch.no_grad()
     def targets(self, photo: Tensor) -> Batch:
@@ -31,13 +47,13 @@ class Teachers:
         raw = _mean([one.raw for one in said])
         if camera := [expected(one.camera) for one in said if one.camera.shape[1]]:
             raw = torch.cat([raw[:, :2], _mean(camera), raw[:, 5:]], dim=1)
-        light = _mean([one.light for one in said])
+        light = _mean([one.light for one in said]) if self.around else photo[:, 0, 0, :0]
         return Batch(
             photo=photo,
             sun=_mean([one.sun.softmax(dim=1) for one in said]),
             parameters=decode(raw),
             seen=_mean([one.seen.softmax(dim=1) for one in said]),
-            around=_mean([one.around for one in said]),
+            around=_mean([one.around for one in said]) if self.around else light,
             light=torch.cat([light[:, :6], light[:, 6:].sigmoid()], dim=1),
             likely=torch.zeros(len(photo), dtype=torch.bool, device=photo.device),
         )

@@ -10,9 +10,9 @@ from export.data.tables import DataError
 from lighting.errors import LightingError
 
 
-@pytest.mark.parametrize("option", ["--only-seen", "--only-camera", "--surroundings"])
-def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: str) -> None:
-    arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--network", "cvpr2017", option]
+@pytest.mark.parametrize("option", [["--only-seen"], ["--only-camera"], ["--surroundings"], ["--teacher", "x"]])
+def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: list[str]) -> None:
+    arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--network", "cvpr2017", *option]
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 2
     assert "not for cvpr2017" in result.output
@@ -24,6 +24,9 @@ def test_a_run_learns_one_thing_alone(data: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 2
     assert "Choose one" in result.output
+    result = CliRunner().invoke(cli, [*arguments[:-1], "--teacher", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "--teacher answers for all heads" in result.output
 
 
 def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path) -> None:
