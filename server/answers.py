@@ -1,6 +1,7 @@
 """What answers hold beside a lighting record: links, the sun's probability, files with their headers."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 from urllib.parse import urlencode
@@ -8,6 +9,7 @@ from urllib.parse import urlencode
 import numpy as np
 from fastapi import Request, Response
 
+from lighting.envmap import Image
 from lighting.files import full_record
 from lighting.geometry import angles
 from lighting.records import COLOUR_RANGES, SKY_MODEL, Estimate, Lighting, SunDistribution
@@ -18,17 +20,36 @@ from server.schemas import MEDIA_TYPES, Format
 from server.service import Service
 
 
-def estimates(found: Sequence[Estimate], query: LightingQuery, root: str) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """An estimate, and what the place makes of the cells (R, 2R, 3) of its bare map where that was asked for."""
+
+    estimate: Estimate
+    factors: Image | None = None
+
+
+def estimates(found: Sequence[Answer], query: LightingQuery, root: str) -> dict[str, Any]:
     """The JSON of one estimate, or of several in a list; with the sun's probability where the query asks for it."""
-    records = [estimate_record(estimate, root, query.probability) for estimate in found]
+    records = [answer_record(answer, root, query.probability) for answer in found]
     return records[0] if len(records) == 1 else {"lightings": records}
 
 
-def estimate_record(estimate: Estimate, root: str, probability: bool) -> dict[str, Any]:
-    """The JSON of an estimate, with a link to its environment map."""
-    lighting = estimate.lighting
+def answer_record(answer: Answer, root: str, probability: bool) -> dict[str, Any]:
+    """The JSON of an answer, with a link to its environment map."""
+    lighting = answer.estimate.lighting
     record = {**full_record(lighting), "links": {"envmap": envmap_link(lighting, root)}}
-    return {**record, "probability": sun_probability(estimate.distribution)} if probability else record
+    if probability:
+        record["probability"] = sun_probability(answer.estimate.distribution)
+    if answer.factors is not None:
+        record["surroundings"] = surroundings(answer.factors)
+    return record
+
+
+def surroundings(factors: Image) -> dict[str, Any]:
+    """Factors (R, 2R, 3) on the cells of a map, cell by cell."""
+    rows, columns = factors.shape[:2]
+    cells = [[float(f"{value:.3g}") for value in cell] for cell in factors.reshape(-1, 3)]
+    return {"rows": rows, "columns": columns, "factors": cells}
 
 
 def envmap_link(lighting: Lighting, root: str) -> str:

@@ -154,6 +154,7 @@ class GivenQuery(Query):
 
 class LightingQuery(GivenQuery):
     probability: Flag = Field(False, description="add the sun's probability on its grid")
+    surroundings: Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
     headings: Headings = Field(
         None, description="deg, where each of several photos points, clockwise from any common direction"
     )

@@ -212,9 +212,23 @@ class SunProbability(BaseModel):
     probability: list[float] = Field(description="sums to 1")
 
 
+class SurroundingsRecord(BaseModel):
+    """What the place makes of the bare map beside the photo's view, by cells of equal angles.
+
+    The first row of cells looks up; a row's first cell is at azimuth -180 deg.
+    """
+
+    rows: int = Field(examples=[24])
+    columns: int = Field(examples=[48])
+    factors: list[tuple[float, float, float]] = Field(description="on the bare map's RGB, row by row")
+
+
 class LightingEstimate(LightingRecord):
     links: Links
     probability: SunProbability | None = Field(None, description="present only if the request set `probability`")
+    surroundings: SurroundingsRecord | None = Field(
+        None, description="present only if the request set `surroundings` and the network says what lies around"
+    )
 
 
 class LightingEstimates(BaseModel):

@@ -10,13 +10,14 @@ from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
 from lighting import stereo
-from lighting.envmap import Place, change, place_of, view
+from lighting.envmap import Place, change, place_factors, place_of, view
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
 from lighting.photo import Photo
 from lighting.preview import PHOTO_SIDE, preview_png
-from lighting.records import Estimate, Lighting
+from lighting.records import Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
+from server.answers import Answer
 from server.plans import PlanQuery
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
 from server.service import Service
@@ -30,11 +31,26 @@ SHOWN_SIDE = 2048  # pixels, the longer side of a photo for the page
 SHOWN_QUALITY = 88
 
 
-def estimated_together(service: Service, files: Sequence[bytes], query: LightingQuery) -> list[Estimate]:
+def estimated_together(service: Service, files: Sequence[bytes], query: LightingQuery) -> list[Answer]:
     """The light of the bytes of photos of one place; raises PhotoError, which names one of several.
 
-    The time that a request has for decoding is that of all its photos together.
+    Where the query asks for it and the network says what lies around, each comes with `place_factors`.
     """
+    photos = _read_together(service, files)
+    found = service.estimate(photos, query.given(), query.turns())
+    if not query.surroundings:
+        return [Answer(estimate) for estimate in found]
+    answers = []
+    for photo, estimate in zip(photos, found, strict=True):
+        check_cancelled()
+        place = Place(photo.pixels, estimate.around)
+        known = estimate.around is not None
+        answers.append(Answer(estimate, place_factors(estimate.lighting, place) if known else None))
+    return answers
+
+
+def _read_together(service: Service, files: Sequence[bytes]) -> list[Photo]:
+    """The photos of a request; the time that it has for decoding is that of all of them together."""
     photos = []
     until = monotonic() + service.settings.decode_seconds
     for number, data in enumerate(files, 1):
@@ -43,7 +59,7 @@ def estimated_together(service: Service, files: Sequence[bytes], query: Lighting
         except PhotoError as error:
             raise error if len(files) == 1 else type(error)(f"Photo {number} of {len(files)}: {error}") from error
         check_cancelled()
-    return service.estimate(photos, query.given(), query.turns())
+    return photos
 
 
 def envmap_file(lighting: Lighting, query: MapQuery, place: Place | None = None) -> bytes:

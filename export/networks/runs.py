@@ -50,7 +50,8 @@ def describe_data(record: dict[str, Any]) -> str:
     if told := record.get("training_data"):
         return str(told)
     runs, names = history(record), record["panoramas"]["train"]
-    which = "permissively licensed panoramas" if all(r["licensed_only"] for r in runs) else "panoramas, most with no stated licence"
+    free = all(run["licensed_only"] for run in runs)
+    which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
     start = "from ImageNet weights, " if runs[0]["pretrained"] else ""
     rendered = ", a share of them of rendered places" if any(run.get("synthetic") for run in runs) else ""
     return f"{start}{sum(run['crops'] for run in runs)} crops of {len(names)} outdoor {which}{rendered}"

@@ -15,7 +15,7 @@ from lighting.envmap.render import (
     with_irradiance,
 )
 from lighting.envmap.sky_colour import photo_sky
-from lighting.envmap.surroundings import Place, place_of, surround
+from lighting.envmap.surroundings import Place, place_factors, place_of, surround
 from lighting.envmap.turning import brighten, rotate, turn
 from lighting.envmap.views import view
 
@@ -31,6 +31,7 @@ __all__ = [
     "lit_ground",
     "photo_ground",
     "photo_sky",
+    "place_factors",
     "place_of",
     "render",
     "rotate",

@@ -73,14 +73,25 @@ def surround(
     return image
 
 
+def place_factors(lighting: Lighting, place: Place) -> Image:
+    """Factors (24, 48, 3) on the cells of the bare map beside the photo's view, before its halves are scaled.
+
+    With them and the photo a program that renders the bare sky itself shows the place as `surround` does.
+    """
+    return _factors(_pooled(render(lighting, _ROWS * _SAMPLES, disc=False)), lighting, place)
+
+
 def _vary(image: Image, lighting: Lighting, place: Place) -> None:
     """Give the map the light of the place, cell by cell; what is finer stays."""
-    bare = _pooled(image)
+    _multiply(image, _factors(_pooled(image), lighting, place))
+
+
+def _factors(bare: Image, lighting: Lighting, place: Place) -> Image:
+    """What the place makes of the cells (_ROWS, 2 _ROWS, 3) of the bare map."""
     ratio = np.ones_like(bare)
     if place.around is not None:
         _multiply(ratio, _ratio(place.around, bare))
-    ratio *= continued(ratio * bare, place.photo, lighting)
-    _multiply(image, ratio)
+    return np.asarray(ratio * continued(ratio * bare, place.photo, lighting))
 
 
 def _pooled(image: Image) -> Image:

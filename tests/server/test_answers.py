@@ -10,13 +10,13 @@ from starlette.requests import Request
 
 from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
-from server.answers import envmap_link, estimates, is_fresh, sun_probability
+from server.answers import Answer, envmap_link, estimates, is_fresh, sun_probability
 from server.queries import LightingQuery, SkyQuery
 
 GRID = "fibonacci:64"
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
 SUN = SunDistribution(GRID, np.full(64, 1 / 64, dtype=np.float32))
-ESTIMATE = Estimate(LIGHT, SUN)
+ESTIMATE = Answer(Estimate(LIGHT, SUN))
 
 
 def request(if_none_match: str) -> Request:
@@ -71,6 +71,14 @@ def test_one_estimate_is_a_record_and_several_are_a_list() -> None:
     assert estimates([ESTIMATE], query, "")["sun"]["azimuth"] == -41.2
     assert [light["sky"]["turbidity"] for light in estimates([ESTIMATE] * 2, query, "")["lightings"]] == [3.4, 3.4]
     assert "probability" not in estimates([ESTIMATE], query, "")
+
+
+def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
+    factors = np.random.default_rng(0).uniform(0.05, 4, (2, 4, 3)).astype(np.float32)
+    told = estimates([replace(ESTIMATE, factors=factors)], LightingQuery.model_validate({}), "")["surroundings"]
+    assert (told["rows"], told["columns"]) == (2, 4)
+    assert told["factors"] == pytest.approx(factors.reshape(8, 3), rel=5e-3)
+    assert "surroundings" not in estimates([ESTIMATE], LightingQuery.model_validate({}), "")
 
 
 def test_the_probability_comes_with_the_angles_of_its_cells() -> None:

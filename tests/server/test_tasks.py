@@ -4,6 +4,7 @@ import json
 import zipfile
 from collections.abc import Callable
 from io import BytesIO
+from pathlib import Path
 from typing import Any, TypeVar
 
 import anyio
@@ -13,6 +14,7 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.files import read_exr
+from lighting.model import Model
 from lighting.pipeline import Estimator
 from server import tasks
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkySceneQuery
@@ -40,8 +42,9 @@ def in_a_thread(work: Callable[..., T], *arguments: Any) -> T:
 def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: Service) -> None:
     query = LightingQuery.model_validate({"headings": "0,45"})
     first, second = in_a_thread(tasks.estimated_together, service, [PHOTO, PHOTO], query)
-    assert "other photos" in first.evidence
-    turn = (first.lighting.sun_azimuth - second.lighting.sun_azimuth) % 360.0
+    assert "other photos" in first.estimate.evidence
+    assert first.factors is None
+    turn = (first.estimate.lighting.sun_azimuth - second.estimate.lighting.sun_azimuth) % 360.0
     assert min(turn, 360.0 - turn) > 0.0
     with pytest.raises(PhotoError, match=r"^Photo 2 of 2: "):
         in_a_thread(tasks.estimated_together, service, [PHOTO, b"no photo"], query)
@@ -50,9 +53,18 @@ def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: 
 def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service) -> None:
     query = EnvmapQuery.model_validate({"height": 32})
     image, lighting = read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))
-    (estimate,) = in_a_thread(tasks.estimated_together, service, [PHOTO], LightingQuery.model_validate({}))
+    (answer,) = in_a_thread(tasks.estimated_together, service, [PHOTO], LightingQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
-    assert lighting == estimate.lighting
+    assert lighting == answer.estimate.lighting
+
+
+def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(lit_network: Path) -> None:
+    query = LightingQuery.model_validate({"surroundings": "true"})
+    service = Service(Settings(), Estimator(Model.load(lit_network)))
+    for answer in in_a_thread(tasks.estimated_together, service, [PHOTO, PHOTO], query):
+        assert answer.factors is not None
+        assert answer.factors.shape == (24, 48, 3)
+        assert 0 < answer.factors.min() < 1 < answer.factors.max()
 
 
 def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Service) -> None:

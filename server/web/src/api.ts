@@ -1,6 +1,7 @@
 /** The service as the page uses it. Paths are relative, so that it also works behind a proxy's prefix. */
 
 import { apiKey, keyHeader } from "./key";
+import type { Factors } from "./picture/surroundings";
 import type { Camera } from "./pure/camera";
 import type { Distribution } from "./pure/distribution";
 import { type Given, givenQuery } from "./pure/given";
@@ -40,6 +41,7 @@ export type Edited = Omit<Lighting, "sun"> & { sun: Omit<Lighting["sun"], "radiu
 export interface Estimate extends Lighting {
   links: { envmap: string };
   probability: Distribution;
+  surroundings?: Factors; // what the place makes of the bare map, where the network says what lies around
 }
 
 /** The strength of a light, in the photo's linear values. */
@@ -78,6 +80,7 @@ export type Tool = (typeof TOOLS)[number];
 export async function estimate(photos: Blob[], given: Given, signal: AbortSignal): Promise<Estimate[]> {
   const query = givenQuery(given, photos.length);
   query.set("probability", "true");
+  query.set("surroundings", "true");
   const response = await ask(`v1/lighting?${query}`, { method: "POST", body: formOf(photos), signal });
   const answer = (await response.json()) as Estimate | { lightings: Estimate[] };
   return "lightings" in answer ? answer.lightings : [answer];

@@ -145,7 +145,7 @@ function open(index: number): void {
   facts.show(shown, view);
   dome.show(answer, aspectOf(photo));
   object.open(view);
-  sky.setPhoto(photo.pixels, answer.camera);
+  sky.setPhoto(photo.pixels, answer.camera, answer.surroundings);
   refresh();
 }
 

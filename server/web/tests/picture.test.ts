@@ -3,7 +3,10 @@ import { describe, expect, it } from "vitest";
 import { groundColour, litGround, type Told } from "../src/picture/ground";
 import { encoded, linear, type Pixels } from "../src/picture/pixels";
 import { quietSpot } from "../src/picture/room";
-import { fold, layAround, withSurroundings } from "../src/picture/surroundings";
+import { layAround, withSurroundings } from "../src/picture/surroundings";
+import { fold } from "../src/picture/texture";
+import type { Triple } from "../src/sky/model";
+import type { Latlong } from "../src/sky/paint";
 
 const LEVEL = { elevation: 0, roll: 0, vertical_fov: 60 };
 const UP = { elevation: 60, roll: 0, vertical_fov: 40 };
@@ -129,38 +132,113 @@ describe("room for an object", () => {
   });
 });
 
+/** What the service's library makes of a photo in its place, in tests/lighting/envmap/surroundings.json. */
+interface PlaceCase {
+  camera: typeof LEVEL;
+  photo: string;
+  factors: string;
+  bare: string;
+  map: string;
+}
+
 describe("what stands around", () => {
+  const plain = (value: number): Latlong => ({
+    width: 64,
+    height: 32,
+    data: new Float32Array(4 * 64 * 32).fill(value),
+  });
+
+  it("is what the service's maps show", () => {
+    const file = readFileSync(new URL("../../../tests/lighting/envmap/surroundings.json", import.meta.url));
+    const given = JSON.parse(new TextDecoder().decode(file)) as PlaceCase;
+    const floats = (text: string): Float32Array => new Float32Array(bytesOf(text).buffer);
+    const rgb = bytesOf(given.photo);
+    const cells = floats(given.factors);
+    const factors = Array.from({ length: cells.length / 3 }, (_, i) => [...cells.slice(3 * i, 3 * i + 3)] as Triple);
+    const around = layAround(
+      photo((x, y) => [0, 1, 2].map((c) => rgb[3 * (64 * y + x) + c]) as Triple),
+      given.camera,
+      { rows: 24, columns: 48, factors },
+      32,
+      false,
+    );
+    const [bare, expected] = [floats(given.bare), floats(given.map)];
+    const map = plain(0);
+    for (let i = 0; i < bare.length; i++) map.data[4 * Math.floor(i / 3) + (i % 3)] = bare[i] as number;
+    const { data } = withSurroundings(map, around, 1);
+    const off = [...expected].map((value, i) =>
+      Math.abs((data[4 * Math.floor(i / 3) + (i % 3)] as number) / value - 1),
+    );
+    off.sort((a, b) => a - b);
+    expect(off[Math.floor(0.9 * off.length)]).toBeLessThan(0.01);
+    expect(off[Math.floor(0.99 * off.length)]).toBeLessThan(0.1);
+  });
+
   it("folds angles to and fro without a jump", () => {
     expect([0, 30, 40, 60, 90, -40, 180].map((azimuth) => fold(azimuth, 30))).toEqual([0, 30, 20, 0, -30, -20, 0]);
   });
 
-  it("shows the photo in its view and only its dark things elsewhere", () => {
-    const houses = photo((_, y) => (y < 12 ? 200 : y < 24 ? [80, 30, 30] : 100));
-    const sky = { width: 64, height: 32, data: new Float32Array(4 * 64 * 32).fill(0.6) };
-    const { data } = withSurroundings(sky, layAround(houses, LEVEL, 32), 1);
-    const at = (row: number, column: number): number[] => [
-      ...data.slice(4 * (row * 64 + column), 4 * (row * 64 + column) + 3),
-    ];
-    expect(at(14, 32)[0]).toBeCloseTo(linear(80), 2); // ahead, just above the horizon: a house
-    expect(at(14, 2)[0]).toBeCloseTo(linear(80), 1); // behind: houses too
-    expect(at(1, 32)[0]).toBeCloseTo(0.6); // overhead: the sky
-    expect(at(28, 2)[0]).toBeCloseTo(0.6); // the ground behind: as it was
+  it("has light and dark of the photo's own things behind the camera, in the colours that are said of it", () => {
+    const houses = photo((x, y) => (y < 24 ? ((x >> 3) % 2 ? [200, 40, 40] : [20, 4, 4]) : 100));
+    const said = { rows: 2, columns: 4, factors: Array.from({ length: 8 }, (): Triple => [1, 0.5, 0.25]) };
+    const [smooth, textured] = [false, true].map(
+      (given) => withSurroundings(plain(0.6), layAround(houses, LEVEL, said, 32, given), 1).data,
+    );
+    const behind = [...Array(16).keys()].map((x) => 4 * (64 * 13 + (x < 8 ? x : x + 48)));
+    const red = (data: Float32Array | undefined) => behind.map((i) => data?.[i] as number);
+    expect(Math.max(...red(smooth)) / Math.min(...red(smooth))).toBeCloseTo(1, 3);
+    expect(Math.max(...red(textured)) / Math.min(...red(textured))).toBeGreaterThan(2);
+    const tint = (data: Float32Array | undefined, i: number) => (data?.[i] as number) / (data?.[i + 1] as number);
+    for (const i of behind) expect(tint(textured, i) / tint(smooth, i)).toBeCloseTo(1, 1);
+  });
+
+  it("keeps the light of each half, whatever the photo and the place are", () => {
+    const bright = photo((_, y) => (y < 24 ? 240 : 20));
+    const factors = Array.from({ length: 8 }, (_, i): Triple => [0.2 + i, 1, 0.3]);
+    const around = layAround(bright, LEVEL, { rows: 2, columns: 4, factors }, 32);
+    const { data } = withSurroundings(plain(0.6), around, 1);
+    for (const half of [0, 16]) {
+      let [sum, whole] = [0, 0];
+      for (let y = half; y < half + 16; y++) {
+        const angle = (Math.PI * (y + 0.5)) / 32;
+        const share = Math.abs(Math.cos(angle)) * Math.sin(angle);
+        for (let x = 0; x < 64; x++) sum += share * (data[4 * (64 * y + x)] as number);
+        whole += 64 * share * 0.6;
+      }
+      expect(sum / whole).toBeCloseTo(1, 3);
+    }
+  });
+
+  it("is the photo in its view alone where nothing is said of the rest", () => {
+    const grey = layAround(
+      photo(() => 100),
+      LEVEL,
+      undefined,
+      32,
+    );
+    const { data } = withSurroundings(plain(linear(100)), grey, 1);
+    expect(new Set([...data].filter((_, i) => i % 4 < 3).map((value) => value.toFixed(4)))).toEqual(
+      new Set([linear(100).toFixed(4)]),
+    );
   });
 
   it("becomes brighter with the light on show, and what is clipped stays sky", () => {
     const white = layAround(
       photo(() => 255),
       LEVEL,
+      undefined,
       32,
     );
-    const sky = { width: 64, height: 32, data: new Float32Array(4 * 64 * 32).fill(3) };
-    expect(withSurroundings(sky, white, 1).data[4 * (15 * 64 + 32)]).toBe(3);
+    const ahead = 4 * (15 * 64 + 32);
+    expect(withSurroundings(plain(3), white, 1).data[ahead]).toBeCloseTo(3, 2);
     const grey = layAround(
       photo(() => 128),
       LEVEL,
+      undefined,
       32,
     );
-    expect(withSurroundings(sky, grey, 2).data[4 * (15 * 64 + 32)]).toBeCloseTo(2 * linear(128), 1);
+    const [once, twice] = [1, 2].map((gain) => withSurroundings(plain(gain), grey, gain).data[ahead] as number);
+    expect(twice).toBeCloseTo(2 * (once as number), 3);
   });
 
   it("is decoded as the photo was encoded", () => {

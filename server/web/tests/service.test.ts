@@ -56,7 +56,7 @@ describe("the service", () => {
     const answers = await estimate([new Blob(["x"], { type: "image/jpeg" })], NOTHING, new AbortController().signal);
     const [url, { body, headers }] = request();
     expect(answers).toEqual([{}]);
-    expect(url).toBe("v1/lighting?probability=true");
+    expect(url).toBe("v1/lighting?probability=true&surroundings=true");
     expect([...body.keys()]).toEqual(["photo"]);
     expect(headers).toEqual({ Authorization: "Bearer secret" });
   });
@@ -67,7 +67,7 @@ describe("the service", () => {
     const given = { ...NOTHING, exif: false, headings: "0,45", heading: "7", fov: "50" };
     const answers: Estimate[] = await estimate(photos, given, new AbortController().signal);
     expect(answers.map(({ evidence }) => evidence.length)).toEqual([1, 0]);
-    expect(request()[0]).toBe("v1/lighting?exif=false&fov=50&headings=0%2C45&probability=true");
+    expect(request()[0]).toBe("v1/lighting?exif=false&fov=50&headings=0%2C45&probability=true&surroundings=true");
     expect(request()[1].body.getAll("photo")).toHaveLength(2);
   });
 

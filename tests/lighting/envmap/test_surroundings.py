@@ -1,16 +1,20 @@
 """Maps that show the place: what they show, and that they hold no other light."""
 
+import base64
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lighting.envmap import Place, place_of, render, surround
+from lighting.envmap import Place, place_factors, place_of, render, surround
 from lighting.envmap.clear import irradiance_of, row_levels
 from lighting.records import Estimate, Lighting, SunDistribution
 from tests.lighting.envmap.test_render import SKY, given_light, lighting
 
 HEIGHT = 96
+CASE = Path(__file__).with_name("surroundings.json")  # what the page follows
 PHOTO = np.random.default_rng(3).integers(0, 256, (60, 80, 3)).astype(np.uint8)
 
 
@@ -111,3 +115,33 @@ def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
     tints = [[float((m[at][..., 0] / m[at][..., 1]).mean()) for at in (beside, behind)] for m in maps]
     assert tints[1][0] > 2 * tints[0][0]
     assert tints[1][1] < 1.5 * tints[0][1]
+
+
+def case() -> dict[str, object]:
+    """A photo in its place, for those who lay it around the camera in another language."""
+    light = replace(given_light(sky_cover=0.3), camera_elevation=8.0, camera_roll=-3.0, vertical_fov=50.0)
+    y, x = np.mgrid[:48, :64]
+    photo = np.stack([120 + x, 200 - 2 * y, np.where(y < 20, 250, 60)], axis=-1).astype(np.uint8)
+    cells = around(light) * (1 + 0.6 * np.sin(np.arange(24) / 3)[:, None]).astype(np.float32)
+    place = Place(photo, cells)
+    return {
+        "camera": {"elevation": 8.0, "roll": -3.0, "vertical_fov": 50.0},
+        "photo": base64.b64encode(photo.tobytes()).decode(),
+        "factors": base64.b64encode(place_factors(light, place).tobytes()).decode(),
+        "bare": base64.b64encode(render(light, 32, disc=False).tobytes()).decode(),
+        "map": base64.b64encode(surround(light, place, 32, disc=False).tobytes()).decode(),
+    }
+
+
+def test_the_case_that_others_follow_is_up_to_date() -> None:
+    """`python -m tests.lighting.envmap.test_surroundings` writes it anew."""
+    said, now = json.loads(CASE.read_text()), case()
+    assert said["camera"] == now["camera"]
+    assert said["photo"] == now["photo"]
+    for name in ("factors", "bare", "map"):
+        then, today = (np.frombuffer(base64.b64decode(str(one[name])), np.float32) for one in (said, now))
+        np.testing.assert_allclose(then, today, rtol=1e-3, atol=1e-4)
+
+
+if __name__ == "__main__":
+    CASE.write_text(json.dumps(case()))

@@ -1,78 +1,153 @@
-/** What stands around the camera, for reflections: the photo in its own view, its darker things repeated around. */
+/**
+ * What stands around the camera, for reflections: the photo in its own view, and beside it what the service says that
+ * the place makes of the bare sky and ground. The rules are those of `lighting.envmap.surround`, but for one: what is
+ * said of the rest is smooth, so light and dark of the photo's own things texture it, or mirrors would look empty.
+ */
 
-import { clamp, direction, radians } from "../pure/angles";
-import { type Camera, project } from "../pure/camera";
+import { clamp, radians } from "../pure/angles";
+import type { Camera } from "../pure/camera";
+import type { Triple } from "../sky/model";
 import type { Latlong } from "../sky/paint";
 import { linear, type Pixels } from "./pixels";
+import { texture } from "./texture";
+import { pixelAt } from "./view";
 
-/** For each pixel of a map: what the photo shows there, linear, and in the fourth float how surely (0 to 1). */
-export type Surroundings = Latlong;
+/** What the place makes of the bare map, by cells of equal angles, row by row from the zenith. */
+export interface Factors {
+  rows: number;
+  columns: number;
+  factors: Triple[];
+}
 
-const FEATHER = 0.08; // of the photo's shorter side, over which its view fades into the rest
-const REPEATED = 0.001; // marks what is not in view: the same colours, folded around
+/** Maps of equal size: what the photo shows, linear, with its weight (0 to 1) as the fourth float; and factors. */
+export interface Surroundings {
+  seen: Latlong;
+  factors: Latlong | undefined;
+}
 
-/** The photo laid around the camera, in a map of `height` rows. */
-export function layAround(photo: Pixels, camera: Camera, height: number): Surroundings {
+/** The place around the camera, in maps of `height` rows; `textured` with the photo's own things beside it. */
+export function layAround(
+  photo: Pixels,
+  camera: Camera,
+  factors: Factors | undefined,
+  height: number,
+  textured = true,
+): Surroundings {
+  const cells = factors && smooth(factors, height);
+  if (cells && textured) texture(cells, photo, camera);
+  return { seen: layPhoto(photo, camera, height), factors: cells };
+}
+
+const CLIPPED = 0.95; // linear value from which a pixel may have been brighter
+const REST: [number, number] = [0.1, 4]; // how far what the photo does not show is scaled
+const LEAST = 1e-9;
+const CHANNELS = [0, 1, 2] as const;
+
+function layPhoto(photo: Pixels, camera: Camera, height: number): Latlong {
   const width = 2 * height;
   const data = new Float32Array(4 * width * height);
-  const reach = halfWidth(photo, camera);
   for (let y = 0; y < height; y++) {
     const elevation = 90 - ((y + 0.5) * 180) / height;
     for (let x = 0; x < width; x++) {
-      const azimuth = ((x + 0.5) / width) * 360 - 180;
-      const seen = Math.abs(azimuth) < 90 ? at(photo, camera, azimuth, elevation) : null;
-      const shown = seen ?? at(photo, camera, fold(azimuth, reach), elevation);
-      if (!shown) continue;
+      const found = pixelAt(photo, camera, ((x + 0.5) / width) * 360 - 180, elevation);
+      if (!found) continue;
       const i = 4 * (y * width + x);
-      for (const c of [0, 1, 2]) data[i + c] = linear(photo.data[shown.pixel + c] as number);
-      data[i + 3] = Math.max(seen ? seen.sure : 0, REPEATED);
+      for (const c of CHANNELS) data[i + c] = linear(photo.data[found.pixel + c] as number);
+      data[i + 3] = found.weight;
     }
   }
   return { width, height, data };
 }
 
-/** Degrees from the photo's middle to its side, along the horizon or as near to it as the photo goes. */
-function halfWidth(photo: Pixels, camera: Camera): number {
-  const tangent = Math.tan(radians(camera.vertical_fov) / 2) * (photo.width / photo.height);
-  return clamp((Math.atan(tangent) * 180) / Math.PI, 5, 80);
-}
-
-/** An azimuth reflected to and fro between the photo's sides, so that nothing jumps. */
-export function fold(azimuth: number, reach: number): number {
-  const phase = (((azimuth + reach) % (4 * reach)) + 4 * reach) % (4 * reach);
-  return phase <= 2 * reach ? phase - reach : 3 * reach - phase;
-}
-
-function at(photo: Pixels, camera: Camera, azimuth: number, elevation: number): { pixel: number; sure: number } | null {
-  const point = project(direction(azimuth, elevation), camera, photo);
-  if (!point) return null;
-  const [x, y] = point;
-  if (x < 0 || y < 0 || x >= photo.width || y >= photo.height) return null;
-  const inside = Math.min(x, y, photo.width - x, photo.height - y) / (FEATHER * Math.min(photo.width, photo.height));
-  return { pixel: 4 * (Math.floor(y) * photo.width + Math.floor(x)), sure: clamp(inside, 0, 1) };
-}
-
-const grey = (data: Float32Array, i: number): number =>
-  0.2126 * (data[i] as number) + 0.7152 * (data[i + 1] as number) + 0.0722 * (data[i + 2] as number);
-
-/**
- * A map of sky and ground with the photo in it. `gain` takes the photo to the light on show. Above the horizon the
- * photo's view is laid over the sky, and beyond it only what is darker than the sky (houses, trees, hills); below it
- * only what the photo shows. What is clipped in the photo leaves the sky's own value.
- */
-export function withSurroundings(map: Latlong, around: Surroundings, gain: number): Latlong {
-  const data = map.data.slice();
-  for (let i = 0; i < data.length; i += 4) {
-    const sure = around.data[i + 3] as number;
-    if (sure === 0) continue;
-    const above = i < data.length / 2;
-    const ratio = (gain * grey(around.data, i)) / Math.max(grey(map.data, i), 1e-9);
-    const repeated = above ? clamp((0.9 - ratio) / 0.3, 0, 1) : 0;
-    const clipped = above && grey(around.data, i) > 0.9 && ratio < 1;
-    const weight = clipped ? 0 : sure + (1 - sure) * repeated;
-    for (const c of [0, 1, 2]) {
-      data[i + c] = (data[i + c] as number) * (1 - weight) + gain * (around.data[i + c] as number) * weight;
+/** Cells as a map, linear between their centres; columns wrap, rows end at the poles and at the horizon. */
+function smooth({ rows, columns, factors }: Factors, height: number): Latlong {
+  const width = 2 * height;
+  const data = new Float32Array(4 * width * height);
+  for (let y = 0; y < height; y++) {
+    const first = y < height / 2 ? 0 : rows / 2;
+    const down = between(((y + 0.5) * rows) / height, (row) => clamp(row, first, first + rows / 2 - 1));
+    for (let x = 0; x < width; x++) {
+      const across = between(((x + 0.5) * columns) / width, (column) => (column + columns) % columns);
+      const i = 4 * (y * width + x);
+      for (const [row, high] of down) {
+        for (const [column, wide] of across) {
+          const cell = factors[row * columns + column] as Triple;
+          for (const c of CHANNELS) data[i + c] = (data[i + c] as number) + high * wide * cell[c];
+        }
+      }
     }
   }
+  return { width, height, data };
+}
+
+/** The two cells beside a place, and how far each counts. */
+function between(place: number, inside: (cell: number) => number): [number, number][] {
+  const low = Math.floor(place - 0.5);
+  const share = place - 0.5 - low;
+  return [
+    [inside(low), 1 - share],
+    [inside(low + 1), share],
+  ];
+}
+
+/**
+ * A map of sky and ground with the place in it; `gain` takes the photo to the light on show. Each half of the map gives
+ * level ground as much light as before. What is clipped in the photo leaves the map's own value where that is brighter.
+ */
+export function withSurroundings(map: Latlong, { seen, factors }: Surroundings, gain: number): Latlong {
+  const data = map.data.slice();
+  if (factors) for (let i = 0; i < data.length; i++) if (i % 4 < 3) (data[i] as number) *= factors.data[i] as number;
+  const middle = data.length / 2;
+  for (const [start, end] of [
+    [0, middle],
+    [middle, data.length],
+  ] as const) {
+    compose({ ...map, data }, seen, { start, end, gain, target: irradiance(map, start, end) });
+  }
   return { ...map, data };
+}
+
+interface Half {
+  start: number; // of its floats
+  end: number;
+  gain: number;
+  target: Triple; // irradiance of level ground
+}
+
+/** Lays the photo over one half of a map and scales the rest, so that the half gives its target. */
+function compose(map: Latlong, seen: Latlong, { start, end, gain, target }: Half): void {
+  const { data } = map;
+  const laid = new Float32Array(data.length); // the photo, where it counts in full
+  for (let i = start; i < end; i += 4) {
+    if (!seen.data[i + 3]) continue;
+    const clipped = Math.max(...CHANNELS.map((c) => seen.data[i + c] as number)) > CLIPPED;
+    for (const c of CHANNELS) {
+      const value = gain * (seen.data[i + c] as number);
+      laid[i + c] = clipped ? Math.max(value, data[i + c] as number) : value;
+    }
+  }
+  const weight = (i: number): number => seen.data[i + 3] as number;
+  const photo = irradiance({ ...map, data: laid }, start, end, weight);
+  const rest = irradiance(map, start, end, (i) => 1 - weight(i));
+  const factor = CHANNELS.map((c) => clamp((target[c] - photo[c]) / Math.max(rest[c], LEAST), ...REST));
+  const reached = CHANNELS.map((c) => (factor[c] as number) * rest[c] + photo[c]);
+  for (let i = start; i < end; i += 4) {
+    for (const c of CHANNELS) {
+      const beside = (factor[c] as number) * (data[i + c] as number);
+      const mixed = beside + weight(i) * ((laid[i + c] as number) - beside);
+      data[i + c] = (mixed * target[c]) / Math.max(reached[c] as number, LEAST);
+    }
+  }
+}
+
+/** Irradiance of level ground, seen from above or below, by the floats `start` to `end` of a map, each pixel weighted. */
+function irradiance(map: Latlong, start: number, end: number, weight: (i: number) => number = () => 1): Triple {
+  const sum: Triple = [0, 0, 0];
+  for (let i = start; i < end; i += 4) {
+    const elevation = radians(90 - ((Math.floor(i / 4 / map.width) + 0.5) * 180) / map.height);
+    const share = weight(i) * Math.abs(Math.sin(elevation)) * Math.cos(elevation);
+    for (const c of CHANNELS) sum[c] += share * (map.data[i + c] as number);
+  }
+  const pixel = (2 * Math.PI * Math.PI) / (map.width * map.height);
+  return [sum[0] * pixel, sum[1] * pixel, sum[2] * pixel];
 }

@@ -1,6 +1,7 @@
 /** The page's side of the worker: one question at a time, and of those that wait only the newest. */
 
 import type { Pixels } from "../picture/pixels";
+import type { Factors } from "../picture/surroundings";
 import type { Camera } from "../pure/camera";
 import type { Question } from "./light";
 import type { Answer, Message } from "./worker";
@@ -29,8 +30,8 @@ export class SkyRenderer {
   }
 
   /** What stands around the camera from now on. */
-  setPhoto(photo: Pixels, camera: Camera): void {
-    this.post({ photo, camera });
+  setPhoto(photo: Pixels, camera: Camera, factors: Factors | undefined): void {
+    this.post({ photo, camera, factors });
   }
 
   ask(question: Question): void {

@@ -2,14 +2,16 @@
 
 import tableUrl from "../../../../lighting/data/hosek_wilkie.npz?url";
 import type { Pixels } from "../picture/pixels";
-import { layAround, type Surroundings, withSurroundings } from "../picture/surroundings";
+import { type Factors, layAround, type Surroundings, withSurroundings } from "../picture/surroundings";
 import type { Camera } from "../pure/camera";
 import { readNpz } from "../pure/npz";
 import { type Light, lightOf, type Question } from "./light";
 import type { SkyTable } from "./model";
 import { type Picture, pictureOf } from "./picture";
 
-export type Message = { photo: Pixels; camera: Camera } | { question: Question; id: number };
+export type Message =
+  | { photo: Pixels; camera: Camera; factors: Factors | undefined }
+  | { question: Question; id: number };
 
 export interface Answer {
   id: number;
@@ -24,7 +26,7 @@ let table: Promise<SkyTable> | undefined;
 let around: Surroundings | undefined;
 
 self.addEventListener("message", async ({ data }: MessageEvent<Message>) => {
-  if ("photo" in data) around = layAround(data.photo, data.camera, LIGHT_ROWS);
+  if ("photo" in data) around = layAround(data.photo, data.camera, data.factors, LIGHT_ROWS);
   else await answer(data.question, data.id);
 });
 
