@@ -32,10 +32,14 @@ def write_record(run: Run, commits: Iterable[str], kept: Sequence[Panorama], hel
 
 
 def earlier_commits(config: TrainConfig) -> list[str]:
-    """The commits that trained the run in `config.out` so far; DataError if it has other settings."""
+    """The commits that trained the run in `config.out` so far; DataError if it has other settings.
+
+    Settings that the run's record is too old to have count as their defaults.
+    """
     record = read_record(Path(config.out))
-    now = json.loads(json.dumps(asdict(config)))
-    changed = [name for name in now if name not in MAY_CHANGE and record["config"].get(name) != now[name]]
+    then, now = TrainConfig(**record["config"]), json.loads(json.dumps(asdict(config)))
+    before = json.loads(json.dumps(asdict(then)))
+    changed = [name for name in now if name not in MAY_CHANGE and before[name] != now[name]]
     if changed:
         raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")
     return str(record["commit"]).split(", ")
