@@ -2,12 +2,14 @@
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from fastapi import Depends, Request
 
+from lighting.envmap import Image
 from lighting.evidence import Given
 from lighting.model import Model, packaged_model
 from lighting.photo import TARGET, Photo
@@ -26,6 +28,14 @@ from server.uploads import Body, Limits
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """An estimate, and what the place makes of the cells (R, 2R, 3) of its bare map where that was asked for."""
+
+    estimate: Estimate
+    factors: Image | None = None
 
 
 class Service:

@@ -17,10 +17,9 @@ from lighting.photo import Photo
 from lighting.preview import PHOTO_SIDE, preview_png
 from lighting.records import Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
-from server.answers import Answer
 from server.plans import PlanQuery
 from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
-from server.service import Service
+from server.service import Answer, Service
 
 Map = NDArray[np.float32]
 Pixels = NDArray[np.uint8]

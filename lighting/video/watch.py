@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from lighting.colour import luminance, srgb_decode
 from lighting.decoding import lighting_from
 from lighting.envmap import photo_ground, photo_sky
+from lighting.evidence import said_of
 from lighting.model import Model
-from lighting.photo import Photo, to_tensor
+from lighting.photo import Photo
 from lighting.video.clip import Frame
 from lighting.video.cuts import split
 from lighting.video.follow import Follower, Key, Step
@@ -93,7 +94,7 @@ def shots_watched(
 def see(model: Model, pixels: Pixels) -> Seen:
     """What the network says of a frame (h, w, 3), upright sRGB, with the colours of sky and ground that it shows."""
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
-    said = model.predict(to_tensor(photo, model.spec))[0]
+    said = said_of(model, photo)
     if (light := said.light) is None:
         return Seen(said)
     if (tint := photo_sky(pixels, lighting_from(said))) is not None:
