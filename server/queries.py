@@ -198,12 +198,20 @@ class ChangeQuery(Query):
         return self.model_dump(include=set(ChangeQuery.model_fields), exclude_none=True)
 
 
-class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery):
-    """The map of a photo."""
+class PlaceQuery(Query):
+    """Whether a photo's map shows the place."""
 
     surroundings: FlagOrAuto = Field(
         None, description="show the place, not the sky alone; by default where the network predicts it"
     )
+
+
+class PreviewQuery(GivenQuery, PlaceQuery):
+    """The preview of a photo."""
+
+
+class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery, PlaceQuery):
+    """The map of a photo."""
 
 
 class SkyParameters(Query):
@@ -265,7 +273,7 @@ class SceneQuery(Query):
         return self.model_dump(include={name for name, tool in TOOL_OF_OPTION.items() if tool == self.tool})
 
 
-class PhotoSceneQuery(SceneQuery, GivenQuery, ChangeQuery):
+class PhotoSceneQuery(SceneQuery, GivenQuery, ChangeQuery, PlaceQuery):
     """The scene of a photo."""
 
 
