@@ -44,7 +44,8 @@ def known(facts: PhotoFacts, given: Given) -> Known:
     candidates, warnings = suns(merged), _missing(merged, given)
     highest = max((elevation for elevation, _ in candidates), default=0.0)
     if highest < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
-        raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.")
+        stated = "latitude" if given.time is None else "time"
+        raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.", stated)
     if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, below_horizon(merged, highest) + consequence)
