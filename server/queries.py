@@ -22,7 +22,7 @@ from lighting.errors import ParameterError
 from lighting.evidence import SHORT_NAMES, Given, read_headings
 from lighting.files import Compression
 from lighting.photo import MIN_SIDE, read_offset, read_time
-from lighting.records import GROUND_ALBEDO, Lighting
+from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
 from lighting.sky import Model as SkyModel
 from server.schemas import (
@@ -181,39 +181,9 @@ class MapQuery(Query):
         return self
 
 
-class ChangeQuery(Query):
-    """Parameters of a sky that replace what is estimated; the sky's and the sun's power follow them."""
+class StatedQuery(Query):
+    """The strength and the colours of a light, which otherwise follow from the sky model or from the photo."""
 
-    sun_azimuth: Annotated[
-        float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
-    ] = None
-    sun_elevation: Annotated[float | None, named("sun_elevation", "deg above the horizon", 33.0)] = None
-    turbidity: Annotated[float | None, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)] = None
-    exposure: Annotated[
-        float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
-    ] = None
-
-    def changes(self) -> dict[str, float]:
-        """The fields of Lighting that the client replaces."""
-        return self.model_dump(include=set(ChangeQuery.model_fields), exclude_none=True)
-
-
-class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery):
-    """The map of a photo."""
-
-    surroundings: FlagOrAuto = Field(
-        None, description="show the place, not the sky alone; by default where the network predicts it"
-    )
-
-
-class SkyParameters(Query):
-    """The parameters of a sky."""
-
-    sun_azimuth: SunAzimuth
-    sun_elevation: SunElevation
-    turbidity: Turbidity
-    exposure: Exposure = DAYLIGHT_EXPOSURE
-    ground_albedo: GroundAlbedo = GROUND_ALBEDO
     sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
     sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
     sky_cover: SkyCover | None = None
@@ -232,6 +202,41 @@ class SkyParameters(Query):
         if cover is not None and others.data.get("sky_irradiance", True) is None:
             raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance beside it")
         return cover
+
+
+class ChangeQuery(StatedQuery):
+    """Parameters of a sky that replace what is estimated; its power follows them unless it is stated, too."""
+
+    sun_azimuth: Annotated[
+        float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
+    ] = None
+    sun_elevation: Annotated[float | None, named("sun_elevation", "deg above the horizon", 33.0)] = None
+    turbidity: Annotated[float | None, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)] = None
+    exposure: Annotated[
+        float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
+    ] = None
+
+    def changes(self) -> dict[str, float | Colour]:
+        """The fields of Lighting that the client replaces."""
+        return self.model_dump(include=set(ChangeQuery.model_fields), exclude_none=True)
+
+
+class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery):
+    """The map of a photo."""
+
+    surroundings: FlagOrAuto = Field(
+        None, description="show the place, not the sky alone; by default where the network predicts it"
+    )
+
+
+class SkyParameters(StatedQuery):
+    """The parameters of a sky."""
+
+    sun_azimuth: SunAzimuth
+    sun_elevation: SunElevation
+    turbidity: Turbidity
+    exposure: Exposure = DAYLIGHT_EXPOSURE
+    ground_albedo: GroundAlbedo = GROUND_ALBEDO
 
     def lighting(self) -> Lighting:
         """The light with these parameters; raises ParameterError for what contradicts itself."""

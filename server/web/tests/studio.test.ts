@@ -1,4 +1,6 @@
 import { describe, expect, it } from "vitest";
+import type { Lighting, Power } from "../src/api";
+import { statedLight } from "../src/parameters";
 import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
 import { History } from "../src/pure/history";
@@ -180,7 +182,36 @@ describe("the light on show as text", () => {
 
   it("replaces the light in the Python program", () => {
     expect(pythonOf(subject)).not.toContain("change");
+    expect(pythonOf(moved)).toContain(
+      "place_of(estimate, photo.pixels, 512, lambda side: read_photo(name, target=side)",
+    );
     expect(pythonOf(moved)).toContain('    "sun_azimuth": -41.2,\n');
     expect(pythonOf(moved)).toContain("sun=False, place=place");
+    expect(pythonOf(moved)).not.toContain("irradiance");
+  });
+
+  it("states the power of a light that the photo alone does not have", () => {
+    const record = {
+      ...{ model: { name: "", version: "" }, camera: CAMERA, evidence: [], warnings: [] },
+      sun: { azimuth: -41.2, elevation: 33, direction: [0, 1, 0], visibility: 0, radius_50: 9, radius_90: 30 },
+      sky: { model: "hosek-wilkie", turbidity: 3, ground_albedo: 0.3, exposure: 5 },
+    } as Lighting;
+    const stated = {
+      ...record,
+      sun: { ...record.sun, irradiance: [3.89, 4.28, 3.3612345] },
+      sky: { ...record.sky, cover: 0.25, irradiance: [0.35, 0.62, 1.12] },
+      ground: { color: [0.143, 0.1, 0.1] },
+    } as Lighting;
+    const power: Power = { sun: [0, 0, 0], sky: [1, 2, 3] };
+    expect(statedLight(record, light, power)).toEqual(light);
+    const program = pythonOf({ ...subject, changed: statedLight(stated, light, power) });
+    expect(program).toContain(
+      '    "sun_irradiance": (3.89, 4.28, 3.36123),\n    "sky_irradiance": (0.35, 0.62, 1.12),\n',
+    );
+    expect(program).toContain('    "sky_cover": 0.25,\n    "ground_color": (0.143, 0.1, 0.1),\n');
+    const turned = statedLight(stated, { ...light, turbidity: 4 }, power);
+    expect(curlOf({ ...subject, changed: turned })).toContain(
+      "&sun=false&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
+    );
   });
 });
