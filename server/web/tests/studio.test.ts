@@ -5,7 +5,7 @@ import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
 import { History } from "../src/pure/history";
 import { factsOf } from "../src/pure/metadata";
-import { distance, footOf, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
+import { distance, footOf, largest, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
 import { curlOf, pythonOf, type Subject } from "../src/pure/snippets";
 
 const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
@@ -133,7 +133,18 @@ describe("the object's place", () => {
   it("is shifted, turned and scaled within bounds", () => {
     expect(shifted(near, 0, -1000).position[2]).toBeCloseTo(-0.3);
     expect(turned({ ...near, turn: 175 }, 10).turn).toBeCloseTo(-175);
-    expect(sized(near, 1e9).radius).toBe(20);
+    expect(sized({ ...near, position: [0, -1.6, -80] }, 1e9).radius).toBe(20);
+  });
+
+  it("never comes so near that it takes more than 60 degrees of the view", () => {
+    for (const place of [near, shifted(near, 0, -1000), shifted(near, 3, 20)]) {
+      const { position, radius } = sized(place, 1e9);
+      expect(radius).toBe(largest(place));
+      expect(Math.hypot(position[0], position[1] + radius, position[2]) / radius).toBeCloseTo(2);
+    }
+    const grown = sized(shifted(near, 0, 50), 1e9);
+    expect(largest(shifted(grown, 0, -45))).toBe(shifted(grown, 0, -45).radius);
+    expect(moved(grown, CAMERA, 4 / 3, [0.5, 0.9])?.radius).toBe(largest(near));
   });
 });
 
