@@ -306,6 +306,10 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
     assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)
     assert reset == first
+    all_kept, same_parent, above, moved_along, names = found["own"]
+    assert (all_kept, same_parent, moved_along) == (True, True, True)
+    assert above == pytest.approx([0, 0, 3])  # the child's metre under a parent that the artist has scaled
+    assert {name.split(".")[0] for name in names} == {"Camera", "Ground", "Sun", "Your object here"}
     assert found["undone"] == [4, 0, 4, 0]
     assert found["sun lamps"] == 1
     assert found["reopened"]["sliders"][0] == 12.0
