@@ -22,7 +22,7 @@ from lighting.errors import ParameterError
 from lighting.evidence import SHORT_NAMES, Given, read_headings
 from lighting.files import Compression
 from lighting.photo import MIN_SIDE, read_offset, read_time
-from lighting.records import GROUND_ALBEDO, Lighting
+from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
 from lighting.sky import Model as SkyModel
 from server.problems import field_of
@@ -187,8 +187,31 @@ class MapQuery(Query):
         return self
 
 
-class ChangeQuery(Query):
-    """Parameters of a sky that replace what is estimated; the sky's and the sun's power follow them."""
+class StatedQuery(Query):
+    """The strength and the colours of a light, which otherwise follow from the sky model or from the photo."""
+
+    sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
+    sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
+    sky_cover: SkyCover | None = None
+    ground_color: Reflectances = Field(None, description=GROUND_COLOR)
+
+    @field_validator("sky_irradiance")
+    @classmethod
+    def _with_the_suns(cls, sky: Any, others: ValidationInfo) -> Any:
+        if "sun_irradiance" in others.data and (others.data["sun_irradiance"] is None) != (sky is None):
+            raise PydanticCustomError("pair", "sun_irradiance and sky_irradiance go together; one is missing")
+        return sky
+
+    @field_validator("sky_cover")
+    @classmethod
+    def _of_a_known_sky(cls, cover: float | None, others: ValidationInfo) -> float | None:
+        if cover is not None and others.data.get("sky_irradiance", True) is None:
+            raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance beside it")
+        return cover
+
+
+class ChangeQuery(StatedQuery):
+    """Parameters of a sky that replace what is estimated; its power follows them unless it is stated, too."""
 
     sun_azimuth: Annotated[
         float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
@@ -199,7 +222,7 @@ class ChangeQuery(Query):
         float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
     ] = None
 
-    def changes(self) -> dict[str, float]:
+    def changes(self) -> dict[str, float | Colour]:
         """The fields of Lighting that the client replaces."""
         return self.model_dump(include=set(ChangeQuery.model_fields), exclude_none=True)
 
@@ -220,7 +243,7 @@ class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery, PlaceQuery):
     """The map of a photo."""
 
 
-class SkyParameters(Query):
+class SkyParameters(StatedQuery):
     """The parameters of a sky."""
 
     sun_azimuth: SunAzimuth
@@ -228,24 +251,6 @@ class SkyParameters(Query):
     turbidity: Turbidity
     exposure: Exposure = DAYLIGHT_EXPOSURE
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
-    sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
-    sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
-    sky_cover: SkyCover | None = None
-    ground_color: Reflectances = Field(None, description=GROUND_COLOR)
-
-    @field_validator("sky_irradiance")
-    @classmethod
-    def _with_the_suns(cls, sky: Any, others: ValidationInfo) -> Any:
-        if "sun_irradiance" in others.data and (others.data["sun_irradiance"] is None) != (sky is None):
-            raise PydanticCustomError("pair", "sun_irradiance and sky_irradiance go together; one is missing")
-        return sky
-
-    @field_validator("sky_cover")
-    @classmethod
-    def _of_a_known_sky(cls, cover: float | None, others: ValidationInfo) -> float | None:
-        if cover is not None and others.data.get("sky_irradiance", True) is None:
-            raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance beside it")
-        return cover
 
     def lighting(self) -> Lighting:
         """The light with these parameters; raises ParameterError for what contradicts itself."""

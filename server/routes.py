@@ -148,7 +148,7 @@ async def estimate_scene(
 ) -> Response:
     """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP.
 
-    `sun_azimuth`, `sun_elevation`, `turbidity` and `exposure` replace what is estimated.
+    The parameters of a light replace what is estimated.
     """
     data = await admission.run(tasks.scene_file_of_photo, admission.service, photo, query)
     return Response(data, media_type="application/zip")

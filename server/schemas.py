@@ -93,7 +93,7 @@ Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]
 Reflectance = Annotated[float, Between(*COLOUR_RANGES["ground_color"])]
 SUN_IRRADIANCE = "red, green, blue of a surface that faces the sun, in the photo's linear units"
 SKY_IRRADIANCE = "red, green, blue of open level ground by the sky without the sun, in the photo's linear units"
-GROUND_COLOR = "red, green, blue: the ground's reflectance; else `ground_albedo` counts, or 0.12 with irradiances"
+GROUND_COLOR = "red, green, blue: the ground's reflectance; unknown, `ground_albedo` counts, or 0.12 with irradiances"
 
 
 def three(meaning: str, example: list[float]) -> Any:

@@ -4,8 +4,10 @@ Either fills a folder with NEEDED: the numbers and the pictures of `lighting sce
 with them is never run; this extension has its own copy.
 """
 
+import http.client
 import io
 import os
+import re
 import shutil
 import subprocess
 import urllib.error
@@ -18,6 +20,15 @@ from typing import Any
 NEEDED = ("scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json")
 SECONDS = 120  # to wait for an answer
 MOST_BYTES = 1 << 28  # of an answer, packed or not
+PHOTOS = (
+    ".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".tif", ".tiff", ".avif",
+    ".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2",
+)  # fmt: skip
+_KINDS = {
+    **{".png": "image/png", ".webp": "image/webp", ".heic": "image/heic", ".heif": "image/heic"},
+    **{".tif": "image/tiff", ".tiff": "image/tiff", ".avif": "image/avif"},
+}
+_NO_ADDRESS = "The service's address is not one such as http://127.0.0.1:8000."
 _OF_THIS_PYTHON = ("PYTHONHOME", "PYTHONPATH")  # Blender's, which would mislead another
 
 
@@ -48,22 +59,36 @@ def from_command(command: str, photo: Path, folder: Path) -> None:
 
 def from_service(address: str, key: str, photo: Path, folder: Path) -> None:
     """Send the photo to a service and unpack its answer; raises AnswerError."""
-    url = urllib.parse.urlsplit(address.strip())
-    if url.scheme not in ("http", "https") or not url.hostname:
-        raise AnswerError("The service's address must begin with http:// or https://.")
+    place = address.strip().rstrip("/")
+    headers = _headers(photo, key.strip())
+    host = _host(place)
     try:
-        request = urllib.request.Request(
-            address.strip().rstrip("/") + "/v1/scene?tool=blender", photo.read_bytes(), _headers(photo, key)
-        )
+        request = urllib.request.Request(f"{place}/v1/scene?tool=blender", photo.read_bytes(), headers)
         with urllib.request.build_opener(_Stay).open(request, timeout=SECONDS) as answer:
             data = answer.read(MOST_BYTES + 1)
     except urllib.error.HTTPError as error:
         raise AnswerError(_detail(error)) from error
     except urllib.error.URLError as error:
-        raise AnswerError(f"{url.hostname} cannot be reached: {error.reason}.") from error
+        raise AnswerError(f"{host} cannot be reached: {error.reason}.") from error
     except OSError as error:
         raise AnswerError(f"The photo was not answered: {error}.") from error
+    except (http.client.InvalidURL, ValueError) as error:
+        raise AnswerError(_NO_ADDRESS) from error
+    except http.client.HTTPException as error:
+        raise AnswerError(f"{host} answers, but not as a service does.") from error
     _unpack(data, folder)
+
+
+def _host(address: str) -> str:
+    """The host of a service's address."""
+    try:
+        url = urllib.parse.urlsplit(address)
+        _ = url.port  # refused here if it is none
+    except ValueError as error:
+        raise AnswerError(_NO_ADDRESS) from error
+    if url.scheme not in ("http", "https") or not url.hostname:
+        raise AnswerError("The service's address must begin with http:// or https://.")
+    return url.hostname
 
 
 class _Stay(urllib.request.HTTPRedirectHandler):
@@ -74,9 +99,13 @@ class _Stay(urllib.request.HTTPRedirectHandler):
 
 
 def _headers(photo: Path, key: str) -> dict[str, str]:
-    kinds = {".png": "image/png", ".webp": "image/webp", ".heic": "image/heic", ".heif": "image/heic"}
-    headers = {"Content-Type": kinds.get(photo.suffix.lower(), "image/jpeg")}
-    return headers | {"Authorization": f"Bearer {key}"} if key else headers
+    """The service reads the kind of photo from its bytes; the type only has to be one of a photo."""
+    headers = {"Content-Type": _KINDS.get(photo.suffix.lower(), "image/jpeg")}
+    if not key:
+        return headers
+    if not re.fullmatch(r"[\t\x20-\x7e\x80-\xff]+", key):
+        raise AnswerError("The API key has characters that no request can carry.")
+    return headers | {"Authorization": f"Bearer {key}"}
 
 
 def _detail(error: urllib.error.HTTPError) -> str:

@@ -1,4 +1,4 @@
-"""What a photo's scene puts into the open scene, and takes out when another photo comes."""
+"""What a photo's scene puts into the open scene, and what of it another photo replaces."""
 
 import json
 from pathlib import Path
@@ -9,45 +9,31 @@ import bpy
 from . import scene as script
 
 COLLECTION = "Light from Photo"
-_PLACEHOLDER = ("Ball", "Stick")  # of the scenes; here the artist's own object is at hand
+_MADE = {"Camera": "camera", "Sun": "sun", "Ground": "ground", "Your object here": "spot"}  # and the settings' names
 
 
 def furnish(scene: Any, folder: Path) -> dict[str, Any]:
     """Put camera, plate, world, sun and shadow catcher of a folder into the scene; returns the lighting record.
 
-    What an earlier photo brought goes. All pictures are packed into the .blend file: the folder may vanish.
+    They replace what an earlier photo brought. All pictures are packed into the .blend file: the folder may vanish.
     """
     numbers = json.loads((folder / "scene.json").read_text(encoding="utf-8"))
     record = json.loads((folder / "lighting.json").read_text(encoding="utf-8"))
-    clear(scene)
+    _make_way(scene)
     before, images = set(scene.collection.objects), set(bpy.data.images)
     script.build(numbers, folder, scene)
-    made = [thing for thing in scene.collection.objects if thing not in before]
-    collection = bpy.data.collections.new(COLLECTION)
-    scene.collection.children.link(collection)
-    for thing in made:
-        scene.collection.objects.unlink(thing)
-        if thing.name.split(".")[0] in _PLACEHOLDER:
-            bpy.data.objects.remove(thing)
-        else:
-            collection.objects.link(thing)
+    _take_over([thing for thing in scene.collection.objects if thing not in before], scene)
     for image in set(bpy.data.images) - images:
         image.pack()
     scene.cursor.location = numbers["placeholder"]["spot"]
-    _remember(scene.light_from_photo, record, numbers, collection, scene.world)
+    _remember(scene.light_from_photo, record, numbers, scene.world)
     return dict(record)
 
 
-def clear(scene: Any) -> None:
-    """Remove what an earlier photo brought."""
-    settings = scene.light_from_photo
-    collection, settings.world = settings.collection, None
-    if collection is not None:
-        for thing in list(collection.objects):
-            bpy.data.objects.remove(thing)
-        bpy.data.collections.remove(collection)
-    ours = scene.light_from_photo_compositor
-    if ours:  # a compositor of the user's own stays
+def _make_way(scene: Any) -> None:
+    """Stop the sliders, and remove the compositor that an earlier photo brought; one of the user's own stays."""
+    scene.light_from_photo.world = None
+    if scene.light_from_photo_compositor:
         if hasattr(scene, "compositing_node_group"):
             scene.compositing_node_group = None
         else:
@@ -56,10 +42,48 @@ def clear(scene: Any) -> None:
     scene.light_from_photo_compositor = not script.has_compositor(scene)
 
 
-def _remember(settings: Any, record: dict[str, Any], numbers: dict[str, Any], collection: Any, world: Any) -> None:
+def _take_over(made: list[Any], scene: Any) -> None:
+    """Put what a script has made in the place of what an earlier photo brought, and leave out its placeholder.
+
+    The artist's own things stay as they are: in the collection, below it, or with one of these objects as parent.
+    """
+    settings, collection = scene.light_from_photo, _collection(scene)
+    for thing in made:
+        kind = thing.name.split(".")[0]
+        if kind not in _MADE:
+            bpy.data.objects.remove(thing)
+            continue
+        _replace(getattr(settings, _MADE[kind]), thing)
+        setattr(settings, _MADE[kind], thing)
+        scene.collection.objects.unlink(thing)
+        if not thing.users_collection:
+            collection.objects.link(thing)
+
+
+def _replace(old: Any, new: Any) -> None:
+    """Let everything that knows the old object, as a child does its parent, know the new one."""
+    if old is None:
+        return
+    name = old.name
+    if new.type == "EMPTY":  # as the artist has turned and scaled what stands there
+        new.rotation_euler, new.scale = old.rotation_euler, old.scale
+    old.user_remap(new)
+    bpy.data.objects.remove(old)
+    new.name = name
+
+
+def _collection(scene: Any) -> Any:
+    """The scene's collection of this extension; one that is gone is made again."""
+    settings = scene.light_from_photo
+    if settings.collection is None:
+        settings.collection = bpy.data.collections.new(COLLECTION)
+    if settings.collection not in scene.collection.children_recursive:
+        scene.collection.children.link(settings.collection)
+    return settings.collection
+
+
+def _remember(settings: Any, record: dict[str, Any], numbers: dict[str, Any], world: Any) -> None:
     """The estimate behind the sliders; the world last, since only then do they work."""
-    settings.collection = collection
-    settings.sun = next(thing for thing in collection.objects if thing.type == "LIGHT")
     settings.shines = numbers["sun"]["irradiance"] > 0
     settings.record = json.dumps(record)
     settings.environment = environment_node(world).image

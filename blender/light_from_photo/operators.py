@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
-from .answers import AnswerError, from_command, from_service
+from .answers import PHOTOS, AnswerError, from_command, from_service
 from .furnish import furnish
 from .preferences import preferences
 from .sliders import reset
@@ -21,7 +21,7 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
     bl_options = {"UNDO"}  # noqa: RUF012  # as Blender wants it
 
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
-        default="*.jpg;*.jpeg;*.png;*.webp;*.heic;*.heif", options={"HIDDEN"}
+        default=";".join(f"*{suffix}" for suffix in PHOTOS), options={"HIDDEN"}
     )
 
     def execute(self, context: Any) -> set[str]:

@@ -40,7 +40,10 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     record: bpy.props.StringProperty()  # type: ignore[valid-type]
     shines: bpy.props.BoolProperty()  # type: ignore[valid-type]
     environment: bpy.props.PointerProperty(type=bpy.types.Image)  # type: ignore[valid-type]
+    camera: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
     sun: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
+    ground: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
+    spot: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
     world: bpy.props.PointerProperty(type=bpy.types.World)  # type: ignore[valid-type]
     collection: bpy.props.PointerProperty(type=bpy.types.Collection)  # type: ignore[valid-type]
 

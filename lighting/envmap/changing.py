@@ -1,4 +1,4 @@
-"""A light with another sun, turbidity or exposure, as a user sets them by hand."""
+"""A light with another sun, turbidity, exposure or power, as a user sets them by hand."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,21 +18,23 @@ _HIGH = 30.0  # deg, of a sun at full strength
 _WEAKEST = 0.05  # of that sun's channels, which the model's is taken to have at least: in haze a low one has none
 
 
-def change(lighting: Lighting, changes: Mapping[str, float]) -> Lighting:
-    """The light with other values of `sun_azimuth`, `sun_elevation`, `turbidity` or `exposure`.
+def change(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lighting:
+    """The light with other values of `sun_azimuth`, `sun_elevation`, `turbidity`, `exposure` or `ground_color`.
 
     Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were; a sun under 5 deg
-    is to the model as one of 5 deg. Raises ParameterError for a value out of range.
+    is to the model as one of 5 deg. A `sun_irradiance`, `sky_irradiance` or `sky_cover` among the changes counts as it
+    is. Raises ParameterError for a value out of range.
     """
     values: dict[str, Any] = dict(changes)
     changed = replace(lighting, **values)
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return changed
-    return replace(
-        changed,
-        sun_irradiance=_followed(lighting.sun_irradiance, _sun(lighting), _sun(changed)),
-        sky_irradiance=_followed(lighting.sky_irradiance, _sky(lighting), _sky(changed)),
-    )
+    followed: dict[str, Any] = {
+        name: _followed(getattr(lighting, name), power(lighting), power(changed))
+        for name, power in (("sun_irradiance", _sun), ("sky_irradiance", _sky))
+        if name not in changes
+    }
+    return replace(changed, **followed)
 
 
 def _sun(lighting: Lighting) -> Floats:

@@ -40,6 +40,7 @@ def main() -> None:
     bpy.ops.light_from_photo.estimate(filepath=photo)
     found["again"] = sorted({thing.name.split(".")[0] for thing in scene.objects} - kept)
     found["sun lamps"] = sum(thing.type == "LIGHT" and thing.data.type == "SUN" for thing in scene.objects)
+    found["own"] = own(scene, photo)
     found |= undone(photo)
     scene = bpy.context.scene
     settings = scene.light_from_photo
@@ -50,6 +51,33 @@ def main() -> None:
     found["reopened"] = state(bpy.context.scene)
     bpy.ops.preferences.addon_disable(module=NAME)
     sys.stdout.write("FOUND " + json.dumps(found) + "\n")
+
+
+def own(scene: Any, photo: str) -> list[Any]:
+    """What another photo does to the artist's own things among those of the extension, and to a copy of one of them."""
+    collection, settings = scene.light_from_photo.collection, scene.light_from_photo
+    mine, below, copy = bpy.data.objects.new("Mine", None), bpy.data.objects.new("Below", None), settings.ground.copy()
+    child = bpy.data.objects.new("Child", None)
+    child.parent, child.location = settings.spot, (0.0, 0.0, 1.0)
+    props = bpy.data.collections.new("Props")
+    collection.children.link(props)
+    props.objects.link(below)
+    for thing in (mine, copy, child):
+        collection.objects.link(thing)
+    settings.spot.location.x += 7.0  # as if the first photo's spot were another
+    settings.spot.scale = (3.0, 3.0, 3.0)
+    count = len(scene.objects)
+    bpy.ops.light_from_photo.estimate(filepath=photo)
+    bpy.context.view_layer.update()
+    at = (child.matrix_world.translation - settings.spot.matrix_world.translation)[:]
+    kept = [thing.name in collection.objects for thing in (mine, copy, child)]
+    kept += [props.name in collection.children, below.name in props.objects, len(scene.objects) == count]
+    names = [thing.name for thing in (settings.camera, settings.sun, settings.ground, settings.spot)]
+    found = [all(kept), child.parent == settings.spot, at, settings.spot.location == scene.cursor.location, names]
+    for thing in (mine, below, copy, child):
+        bpy.data.objects.remove(thing)
+    bpy.data.collections.remove(props)
+    return found
 
 
 def undone(photo: str) -> dict[str, Any]:

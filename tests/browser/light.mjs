@@ -1,5 +1,5 @@
 // A photo and its light: numbers, dome, sliders without requests, undo, downloads, copies.
-import { open, relit, saved } from "./visit.mjs";
+import { copied, open, relit, saved } from "./visit.mjs";
 
 const TOOLS = ["blender", "usd", "gltf", "threejs", "mitsuba"];
 
@@ -65,16 +65,11 @@ async function moveSun(page, seen, folder) {
 
 /** The copied texts, of the changed light and of the estimate. */
 async function copy(page, seen) {
-  const copied = async (kind) => {
-    await page.click(`#copy-${kind}`);
-    await page.waitForFunction((word) => document.getElementById("copied").textContent.includes(word), kind === "curl" ? "curl" : "Python");
-    return page.evaluate(() => navigator.clipboard.readText());
-  };
-  seen.changedCurl = await copied("curl");
-  seen.changedPython = await copied("python");
+  seen.changedCurl = await copied(page, "curl");
+  seen.changedPython = await copied(page, "python");
   await relit(page, () => page.click("#reset"));
-  seen.curl = await copied("curl");
-  seen.python = await copied("python");
+  seen.curl = await copied(page, "curl");
+  seen.python = await copied(page, "python");
 }
 
 async function refuseText(page, seen, textFile) {

@@ -1,7 +1,7 @@
 // What the photo says, given and corrected; several photos; HEIC; soft words for a poor answer.
-import { answering, faults, open, relit } from "./visit.mjs";
+import { answering, copied, faults, open, relit, saved } from "./visit.mjs";
 
-export async function visitSaid(browser, url, seen, { dated, photo, heic }) {
+export async function visitSaid(browser, url, seen, { dated, photo, heic, folder }) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
   seen.faultsBefore = await faults(page);
   await relit(page, () => page.setInputFiles("#file", dated));
@@ -9,7 +9,7 @@ export async function visitSaid(browser, url, seen, { dated, photo, heic }) {
   seen.evidence = [await page.textContent("#evidence")];
   await correct(page, seen);
   seen.faults = await faults(page);
-  await several(page, seen, [photo, dated]);
+  await several(page, seen, [photo, dated], folder);
   if (heic) await showHeic(page, seen, heic);
   await soften(page, url, seen, photo);
   await page.context().close();
@@ -34,7 +34,7 @@ async function correct(page, seen) {
   seen.evidence.push(await page.textContent("#evidence"));
 }
 
-async function several(page, seen, photos) {
+async function several(page, seen, photos, folder) {
   await relit(page, () => page.setInputFiles("#file", photos));
   seen.together = await page.locator("#photos button").allTextContents();
   seen.togetherEvidence = await page.textContent("#evidence");
@@ -43,6 +43,9 @@ async function several(page, seen, photos) {
     await page.getAttribute("#photo", "alt"),
     await page.getAttribute("#photos li:nth-child(2) button", "aria-pressed"),
   ];
+  await saved(page, "#get-json", folder, "together.json");
+  await saved(page, "#get-exr", folder, "together.exr");
+  seen.togetherCopies = [await copied(page, "curl"), await copied(page, "python")];
 }
 
 async function showHeic(page, seen, heic) {

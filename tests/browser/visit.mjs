@@ -75,6 +75,14 @@ export async function saved(page, button, folder, name) {
   return download.suggestedFilename();
 }
 
+/** The curl command or the Python program that the page copies. */
+export async function copied(page, kind) {
+  await page.click(`#copy-${kind}`);
+  const word = kind === "curl" ? "curl" : "Python";
+  await page.waitForFunction((name) => document.getElementById("copied").textContent.includes(name), word);
+  return page.evaluate(() => navigator.clipboard.readText());
+}
+
 /** The photo with its object, as a file and as a digest; waits until it differs from another digest. */
 export async function lookOf(page, file, other) {
   const began = Date.now();

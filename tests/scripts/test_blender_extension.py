@@ -13,12 +13,14 @@ from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from importlib.util import find_spec
 from pathlib import Path
+from socket import create_server
 from threading import Thread
 from typing import Any
 
 import numpy as np
 import pytest
 
+from lighting.batch.photos import SUFFIXES
 from lighting.envmap import change, render, sun_irradiance
 from lighting.records import Lighting
 from lighting.scene import zip_scene
@@ -189,7 +191,7 @@ def test_a_service_gets_photo_and_key_and_fills_the_folder(
 ) -> None:
     _Service.answer = 200, zip_scene(known_scene(48, 36), "blender"), {}
     (tmp_path / "out").mkdir()
-    answers.from_service(address + "/", "secret", photo, tmp_path / "out")
+    answers.from_service(address + "/ ", " secret\n", photo, tmp_path / "out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == NEEDED  # and no script
     assert _Service.asked["path"] == "/v1/scene?tool=blender"
     assert _Service.asked["body"] == b"a photo"
@@ -230,11 +232,46 @@ def test_another_answer_is_a_sentence(
         ("file:///etc/passwd", "The service's address must begin with http"),
         ("http://", "The service's address must begin"),
         ("http://127.0.0.1:9", "127.0.0.1 cannot be reached: "),
+        *[
+            (wrong, "The service's address is not one such as ")
+            for wrong in (
+                *("http://127.0.0.1:80a", "http://127.0.0.1:99999", "http://[::1", "http://exa mple", "http://a/x y"),
+                *("http://127.0.0.1:9/\u00e9", "http://127.0.0.1:9/a\nb"),
+            )
+        ],
     ],
 )
 def test_no_service_is_a_sentence(answers: Any, photo: Path, tmp_path: Path, place: str, sentence: str) -> None:
     with pytest.raises(answers.AnswerError, match=f"^{sentence}"):
         answers.from_service(place, "", photo, tmp_path)
+
+
+def test_what_is_no_service_is_a_sentence(answers: Any, photo: Path, tmp_path: Path) -> None:
+    with create_server(("127.0.0.1", 0)) as listener:
+
+        def greet() -> None:
+            connection, _ = listener.accept()
+            with connection:
+                connection.recv(1 << 16)
+                connection.sendall(b"SSH-2.0-OpenSSH\r\n")
+
+        Thread(target=greet, daemon=True).start()
+        with pytest.raises(answers.AnswerError, match=r"^127\.0\.0\.1 answers, but not as a service does\.$"):
+            answers.from_service(f"http://127.0.0.1:{listener.getsockname()[1]}", "", photo, tmp_path)
+
+
+@pytest.mark.parametrize("key", ["secret\u20ac", "secret\nsecret", "secret\0"])
+def test_a_key_that_no_request_can_carry_is_a_sentence_without_it(
+    answers: Any, photo: Path, tmp_path: Path, key: str
+) -> None:
+    with pytest.raises(answers.AnswerError, match=r"^The API key has characters that no ") as raised:
+        answers.from_service("http://127.0.0.1:9", key, photo, tmp_path)
+    assert "secret" not in str(raised.value)
+
+
+def test_the_photos_that_are_offered_are_those_that_the_command_reads(answers: Any) -> None:
+    assert answers.PHOTOS == SUFFIXES
+    assert len(";".join(f"*{suffix}" for suffix in answers.PHOTOS)) < 256  # as much as Blender keeps
 
 
 # In Blender
@@ -269,6 +306,10 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
     assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)
     assert reset == first
+    all_kept, same_parent, above, moved_along, names = found["own"]
+    assert (all_kept, same_parent, moved_along) == (True, True, True)
+    assert above == pytest.approx([0, 0, 3])  # the child's metre under a parent that the artist has scaled
+    assert {name.split(".")[0] for name in names} == {"Camera", "Ground", "Sun", "Your object here"}
     assert found["undone"] == [4, 0, 4, 0]
     assert found["sun lamps"] == 1
     assert found["reopened"]["sliders"][0] == 12.0

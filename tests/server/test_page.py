@@ -138,6 +138,13 @@ def visited(script: str, url: str, files: dict[str, Any]) -> dict[str, Any]:
 in_chromium = pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")
 
 
+def run(copied: str, folder: Path) -> None:
+    """Run in a folder what the page copied, a curl command or a Python program."""
+    command = ["sh", "-c", copied] if copied.startswith("curl ") else [sys.executable, "-c", copied]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run(command, cwd=folder, env=environment, check=True, timeout=120, capture_output=True)
+
+
 def colours(file: Path) -> NDArray[np.float64]:
     """A picture's linear luminance, roughly."""
     with Image.open(file) as picture:
@@ -197,12 +204,7 @@ class TestTheLight:
         maps = []
         for kind in ("curl", "python", "changedCurl", "changedPython"):
             target.unlink(missing_ok=True)
-            if kind.lower().endswith("curl"):
-                command = ["sh", "-c", visit[kind]]
-            else:
-                command = [sys.executable, "-c", visit[kind]]
-            environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-            subprocess.run(command, cwd=folder, env=environment, check=True, timeout=120, capture_output=True)
+            run(visit[kind], folder)
             maps.append(read_exr(target)[0])
         assert np.allclose(maps[0], maps[1], rtol=1e-3)
         assert np.allclose(maps[2], maps[3], rtol=1e-3)
@@ -288,6 +290,16 @@ class TestWhatThePhotoSays:
         assert len(visit["together"]) == 2
         assert "other photos" in visit["togetherEvidence"]
         assert visit["second"] == [DATED, "true"]
+
+    def test_their_files_and_copies_hold_the_light_that_the_page_shows(self, visit: dict[str, Any]) -> None:
+        folder = visit["folder"]
+        said = Lighting.from_dict(json.loads((folder / "together.json").read_text()))
+        image, held = read_exr(folder / "together.exr")
+        for name in ("sun_azimuth", "exposure", "sun_irradiance", "sky_irradiance", "sky_cover", "ground_color"):
+            assert getattr(held, name) == pytest.approx(getattr(said, name), rel=1e-5), name
+        for copied in visit["togetherCopies"]:
+            run(copied, folder)
+            np.testing.assert_allclose(read_exr(folder / DATED.replace("jpg", "exr"))[0], image, atol=2e-3)
 
     def test_heic_is_shown_as_the_service_decodes_it(self, visit: dict[str, Any]) -> None:
         if "heic" not in visit:

@@ -76,6 +76,22 @@ def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Servi
     assert (lighting["sun"]["azimuth"], lighting["sky"]["turbidity"]) == (77.5, 2.5)
 
 
+def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:
+    stated = {"sun_irradiance": "3.9,4.3,3.4", "sky_irradiance": "0.3,0.6,1.1", "ground_color": "0.1,0.2,0.3"}
+    asked = {**stated, "height": 32, "exposure": 2.0, "sky_cover": 0.5}
+    query = EnvmapQuery.model_validate(asked)
+    _, lighting = read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))
+    assert lighting
+    assert (lighting.sun_irradiance, lighting.sky_irradiance) == ((3.9, 4.3, 3.4), (0.3, 0.6, 1.1))
+    assert (lighting.ground_color, lighting.sky_cover, lighting.exposure) == ((0.1, 0.2, 0.3), 0.5, 2.0)
+    scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
+    data = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        record = json.loads(archive.read("lighting.json"))
+    assert record["sun"]["irradiance"] == [3.9, 4.3, 3.4]
+    assert record["ground"]["color"] == [0.1, 0.2, 0.3]
+
+
 def test_a_photo_becomes_a_preview(service: Service) -> None:
     data = in_a_thread(tasks.preview_file, service, PHOTO, PreviewQuery.model_validate({}))
     with Image.open(BytesIO(data)) as drawn:

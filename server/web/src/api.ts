@@ -60,6 +60,14 @@ export interface Parameters {
   sun: boolean; // whether the disc is painted
 }
 
+/** A light in place of the estimated one. Where it states no power, the estimate's follows the other parameters. */
+export interface Changed extends Parameters {
+  sun_irradiance?: Triple;
+  sky_irradiance?: Triple;
+  sky_cover?: number;
+  ground_color?: Triple;
+}
+
 export type Format = "exr" | "hdr" | "png";
 
 /** A refusal by the service, in its own words; status 0 where there was no answer. */
@@ -98,16 +106,16 @@ export const previewFile = (photo: Blob, given: Given): Promise<Blob> =>
   send(`v1/preview?${givenQuery(given, 1)}`, formOf([photo]));
 
 /** The parameters of a photo's URL: what the user said of it, and the light that replaces the estimated one. */
-export function photoQuery(given: Given, changed?: Parameters): URLSearchParams {
+export function photoQuery(given: Given, changed?: Changed): URLSearchParams {
   const query = givenQuery(given, 1);
   for (const [name, value] of Object.entries(changed ?? {})) {
-    if (name !== "ground_albedo") query.set(name, numberText(value));
+    if (name !== "ground_albedo") query.set(name, valueText(value));
   }
   return query;
 }
 
 /** A scene with the photo in it, as ZIP; `changed` replaces the estimated light. */
-export function sceneFile(photo: Blob, given: Given, tool: Tool, changed?: Parameters): Promise<Blob> {
+export function sceneFile(photo: Blob, given: Given, tool: Tool, changed?: Changed): Promise<Blob> {
   const query = photoQuery(given, changed);
   query.set("tool", tool);
   return send(`v1/scene?${query}`, formOf([photo]));
@@ -124,7 +132,7 @@ export function envmapFile(
   photo: Blob,
   given: Given,
   { format, height }: MapOptions,
-  changed?: Parameters,
+  changed?: Changed,
 ): Promise<Blob> {
   const query = photoQuery(given, changed);
   query.set("format", format);
@@ -142,8 +150,13 @@ function formOf(photos: Blob[]): FormData {
   return form;
 }
 
-export const numberText = (value: number | boolean): string =>
-  typeof value === "number" ? String(Number(value.toPrecision(6))) : String(value);
+const numberText = (value: number): string => String(Number(value.toPrecision(6)));
+
+/** A number, or several with commas between them, to 6 digits; or a switch. */
+export function valueText(value: number | Triple | boolean): string {
+  if (typeof value === "boolean") return String(value);
+  return typeof value === "number" ? numberText(value) : value.map(numberText).join(",");
+}
 
 /** Median errors on photos the network never saw, by the names of the model card; empty where none are stated. */
 export async function accuracy(): Promise<Record<string, number>> {

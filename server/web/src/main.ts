@@ -179,7 +179,8 @@ async function settled(): Promise<Shown | undefined> {
   return shown;
 }
 
-function subject(): Subject | undefined {
+async function subject(): Promise<Subject | undefined> {
+  await sky.settled();
   const view = current();
   if (!view || !shown) return undefined;
   return {

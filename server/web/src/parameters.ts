@@ -1,6 +1,6 @@
 /** The light that is on show: the estimate until a slider moves. */
 
-import type { Edited, Estimate, Lighting, Parameters, Power } from "./api";
+import type { Changed, Edited, Estimate, Lighting, Parameters, Power } from "./api";
 import { direction } from "./pure/angles";
 import { isSunny } from "./pure/words";
 
@@ -17,6 +17,20 @@ export function parametersOf({ sun, sky, ...rest }: Lighting): Parameters {
 
 export function isSame(a: Parameters, b: Parameters): boolean {
   return JSON.stringify(a) === JSON.stringify(b);
+}
+
+/** The light on show with all that its record states of it; `power` is what it has where it is not the estimate's. */
+export function statedLight(estimate: Lighting, shown: Parameters, power: Power): Changed {
+  const { sun, sky, ground } = estimate;
+  const own = isSame(parametersOf(estimate), shown);
+  const stated = sun.irradiance && sky.irradiance;
+  return {
+    ...shown,
+    ...(stated ? { sun_irradiance: own ? sun.irradiance : power.sun } : {}),
+    ...(stated ? { sky_irradiance: own ? sky.irradiance : power.sky } : {}),
+    ...(sky.cover === undefined ? {} : { sky_cover: sky.cover }),
+    ...(ground ? { ground_color: ground.color } : {}),
+  };
 }
 
 /**

@@ -1,9 +1,11 @@
 import { describe, expect, it } from "vitest";
+import type { Lighting, Power } from "../src/api";
+import { statedLight } from "../src/parameters";
 import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
 import { History } from "../src/pure/history";
 import { factsOf } from "../src/pure/metadata";
-import { distance, footOf, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
+import { distance, footOf, largest, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
 import { curlOf, pythonOf, type Subject } from "../src/pure/snippets";
 
 const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
@@ -131,7 +133,18 @@ describe("the object's place", () => {
   it("is shifted, turned and scaled within bounds", () => {
     expect(shifted(near, 0, -1000).position[2]).toBeCloseTo(-0.3);
     expect(turned({ ...near, turn: 175 }, 10).turn).toBeCloseTo(-175);
-    expect(sized(near, 1e9).radius).toBe(20);
+    expect(sized({ ...near, position: [0, -1.6, -80] }, 1e9).radius).toBe(20);
+  });
+
+  it("never comes so near that it takes more than 60 degrees of the view", () => {
+    for (const place of [near, shifted(near, 0, -1000), shifted(near, 3, 20)]) {
+      const { position, radius } = sized(place, 1e9);
+      expect(radius).toBe(largest(place));
+      expect(Math.hypot(position[0], position[1] + radius, position[2]) / radius).toBeCloseTo(2);
+    }
+    const grown = sized(shifted(near, 0, 50), 1e9);
+    expect(largest(shifted(grown, 0, -45))).toBe(shifted(grown, 0, -45).radius);
+    expect(moved(grown, CAMERA, 4 / 3, [0.5, 0.9])?.radius).toBe(largest(near));
   });
 });
 
@@ -180,7 +193,36 @@ describe("the light on show as text", () => {
 
   it("replaces the light in the Python program", () => {
     expect(pythonOf(subject)).not.toContain("change");
+    expect(pythonOf(moved)).toContain(
+      "place_of(estimate, photo.pixels, 512, lambda side: read_photo(name, target=side)",
+    );
     expect(pythonOf(moved)).toContain('    "sun_azimuth": -41.2,\n');
     expect(pythonOf(moved)).toContain("sun=False, place=place");
+    expect(pythonOf(moved)).not.toContain("irradiance");
+  });
+
+  it("states the power of a light that the photo alone does not have", () => {
+    const record = {
+      ...{ model: { name: "", version: "" }, camera: CAMERA, evidence: [], warnings: [] },
+      sun: { azimuth: -41.2, elevation: 33, direction: [0, 1, 0], visibility: 0, radius_50: 9, radius_90: 30 },
+      sky: { model: "hosek-wilkie", turbidity: 3, ground_albedo: 0.3, exposure: 5 },
+    } as Lighting;
+    const stated = {
+      ...record,
+      sun: { ...record.sun, irradiance: [3.89, 4.28, 3.3612345] },
+      sky: { ...record.sky, cover: 0.25, irradiance: [0.35, 0.62, 1.12] },
+      ground: { color: [0.143, 0.1, 0.1] },
+    } as Lighting;
+    const power: Power = { sun: [0, 0, 0], sky: [1, 2, 3] };
+    expect(statedLight(record, light, power)).toEqual(light);
+    const program = pythonOf({ ...subject, changed: statedLight(stated, light, power) });
+    expect(program).toContain(
+      '    "sun_irradiance": (3.89, 4.28, 3.36123),\n    "sky_irradiance": (0.35, 0.62, 1.12),\n',
+    );
+    expect(program).toContain('    "sky_cover": 0.25,\n    "ground_color": (0.143, 0.1, 0.1),\n');
+    const turned = statedLight(stated, { ...light, turbidity: 4 }, power);
+    expect(curlOf({ ...subject, changed: turned })).toContain(
+      "&sun=false&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
+    );
   });
 });

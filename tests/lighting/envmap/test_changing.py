@@ -1,6 +1,7 @@
 """A light changed by hand: stated irradiances follow the model."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,6 +44,13 @@ def test_an_overcast_sky_changes_in_grey_alone(cover: float, spread: float) -> N
     gain = sky_irradiance(change(stated, CHANGES)) / sky_irradiance(stated)
     model = sky_irradiance(change(PLAIN, CHANGES)) / sky_irradiance(PLAIN)
     np.testing.assert_allclose(np.ptp(gain) / np.ptp(model), 1 - spread, atol=1e-9)
+
+
+def test_what_is_stated_anew_counts_as_it_is() -> None:
+    power: dict[str, Any] = {"sun_irradiance": (3.9, 4.3, 3.4), "sky_irradiance": (0.3, 0.6, 1.1)}
+    light: dict[str, Any] = {**CHANGES, **power, "sky_cover": 0.5, "ground_color": (0.1, 0.2, 0.3)}
+    assert change(STATED, light) == replace(STATED, **light)
+    assert change(PLAIN, power) == replace(PLAIN, **power)
 
 
 def test_a_value_out_of_range_is_refused() -> None:

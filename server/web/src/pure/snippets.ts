@@ -1,6 +1,6 @@
 /** The light on show as a command and as a program, to be copied. */
 
-import { numberText, type Parameters, photoQuery } from "../api";
+import { type Changed, photoQuery, valueText } from "../api";
 import { isoOffset, readOffset } from "./clock";
 import type { Given } from "./given";
 
@@ -8,7 +8,7 @@ export interface Subject {
   origin: string; // of the service, with a slash at its end
   photo: string; // its file name
   given: Given;
-  changed: Parameters | undefined; // the light on show where it is another than the estimate
+  changed: Changed | undefined; // the light on show where it is another than the estimate
   height: number;
   keyed: boolean; // whether the service asks for an API key
 }
@@ -33,14 +33,15 @@ export function pythonOf({ photo, given, changed, height }: Subject): string {
   const lines = [
     ...(said.includes("datetime") ? ["from datetime import datetime", ""] : []),
     `from lighting import Estimator, ${said ? "Given, " : ""}write_exr`,
-    `from lighting.envmap import Place, ${changed ? "change, " : ""}view`,
+    `from lighting.envmap import ${changed ? "change, " : ""}place_of, view`,
     "from lighting.photo import read_photo",
     "",
-    `photo = read_photo(${text(photo)}, target=1000)`,
+    `name = ${text(photo)}`,
+    "photo = read_photo(name)",
     `estimate = Estimator()(photo${said && `, Given(${said})`})`,
     ...(changed ? ["changes = {", ...changes(changed), "}"] : []),
     `lighting = ${changed ? "change(estimate.lighting, changes)" : "estimate.lighting"}`,
-    "place = Place(photo.pixels, estimate.around)",
+    `place = place_of(estimate, photo.pixels, ${height}, lambda side: read_photo(name, target=side).pixels)`,
     `image, lighting = view(lighting, ${height}, ${changed ? `sun=${changed.sun ? "True" : "False"}, ` : ""}place=place)`,
     `write_exr(${text(`${stem(photo)}.exr`)}, image, lighting)`,
   ];
@@ -48,9 +49,14 @@ export function pythonOf({ photo, given, changed, height }: Subject): string {
 }
 
 /** The entries of the dictionary of changes. */
-function changes(light: Parameters): string[] {
-  const names = ["sun_azimuth", "sun_elevation", "turbidity", "exposure"] as const;
-  return names.map((name) => `    "${name}": ${numberText(light[name])},`);
+function changes(light: Changed): string[] {
+  const numbers = ["sun_azimuth", "sun_elevation", "turbidity", "exposure"] as const;
+  const stated = ["sun_irradiance", "sky_irradiance", "sky_cover", "ground_color"] as const;
+  return [...numbers, ...stated].flatMap((name) => {
+    const value = light[name];
+    if (value === undefined) return [];
+    return [`    "${name}": ${typeof value === "number" ? valueText(value) : `(${value.map(valueText).join(", ")})`},`];
+  });
 }
 
 /** The arguments of `Given` for what the user said; empty where nothing was. */

@@ -1,8 +1,8 @@
 /** The light on show, as files. They are fetched: links carry no API key and say no errors. */
 
-import { envmapFile, type Format, type Parameters, previewFile, sceneFile, TOOLS, type Tool } from "../api";
+import { type Changed, envmapFile, type Format, previewFile, sceneFile, TOOLS, type Tool } from "../api";
 import { byId, make } from "../dom";
-import { isSame, parametersOf, recordOf } from "../parameters";
+import { isSame, parametersOf, recordOf, statedLight } from "../parameters";
 import { lookOf, type Shown, type View } from "../studio";
 
 type Get = (view: View, shown: Shown) => Promise<Blob>;
@@ -44,9 +44,14 @@ function sceneOf(view: View, shown: Shown, tool: Tool): Promise<Blob> {
   return sceneFile(view.photo.file, shown.given, tool, changedLight(view, shown));
 }
 
-/** The light on show where the service would not give the same for this photo alone. */
-export function changedLight(view: View, { views }: Shown): Parameters | undefined {
-  return isChanged(view) || views.length > 1 ? lookOf(view).parameters : undefined;
+/**
+ * The light on show where the service would not give the same for this photo alone; of photos estimated together it
+ * knows neither sun nor sky. Its power is that of a settled sky.
+ */
+export function changedLight(view: View, { views }: Shown): Changed | undefined {
+  const { parameters } = lookOf(view);
+  if (views.length > 1) return statedLight(view.answer, parameters, view.power);
+  return isChanged(view) ? parameters : undefined;
 }
 
 /** The preview is of the estimate from one photo alone: it is offered while that is the light on show. */

@@ -3,7 +3,7 @@
 import { byId, choices, radio } from "../dom";
 import { aspectOf } from "../photo";
 import { FINISHES, SHAPES } from "../pure/objects";
-import { distance, footOf, moved, type Place, shifted, sized, turned } from "../pure/place";
+import { distance, footOf, largest, moved, type Place, shifted, sized, turned } from "../pure/place";
 import { short } from "../pure/words";
 import type { Stage } from "../scene/stage";
 import type { Light } from "../sky/light";
@@ -62,6 +62,7 @@ export class ObjectView {
     });
     radio(byId("shapes"), shape).checked = true;
     radio(byId("finishes"), finish).checked = true;
+    this.size.max = String(Math.log2(largest(place)));
     this.size.value = String(Math.log2(place.radius));
     this.turn.value = String(Math.round(place.turn));
     this.canvas.dataset.foot = this.view ? JSON.stringify(footOf(place, this.view.answer.camera, this.aspect)) : "";

@@ -6,10 +6,10 @@ import { curlOf, pythonOf, type Subject } from "../pure/snippets";
 const MAKERS = { curl: curlOf, python: pythonOf } as const;
 type Kind = keyof typeof MAKERS;
 
-export function listenForCopies(subject: () => Subject | undefined): void {
+export function listenForCopies(subject: () => Promise<Subject | undefined>): void {
   for (const kind of Object.keys(MAKERS) as Kind[]) {
-    byId(`copy-${kind}`).addEventListener("click", () => {
-      const what = subject();
+    byId(`copy-${kind}`).addEventListener("click", async () => {
+      const what = await subject();
       if (what) copy(MAKERS[kind](what), kind);
     });
   }
