@@ -73,6 +73,15 @@ def test_subtitles_of_a_drone_tell_place_lens_clock_and_gimbal() -> None:
     assert gimbal.at(60.0) is None
 
 
+@pytest.mark.parametrize(
+    ("said", "length"), [("24.00", 24.0), ("24", 24.0), ("240", 24.0), ("166.00", 166.0), ("2400", None), ("0", None)]
+)
+def test_a_drone_counts_its_focal_length_in_millimetres_or_tenths(said: str, length: float | None) -> None:
+    facts, _ = subtitle_facts(DJI.replace("24.00", said), 1920, 1080)
+    assert facts.focal_length == pytest.approx(length)
+    assert (facts.vertical_fov is None) == (length is None)
+
+
 def test_subtitles_for_viewers_say_nothing() -> None:
     facts, gimbal = subtitle_facts("1\n00:00:00,000 --> 00:00:02,000\nHello: 3 friends\n", 640, 360)
     assert facts.latitude is None
