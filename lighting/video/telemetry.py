@@ -25,6 +25,7 @@ LARGEST_SUBTITLES = 64_000_000  # bytes; an hour of DJI's at 30 frames a second 
 
 _PLACE = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
 _PAIR = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
+_FIX = re.compile(r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)")  # longitude first, as older models write it
 _START = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 _CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
 
@@ -141,6 +142,8 @@ def _entry(block: str) -> dict[str, Any]:
     start = _START.search(block)
     said = {name.lower(): value for name, value in _PAIR.findall(block)}
     numbers: dict[str, Any] = {name: float(value) for name, value in said.items()}
+    if fix := _FIX.search(block):
+        numbers["longitude"], numbers["latitude"] = float(fix[1]), float(fix[2])
     if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
         return {}
     hours, minutes, seconds, thousandths = map(int, start.groups())
