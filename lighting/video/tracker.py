@@ -32,6 +32,7 @@ from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
 from lighting.video.watched import Circumstances
 
+LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
 LOOK_EVERY = 2.0  # s between the frames that the network sees
 BANK = 32  # keyframes that are remembered
 APART = 12.0  # deg between two of them
@@ -59,8 +60,12 @@ class Tracker:
     ) -> None:
         """`given` is of the first frame: its time, place, heading and field of view, as far as they are known.
 
-        Raises ModelError, MissingExtraError.
+        `look_every` [s], at least 0, is the time between frames that the network sees.
+
+        Raises ParameterError for another `look_every`, ModelError, MissingExtraError.
         """
+        if not 0.0 <= look_every < math.inf:
+            raise ParameterError(f"look_every must be a finite number of seconds, at least 0, not {look_every}.")
         self._model = model or Model.load()
         self._around = Circumstances(given=given or Given(use_exif=False))
         self._look_every, self._due = look_every, -math.inf
@@ -72,15 +77,20 @@ class Tracker:
         self._ups = 0
         self._count = 0
         self._fused: Fused | None = None
+        self._known = Known()  # of the last moment that is not of night
 
     def __call__(self, pixels: NDArray[np.uint8], time: float) -> Sighting | None:
         """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
 
-        Raises PhotoError for pixels of another shape or type, ParameterError for a time that is not finite and where
-        the time and place given are of night.
+        When night falls by the time and place given, the sun stays where the last frame before that had it.
+
+        Raises PhotoError for pixels of another shape or type, ParameterError for a time that is not finite or beyond
+        LONGEST and where the time and place given are of night.
         """
         if not math.isfinite(time):
             raise ParameterError(f"The time of a frame must be a finite number of seconds, not {time}.")
+        if abs(time) > LONGEST:
+            raise ParameterError(f"The time of a frame must be seconds after the first, not {time:g}.")
         frame = Frame(self._count, time, _shrunk(checked_pixels(pixels)))
         self._count += 1
         step = self._follower.follow(frame)
@@ -88,9 +98,11 @@ class Tracker:
         followed = self._turn(step, size)
         if (key := self._follower.new_key) is not None:
             self._recognise(key)
-        if time >= self._due and followed and not is_dark(frame.pixels):
-            self._look(frame)
-        return self._answer(time, followed)
+        if not (known := self._known_at(time)).is_night:
+            self._known = known
+        if time >= self._due and followed and not known.is_night and not is_dark(frame.pixels):
+            self._look(frame, known)
+        return self._answer(followed)
 
     def _turn(self, step: Step, size: tuple[int, int]) -> bool:
         """Follow the camera's turn; whether the frame's own points told it."""
@@ -126,7 +138,7 @@ class Tracker:
             self._lens.learn(before, key)
         self._bank.add(key, orientation)
 
-    def _look(self, frame: Frame) -> None:
+    def _look(self, frame: Frame, known: Known) -> None:
         self._due = frame.time + self._look_every - 1e-6
         seen = see(self._model, frame.pixels)
         said = seen.prediction
@@ -137,9 +149,8 @@ class Tracker:
         mean = before + (up - before) / self._ups
         self._up = np.asarray(mean / np.linalg.norm(mean))
         heading = self._angles()[0]
-        evidence = self._around.known_at(frame.time).evidence
-        self._light.add(Look(seen, heading, self._lens.fov, float(luminance(self._gain)), evidence))
-        self._fused = self._light.answer(self._known_at(frame.time).evidence)
+        self._light.add(Look(seen, heading, self._lens.fov, float(luminance(self._gain)), known.evidence))
+        self._fused = self._light.answer(known.evidence)
 
     def _known_at(self, time: float) -> Known:
         """What is known of a moment, the heading being that of the first frame."""
@@ -153,11 +164,11 @@ class Tracker:
         heading, elevation, roll = angles_of(self._orientation[None], level(self._up))
         return float(heading[0]), float(elevation[0]), float(roll[0])
 
-    def _answer(self, time: float, followed: bool) -> Sighting | None:
+    def _answer(self, followed: bool) -> Sighting | None:
         if self._fused is None:
             return None
         heading, elevation, roll = self._angles()
-        known = self._known_at(time)
+        known = self._known
         base = with_ground(estimate_of(self._fused, known).lighting, self._light.ground)
         north = north_of(self._fused, known)
         lighting = replace(

@@ -1,5 +1,6 @@
 """Shots of a made-up place: lens, path, cuts, gaps."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,20 @@ def test_one_frame_is_a_shot(model: Model) -> None:
 def test_a_dark_clip_says_so(model: Model) -> None:
     with pytest.raises(VideoError, match="bright enough"):
         shots([BLACK] * 10, model)
+
+
+def test_night_that_falls_in_a_shot_ends_its_looks_alone(model: Model) -> None:
+    """Civil twilight ends 15 s after the first of 30 frames, one a second."""
+    dusk = Given(time=datetime(2024, 6, 1, 19, 47, 33, tzinfo=UTC), latitude=48.0, longitude=11.0, vertical_fov=FOV)
+    (watched,) = shots_watched(frames(pan(30, 20.0), 1.0), model, 0.5)
+    (begun,) = shots_watched(frames(pan(30, 20.0)[:15], 1.0), model, 0.5)
+    shot, by_day = (solve(one, Circumstances(given=dusk)) for one in (watched, begun))
+    assert shot.known.warnings[-1].startswith("By time and place it is night at 15.0 s, too dark for these skies")
+    assert shot.known.evidence == by_day.known.evidence
+    assert len(by_day.known.warnings) == len(shot.known.warnings) - 1
+    assert "time+place" in shot.fused.used
+    assert shot.north == pytest.approx(by_day.north, abs=3.0)
+    assert len(shot.frames) == 30
 
 
 def test_exposure_is_followed_through_keyframes(model: Model) -> None:

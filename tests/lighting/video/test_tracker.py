@@ -80,6 +80,39 @@ def test_a_frame_has_a_time(model: Model) -> None:
         Tracker(model)(np.zeros((180, 320, 3), np.uint8), float("nan"))
 
 
+def test_a_time_beyond_all_clocks_is_a_sentence(model: Model) -> None:
+    for given in (None, THERE):
+        with pytest.raises(ParameterError, match=r"seconds after the first, not 1e\+15"):
+            Tracker(model, given)(look(0.0), 1e15)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
+def test_looks_are_some_time_apart(model: Model, seconds: float) -> None:
+    with pytest.raises(ParameterError, match="look_every must be a finite number of seconds"):
+        Tracker(model, look_every=seconds)
+
+
+def test_when_night_falls_the_sun_stays_and_headings_go_on(model: Model) -> None:
+    """Civil twilight ends at 19:47:48 UTC, after the fourth frame."""
+    dusk = Given(time=datetime(2024, 6, 1, 19, 30, tzinfo=UTC), latitude=48.0, longitude=11.0, vertical_fov=FOV)
+    tracker = Tracker(model, dusk, look_every=0.0)
+    answers = [tracker(look(3.0 * i), 300.0 * i) for i in range(8)]
+    day, last = answers[3], answers[-1]
+    assert day is not None
+    assert last is not None
+    assert last.heading == pytest.approx(21.0, abs=1.5)
+    assert last.lighting.sun_elevation == day.lighting.sun_elevation
+    assert last.lighting.sun_visibility == day.lighting.sun_visibility == 0.0
+    suns = [float(wrap_azimuth(a.lighting.sun_azimuth + a.heading)) for a in (day, last)]
+    assert suns[0] == pytest.approx(suns[1], abs=1e-6)
+
+
+def test_a_stream_of_night_is_refused(model: Model) -> None:
+    night = Given(time=datetime(2024, 6, 1, 23, tzinfo=UTC), latitude=48.0, longitude=11.0)
+    with pytest.raises(ParameterError, match="below the horizon"):
+        Tracker(model, night)(look(0.0), 0.0)
+
+
 def test_memory_does_not_grow(model: Model) -> None:
     tracker = Tracker(model, Given(vertical_fov=FOV), look_every=2.0)
     for i in range(33):
