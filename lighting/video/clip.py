@@ -5,6 +5,7 @@ and each frame has its own time, so that a rate may vary. A damaged part is left
 """
 
 import os
+import re
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from math import ceil
@@ -23,6 +24,7 @@ from lighting.video.transfer import CURVES, to_srgb
 SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 THREADS = 2
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
+_TAGGED = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _END = 0.75  # s that may be missing at the end of a whole clip
 
 
@@ -42,7 +44,7 @@ class ClipInfo:
     width: int  # of the upright picture, pixels
     height: int
     frame_rate: float  # mean, 1/s; 0 unknown
-    duration: float  # s; 0 unknown
+    duration: float  # s, of the pictures; 0 unknown
     curve: str  # "srgb", "hlg" or "pq"
     facts: PhotoFacts = field(default_factory=PhotoFacts)
     gimbal: Gimbal = field(default_factory=Gimbal)
@@ -72,22 +74,22 @@ class Clip:
 
     def frames(self, only: Container[int] | None = None) -> Iterator[Frame]:
         """The frames in the order in which they are shown, or only those of some indices; may be read once."""
-        start, last, lost = float(self._first.time or 0.0), -1.0, 0
+        start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
         for index, picture in enumerate(self._decoded()):
             time = float(picture.time) - start if picture.time is not None else max(0.0, last + self._interval())
             if time <= last or picture.is_corrupt:
                 lost += 1
                 continue
-            last = time
+            last, end = time, time + _shown_for(picture)
             if only is not None and index not in only:
                 continue
             yield Frame(index, time, upright(picture, self.side, self._stretch))
-        self._tell(max(last, 0.0), lost)
+        self._tell(end, lost)
 
-    def _tell(self, last: float, lost: int) -> None:
-        """Write down what is missing."""
-        if self.info.duration - last > _END + 2.0 * self._interval():
-            self.damage = f"The clip ends after {last:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
+    def _tell(self, end: float, lost: int) -> None:
+        """Write down what is missing; `end` is when [s] the last picture is over."""
+        if self.info.duration - end > _END + self._interval():
+            self.damage = f"The clip ends after {end:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
         elif lost or self._errors:
             count = max(lost, self._errors)
             what = "1 damaged frame of the clip was" if count == 1 else f"{count} damaged frames of the clip were"
@@ -118,7 +120,7 @@ class Clip:
             width,
             height,
             float(stream.average_rate or 0.0),
-            float(stream.duration * stream.time_base) if stream.duration else (self._container.duration or 0) / 1e6,
+            _duration(self._container, stream, float(first.time or 0.0)),
             CURVES.get(int(first.color_trc), "srgb"),
             merged_facts(subtitled, container_facts(metadata, width, height)),
             gimbal,
@@ -150,6 +152,20 @@ def _video_stream(container: Any) -> Any:
     stream.thread_type = "AUTO"
     stream.codec_context.thread_count = THREADS
     return stream
+
+
+def _duration(container: Any, stream: Any, start: float) -> float:
+    """How long [s] the pictures last by what the file says, the first being shown at `start` [s]; 0 unknown."""
+    if stream.duration:
+        return float(stream.duration * stream.time_base)
+    if tag := _TAGGED.fullmatch(stream.metadata.get("DURATION", "")):  # Matroska's, counted from 0
+        return max(0.0, 3600.0 * float(tag[1]) + 60.0 * float(tag[2]) + float(tag[3]) - start)
+    return (container.duration or 0) / 1e6 if len(container.streams) == 1 else 0.0  # sound may last longer
+
+
+def _shown_for(picture: Any) -> float:
+    """Seconds that a picture says it is shown; 0 unknown."""
+    return float(picture.duration * picture.time_base) if picture.duration and picture.time_base else 0.0
 
 
 def _pictures(clip: Clip) -> Iterator[Any]:

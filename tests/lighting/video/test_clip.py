@@ -1,6 +1,8 @@
 """Clips as phones, cameras and accidents make them."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -84,6 +86,46 @@ def test_garbage_inside_is_left_out_and_told(tmp_path: Path) -> None:
     broken.write_bytes(bytes(data))
     with Clip(broken) as clip:
         assert len(list(clip.frames())) >= 20
+
+
+def make_with_long_sound(path: Path) -> Path:
+    """Half a second of pictures beside three of sound."""
+    with av.open(str(path), "w") as film:
+        pictures: Any = film.add_stream("libx264", rate=30, options={"preset": "veryfast"})
+        sound: Any = film.add_stream("pcm_s16le", rate=8000)
+        pictures.width, pictures.height, pictures.pix_fmt = 320, 180, "yuv420p"
+        for picture in [TOP_RED] * 15:
+            film.mux(pictures.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        film.mux(pictures.encode())
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 24000), np.int16), format="s16", layout="mono")
+        frame.rate = 8000
+        film.mux(sound.encode(frame))
+        film.mux(sound.encode())
+    return path
+
+
+def make_with_held_end(path: Path) -> Path:
+    """Fifteen pictures, the last of which is shown for four seconds."""
+    with av.open(str(path), "w") as film:
+        stream: Any = film.add_stream("libx264", rate=30, options={"preset": "veryfast", "bf": "0"})
+        stream.width, stream.height, stream.pix_fmt = 320, 180, "yuv420p"
+        packets = [p for _ in range(15) for p in stream.encode(av.VideoFrame.from_ndarray(TOP_RED, format="rgb24"))]
+        packets += stream.encode()
+        packets[-1].duration = 120  # of 1/30 s
+        film.mux(packets)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "name", "lasts"), [(make_with_long_sound, "a.mkv", 0.5), (make_with_held_end, "a.mp4", 4.47)]
+)
+def test_a_whole_clip_is_not_called_cut_short(
+    tmp_path: Path, make: Callable[[Path], Path], name: str, lasts: float
+) -> None:
+    with Clip(make(tmp_path / name)) as clip:
+        assert clip.info.duration == pytest.approx(lasts, abs=0.01)
+        assert len(list(clip.frames())) == 15
+        assert clip.damage == ""
 
 
 def make_sound(path: Path) -> Path:
