@@ -31,6 +31,22 @@ def test_a_rotation_flag_turns_the_picture(tmp_path: Path, rotation: int, top_go
     assert pixels[..., 0].mean() == pytest.approx(100, abs=10)
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("rotation", [0, 90, -90, 180])
+def test_flags_turn_and_mirror(tmp_path: Path, rotation: int, mirrored: bool) -> None:
+    """Counter-clockwise, then left and right change places."""
+    stored = np.zeros((180, 320, 3), np.uint8)
+    stored[:90], stored[90:, :160] = 200, 90
+    turned = np.rot90(stored, rotation // 90)
+    path = write_clip(tmp_path / "a.mp4", [stored] * 3, rotation=rotation, mirrored=mirrored)
+    pixels = first(path)
+    expected = turned[:, ::-1] if mirrored else turned
+    assert pixels.shape == expected.shape
+    assert np.abs(pixels.astype(int) - expected).mean() < 3
+    with Clip(path) as clip:
+        assert (clip.info.height, clip.info.width) == expected.shape[:2]
+
+
 @pytest.mark.parametrize(("curve", "number", "grey"), [("pq", 16, 179), ("hlg", 18, 153)])
 def test_ten_bits_are_read_by_their_curve(tmp_path: Path, curve: str, number: int, grey: int) -> None:
     """A signal of 50 % is 92 of 203 cd/m2 of PQ; of HLG a twelfth of its peak, 31 % of white; then sRGB's curve."""
