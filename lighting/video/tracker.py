@@ -50,6 +50,9 @@ class Sighting:
     heading: float  # deg clockwise from the first frame, -180 to 180
     gain: tuple[float, float, float]  # linear red, green and blue against the first frame
     followed: bool  # False where nothing could be followed: the angles are those of the frame before
+    linked: (
+        bool  # False since the thread was lost and no keyframe from before was recognised: heading and sun may be off
+    )
 
 
 class Tracker:
@@ -73,6 +76,7 @@ class Tracker:
         self._bank = _Bank()
         self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
         self._orientation, self._gain = np.eye(3), np.ones(3)
+        self._linked = True
         self._up: Floats | None = None
         self._ups = 0
         self._count = 0
@@ -107,6 +111,7 @@ class Tracker:
     def _turn(self, step: Step, size: tuple[int, int]) -> bool:
         """Follow the camera's turn; whether the frame's own points told it."""
         if step.begins:
+            self._linked = self._fused is None
             self._of_key = {step.key: (self._orientation, self._gain)}
             return len(step.matches) > 0
         base, gain = self._of_key[step.key]
@@ -123,20 +128,24 @@ class Tracker:
     def _recognise(self, key: Key) -> None:
         """Compare a keyframe with those of the bank, and take back what the chain has drifted."""
         orientation, gain = self._of_key[key.number]
-        lost = self._bank.last is not None and self._bank.last.stretch != key.stretch
+        begun = self._bank.last is not None and self._bank.last.stretch != key.stretch
         before, self._bank.last = self._bank.last, key
-        for known, there in self._bank.near(key, orientation, 180.0 if lost else 0.5 * self._lens.fov):
-            turn = turn_between(known, key, self._lens.fov)
+        for kept in self._bank.near(key, orientation, 0.5 * self._lens.fov if self._linked else 180.0):
+            turn = turn_between(kept.key, key, self._lens.fov)
             if turn is None:
                 continue
-            off = rotation_vector(orientation.T @ turn.rotation @ there)
-            fixed = orientation @ rotation_about((1.0 if lost else RECOGNISED) * off)
-            self._orientation = self._orientation @ orientation.T @ fixed
-            self._of_key[key.number] = (fixed, gain)
+            found = kept.linked and not self._linked
+            off = rotation_vector(orientation.T @ turn.rotation @ kept.orientation)
+            correction = rotation_about((1.0 if begun or found else RECOGNISED) * off)
+            self._orientation = self._orientation @ correction
+            self._of_key[key.number] = (orientation @ correction, gain)
+            if found:
+                self._linked = True
+                self._bank.link(key.stretch, correction)
             return
-        if before is not None and not lost:
+        if before is not None and not begun:
             self._lens.learn(before, key)
-        self._bank.add(key, orientation)
+        self._bank.add(_Kept(key, nearest_rotation(orientation), self._linked))
 
     def _look(self, frame: Frame, known: Known) -> None:
         self._due = frame.time + self._look_every - 1e-6
@@ -182,7 +191,7 @@ class Tracker:
             relative_heading=heading % 360.0,
         )
         red, green, blue = map(float, self._gain)
-        return Sighting(lighting, heading, (red, green, blue), followed)
+        return Sighting(lighting, heading, (red, green, blue), followed, self._linked)
 
 
 class _Lens:
@@ -215,26 +224,44 @@ class _Lens:
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
 
 
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """A keyframe of the bank."""
+
+    key: Key
+    orientation: Floats  # (3, 3)
+    linked: bool  # whether its orientation is against the first frame
+
+
 class _Bank:
     """Keyframes of the past with their orientations, at most BANK of them and not two of one direction."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[Key, Floats]] = []
+        self._kept: list[_Kept] = []
         self.last: Key | None = None
 
-    def near(self, key: Key, orientation: Floats, within: float) -> Sequence[tuple[Key, Floats]]:
+    def near(self, key: Key, orientation: Floats, within: float) -> Sequence[_Kept]:
         """The nearest COMPARED keyframes within an angle [deg] of a new one, its neighbours in time left out."""
-        old = [(k, o) for k, o in self._kept if key.number - k.number > RECENT or k.stretch != key.stretch]
-        apart = [float(angle_between(-o[2], -orientation[2])) for _, o in old]
+        old = [k for k in self._kept if key.number - k.key.number > RECENT or k.key.stretch != key.stretch]
+        apart = [float(angle_between(-k.orientation[2], -orientation[2])) for k in old]
         order = sorted((i for i in range(len(old)) if apart[i] < within), key=apart.__getitem__)
         return [old[i] for i in order[:COMPARED]]
 
-    def add(self, key: Key, orientation: Floats) -> None:
-        if any(float(angle_between(-o[2], -orientation[2])) < APART for _, o in self._kept):
+    def add(self, new: _Kept) -> None:
+        if any(float(angle_between(-k.orientation[2], -new.orientation[2])) < APART for k in self._kept):
             return
-        self._kept.append((key, nearest_rotation(orientation)))
+        self._kept.append(new)
         if len(self._kept) > BANK:
             del self._kept[1]  # the first frame's is what all headings refer to
+
+    def link(self, stretch: int, correction: Floats) -> None:
+        """Turn the keyframes of a stretch whose place among the others has been found by a rotation (3, 3)."""
+        self._kept = [
+            replace(k, orientation=k.orientation @ correction, linked=True)
+            if k.key.stretch == stretch and not k.linked
+            else k
+            for k in self._kept
+        ]
 
 
 def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
