@@ -25,6 +25,7 @@ SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the 
 THREADS = 2
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 _TAGGED = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
+_BACK = 3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
 _END = 0.75  # s that may be missing at the end of a whole clip
 
 
@@ -77,6 +78,9 @@ class Clip:
         start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
         for index, picture in enumerate(self._decoded()):
             time = float(picture.time) - start if picture.time is not None else max(0.0, last + self._interval())
+            if time < last - _BACK * self._interval() and not picture.is_corrupt:
+                start -= last + self._interval() - time
+                time = last + self._interval()
             if time <= last or picture.is_corrupt:
                 lost += 1
                 continue

@@ -144,6 +144,17 @@ def test_a_whole_clip_is_not_called_cut_short(
         assert clip.damage == ""
 
 
+def test_joined_recordings_go_on(tmp_path: Path) -> None:
+    """As `cat a.ts a.ts` joins them: the times of the second begin again."""
+    part = write_clip(tmp_path / "a.ts", pan(12)).read_bytes()
+    joined = tmp_path / "joined.ts"
+    joined.write_bytes(2 * part)
+    with Clip(joined) as clip:
+        times = [frame.time for frame in clip.frames()]
+        assert clip.damage == ""
+    np.testing.assert_allclose(times, np.arange(24) / 30.0, atol=1e-3)
+
+
 def make_sound(path: Path) -> Path:
     with av.open(str(path), "w") as film:
         stream = film.add_stream("pcm_s16le", rate=8000)
