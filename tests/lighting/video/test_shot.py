@@ -58,6 +58,14 @@ def test_a_cut_makes_two_shots_each_from_azimuth_0(model: Model) -> None:
     assert second.path.heading[0] == pytest.approx(0.0, abs=0.1)
 
 
+def test_a_picture_of_another_size_begins_a_shot_with_its_own_lens(model: Model) -> None:
+    narrow = [np.ascontiguousarray(picture[:, 100:220]) for picture in pan(25, 30.0)]
+    first, second = shots([*pan(25, 30.0), *narrow], model)
+    assert (len(first.frames), len(second.frames)) == (25, 25)
+    assert first.vertical_fov == pytest.approx(FOV, abs=1.5)
+    assert second.vertical_fov == pytest.approx(FOV, abs=1.5)
+
+
 def test_black_frames_in_a_shot_are_bridged(model: Model) -> None:
     pictures = pan(40, 20.0)
     pictures[18:22] = [BLACK] * 4
