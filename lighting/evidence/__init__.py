@@ -9,7 +9,7 @@ from lighting.evidence.fit import KINDS, Fit, Range, fit, series_of
 from lighting.evidence.frames import check_heading, check_headings
 from lighting.evidence.fusion import Evidence, Fused, fuse
 from lighting.evidence.given import SHORT_NAMES, Given
-from lighting.evidence.metadata import Known, known, known_alone, known_together
+from lighting.evidence.metadata import Known, known, known_alone, known_later, known_together
 from lighting.evidence.said import said_of
 from lighting.evidence.seen import fuse_photo
 from lighting.evidence.together import (
@@ -44,6 +44,7 @@ __all__ = [
     "fuse_together",
     "known",
     "known_alone",
+    "known_later",
     "known_together",
     "magnetic_declination",
     "power",

@@ -38,14 +38,18 @@ class Watcher:
         self._size = (0, 0)
 
     def take(self, frame: Frame) -> Iterator[Watched]:
-        """Counts a frame; hands out the shots that it shows to be over."""
+        """Counts a frame; hands out the shots that it shows to be over, as one of another size does."""
+        size = (frame.pixels.shape[1], frame.pixels.shape[0])
+        if self._steps and size != self._size:
+            yield from split(self.watched())
+            self._steps, self._keys, self._looks = [], {}, {}
+        self._size = size
         step = self._follower.follow(frame)
         self._steps.append(step)
         if (key := self._follower.new_key) is not None:
             self._keys[key.number] = key
         if frame.time >= self._due or (step.begins and step.frame > 0):
             self._look(frame)
-        self._size = (frame.pixels.shape[1], frame.pixels.shape[0])
         if self._is_time_to_judge(step.stretch):
             *over, rest = split(self.watched())
             yield from over
