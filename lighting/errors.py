@@ -17,7 +17,14 @@ class PhotoTooLargeError(PhotoError):
 
 
 class ParameterError(LightingError, ValueError):
-    """A lighting parameter is missing, of the wrong type or outside its range."""
+    """A lighting parameter is missing, of the wrong type or outside its range.
+
+    `field` names the one at fault as the record that refuses it does, or None where no single one is.
+    """
+
+    def __init__(self, text: str, field: str | None = None) -> None:
+        super().__init__(text)
+        self.field = field
 
 
 class ModelError(LightingError):

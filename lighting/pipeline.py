@@ -21,10 +21,11 @@ from lighting.evidence import (
     fuse_together,
     known_alone,
     known_together,
+    said_of,
     series_of,
 )
 from lighting.model import Model
-from lighting.photo import Photo, Source, read_photo, to_tensor
+from lighting.photo import Photo, Source, read_photo
 from lighting.records import Estimate, Prediction
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Estimator:
 
     def predict(self, photo: Photo) -> Prediction:
         """What the network says of the pixels alone: the sun's probability on its grid, and raw parameters."""
-        return self.model.predict(to_tensor(photo, self.model.spec))[0]
+        return said_of(self.model, photo)
 
     def __call__(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Estimate:
         """The photo's light by its pixels, its metadata and what the user says of it.

@@ -343,18 +343,19 @@ def _check_colour(name: str, colour: object, limits: tuple[float, float]) -> Non
         check_range(name, value, *limits)
 
 
-def check_range(name: str, value: object, low: float, high: float) -> None:
-    """Raise a one-sentence ParameterError unless `value` is a finite number in [low, high]."""
+def check_range(name: str, value: object, low: float, high: float, field: str | None = None) -> None:
+    """Raise a one-sentence ParameterError unless `value` is a finite number in [low, high]; `field` is the error's."""
     if not _is_finite(value):
-        raise ParameterError(f"{name} must be a finite number, not {reprlib.repr(value)}.")
+        raise ParameterError(f"{name} must be a finite number, not {reprlib.repr(value)}.", field)
     if not low <= float(value) <= high:
-        raise ParameterError(f"{name} is {float(value):g}; it must lie in {low:g} to {high:g}.")
+        raise ParameterError(f"{name} is {float(value):g}; it must lie in {low:g} to {high:g}.", field)
 
 
 def check_place(latitude: float | None, longitude: float | None) -> None:
     """Raise a one-sentence ParameterError where only one of them is known."""
     if (latitude is None) != (longitude is None):
-        raise ParameterError("A latitude needs a longitude and the other way round.")
+        missing = "latitude" if latitude is None else "longitude"
+        raise ParameterError("A latitude needs a longitude and the other way round.", missing)
 
 
 def plain_numbers(record: object, *names: str) -> None:

@@ -4,11 +4,14 @@ import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from lighting import __version__
 from lighting.errors import LightingError
 from server.process import prepare
+
+if TYPE_CHECKING:
+    from server.service import Service
 
 
 def main() -> None:
@@ -46,7 +49,6 @@ def serve() -> None:
 
     from lighting.files.compression import pack_in_threads
     from server.app import create_app
-    from server.protocol import HEADER_BYTES, BoundedProtocol
     from server.settings import PREFIX, Settings
 
     try:
@@ -74,8 +76,20 @@ def serve() -> None:
         forwarded_allow_ips=settings.trusted_proxies,
         timeout_graceful_shutdown=settings.shutdown_seconds,
         ws="none",
-        http=partial(BoundedProtocol, head_seconds=settings.header_seconds),  # type: ignore[arg-type]
-        h11_max_incomplete_event_size=HEADER_BYTES,
+        http=_protocol(app.state.service),
+    )
+
+
+def _protocol(service: "Service") -> Any:
+    """The class of a connection, with what its limits are."""
+    from server.protocol import BoundedProtocol
+
+    limits = service.settings
+    return partial(
+        BoundedProtocol,
+        head_seconds=limits.header_seconds,
+        answer_rate=limits.answer_rate,
+        unsent=service.unsent,
     )
 
 

@@ -1,7 +1,6 @@
 """What answers hold beside a lighting record: links, the sun's probability, files with their headers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 from urllib.parse import urlencode
@@ -12,20 +11,12 @@ from fastapi import Request, Response
 from lighting.envmap import Image
 from lighting.files import full_record
 from lighting.geometry import angles
-from lighting.records import COLOUR_RANGES, SKY_MODEL, Estimate, Lighting, SunDistribution
+from lighting.records import COLOUR_RANGES, SKY_MODEL, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from lighting.version import __version__
 from server.queries import LightingQuery, Query
 from server.schemas import MEDIA_TYPES, Format
-from server.service import Service
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """An estimate, and what the place makes of the cells (R, 2R, 3) of its bare map where that was asked for."""
-
-    estimate: Estimate
-    factors: Image | None = None
+from server.service import Answer, Service
 
 
 def estimates(found: Sequence[Answer], query: LightingQuery, root: str) -> dict[str, Any]:

@@ -40,7 +40,7 @@ async def readyz(service: Services) -> Status:
         retry = {"Retry-After": problems.RETRY_SECONDS}
         raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
     if service.full:
-        raise BusyError("The queue is full, or as many bodies are arriving as the service takes at once.")
+        raise BusyError("The queue is full, or as many bodies arrive or answers wait as the service takes at once.")
     return Status()
 
 

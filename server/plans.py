@@ -6,9 +6,8 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from lighting.errors import ParameterError
 from lighting.stereo import FEWEST_SHOTS, NOISES, ModelledSkies, Question
-from server.queries import Offset, Query
+from server.queries import Offset, Query, in_words, misfit
 from server.schemas import Between, named
 
 MOST_DAYS = 31  # of a range
@@ -44,15 +43,12 @@ class PlanQuery(Query):
 
     @model_validator(mode="after")
     def _of_days(self) -> Self:
-        try:
-            self.skies()
-        except ParameterError as error:
-            raise PydanticCustomError("parameter", "{reason}", {"reason": str(error)}) from error
+        in_words(lambda _: self.skies())("")
         days = ((self.until or self.date) - self.date).days + 1
         if days > MOST_DAYS:
-            raise PydanticCustomError("days", "until is more than {days} days from date", {"days": MOST_DAYS})
+            raise misfit("until", f"until is more than {MOST_DAYS} days from date")
         if days * self.shots > MOST_WORK:
-            raise PydanticCustomError("work", "days times shots may be {most} at most", {"most": MOST_WORK})
+            raise misfit("shots", f"days times shots may be {MOST_WORK} at most")
         return self
 
     def skies(self) -> ModelledSkies:

@@ -15,6 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.evidence import SHORT_NAMES
 from server.arrivals import CrowdedError
 from server.limiter import BusyError
 
@@ -87,6 +88,7 @@ _WORDS = {  # plainer than pydantic's, by its name of the error
     "too_short": "must have at least {min_length} values",
     "too_long": "must have at most {max_length} values",
 }
+_NAMES = {long: short for short, long in SHORT_NAMES.items()} | {"first": "date", "last": "until"}  # in URLs
 _OF_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
 
 
@@ -144,7 +146,7 @@ def problem_of(error: Exception) -> ProblemError:
         case PhotoError():
             return ProblemError(UNREADABLE_PHOTO, str(error))
         case ParameterError():
-            return ProblemError(INVALID, str(error))
+            return _contradiction(error)
         case BusyError():
             return ProblemError(BUSY, str(error), {"Retry-After": RETRY_SECONDS})
         case CrowdedError():
@@ -154,6 +156,18 @@ def problem_of(error: Exception) -> ProblemError:
             return ProblemError(GONE, "The client disconnected.")
         case _:
             return ProblemError(INTERNAL, "An unexpected error occurred in the service.")
+
+
+def field_of(error: ParameterError) -> str | None:
+    """The parameter at fault under its name in a URL; None where no single one is."""
+    return error.field and _NAMES.get(error.field, error.field)
+
+
+def _contradiction(error: ParameterError) -> ProblemError:
+    """Parameters that are each right and do not fit each other or the photo."""
+    if (field := field_of(error)) is None:
+        return ProblemError(INVALID, str(error))
+    return ProblemError(INVALID, str(error), errors=[{"field": field, "place": "query", "detail": str(error)}])
 
 
 def _of_http_exception(error: HTTPException) -> ProblemError:
@@ -167,10 +181,13 @@ def _invalid_request(error: RequestValidationError) -> ProblemError:
 
 
 def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A field, its place, what is wrong with it and, for a number, its range."""
+    """A field, its place, what is wrong with it and, for a number, its range.
+
+    A check of several fields together names the one at fault as `field` of its context.
+    """
     context = found.get("ctx", {})
     limits = {name: value for name, value in context.items() if name in ("minimum", "maximum")}
-    field = ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0])
+    field = context.get("field") or ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0])
     detail = _WORDS[found["type"]].format(**context) if found["type"] in _WORDS else found["msg"]
     return {"field": field, "place": found["loc"][0], "detail": detail, **limits}
 

@@ -25,6 +25,7 @@ from lighting.photo import MIN_SIDE, read_offset, read_time
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
 from lighting.sky import Model as SkyModel
+from server.problems import field_of
 from server.schemas import (
     GROUND_COLOR,
     SKY_IRRADIANCE,
@@ -54,14 +55,19 @@ _DATE, _CLOCK, _OFFSET = (
 )
 
 
-def _in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
+def misfit(field: str | None, reason: str) -> PydanticCustomError:
+    """An error that names the field at fault itself, as a check of several fields together must."""
+    return PydanticCustomError("parameter", "{reason}", {"reason": reason} | ({"field": field} if field else {}))
+
+
+def in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
     """The reader, with its ParameterError turned into the error of a field."""
 
     def parsed(text: str) -> Any:
         try:
             return read(text)
         except ParameterError as error:
-            raise PydanticCustomError("parameter", "{reason}", {"reason": str(error)}) from error
+            raise misfit(field_of(error), str(error)) from error
 
     return parsed
 
@@ -83,17 +89,17 @@ def _text(pattern: str, example: str) -> WithJsonSchema:
 
 Time = Annotated[
     datetime | None,
-    BeforeValidator(_in_words(_time)),
+    BeforeValidator(in_words(_time)),
     _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T08:53"),
 ]
 Offset = Annotated[
     float | None,
-    BeforeValidator(_in_words(read_offset)),
+    BeforeValidator(in_words(read_offset)),
     _text(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
 ]
 Headings = Annotated[
     str | None,
-    BeforeValidator(_in_words(_headings)),
+    BeforeValidator(in_words(_headings)),
     _text(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
 ]
 
@@ -110,7 +116,7 @@ def _triple(text: Any) -> list[str] | None:
 
 
 _NUMBER = r"[0-9]+([.][0-9]+)?(e-?[0-9]+)?"
-_AS_TEXT = (BeforeValidator(_in_words(_triple)), _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"))
+_AS_TEXT = (BeforeValidator(in_words(_triple)), _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"))
 Irradiances = Annotated[tuple[Irradiance, Irradiance, Irradiance] | None, *_AS_TEXT]
 Reflectances = Annotated[tuple[Reflectance, Reflectance, Reflectance] | None, *_AS_TEXT]
 
@@ -143,7 +149,7 @@ class GivenQuery(Query):
 
     @model_validator(mode="after")
     def _without_contradiction(self) -> Self:
-        _in_words(lambda _: self.given())("")
+        in_words(lambda _: self.given())("")
         return self
 
     def given(self) -> Given:
@@ -177,7 +183,7 @@ class MapQuery(Query):
     @model_validator(mode="after")
     def _of_this_format(self) -> Self:
         if "compression" in self.stated() and self.format != "exr":
-            raise PydanticCustomError("compression", "compression goes with format=exr")
+            raise misfit("compression", "compression goes with format=exr")
         return self
 
 
@@ -221,12 +227,20 @@ class ChangeQuery(StatedQuery):
         return self.model_dump(include=set(ChangeQuery.model_fields), exclude_none=True)
 
 
-class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery):
-    """The map of a photo."""
+class PlaceQuery(Query):
+    """Whether a photo's map shows the place."""
 
     surroundings: FlagOrAuto = Field(
         None, description="show the place, not the sky alone; by default where the network predicts it"
     )
+
+
+class PreviewQuery(GivenQuery, PlaceQuery):
+    """The preview of a photo."""
+
+
+class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery, PlaceQuery):
+    """The map of a photo."""
 
 
 class SkyParameters(StatedQuery):
@@ -262,7 +276,7 @@ class SceneQuery(Query):
         others = misplaced(self.stated(), self.tool)
         if others:
             wanted = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
-            raise PydanticCustomError("tool", "{wanted}", {"wanted": wanted})
+            raise misfit(min(others), wanted)
         return self
 
     def options(self) -> dict[str, Any]:
@@ -270,7 +284,7 @@ class SceneQuery(Query):
         return self.model_dump(include={name for name, tool in TOOL_OF_OPTION.items() if tool == self.tool})
 
 
-class PhotoSceneQuery(SceneQuery, GivenQuery, ChangeQuery):
+class PhotoSceneQuery(SceneQuery, GivenQuery, ChangeQuery, PlaceQuery):
     """The scene of a photo."""
 
 

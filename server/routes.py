@@ -11,7 +11,7 @@ from server.checks import check_photos, refuse_given
 from server.model_figures import accuracy
 from server.plans import PlanQuery, StereoPlan
 from server.problems import documented
-from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkyQuery, SkySceneQuery
+from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkyQuery, SkySceneQuery
 from server.records import parse_record
 from server.schemas import MEDIA_TYPES, LightingEstimate, LightingEstimates, ModelCard
 from server.service import Admitted, PhotoBytes, PhotosBytes, Services
@@ -116,7 +116,7 @@ async def show_photo(admission: Admitted, photo: PhotoBytes) -> Response:
     responses={200: PNG, **PHOTO_PROBLEMS},
     openapi_extra=body(PHOTO_BODY),
 )
-async def draw_preview(admission: Admitted, photo: PhotoBytes, query: Annotated[GivenQuery, Query()]) -> Response:
+async def draw_preview(admission: Admitted, photo: PhotoBytes, query: Annotated[PreviewQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
     return Response(await admission.run(tasks.preview_file, admission.service, photo, query), media_type="image/png")
 

@@ -2,12 +2,15 @@
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
+from anyio import from_thread
 from fastapi import Depends, Request
 
+from lighting.envmap import Image
 from lighting.evidence import Given
 from lighting.model import Model, packaged_model
 from lighting.photo import TARGET, Photo
@@ -21,11 +24,20 @@ from server.metrics import Metrics
 from server.problems import ProblemError
 from server.security import Keys, Rate, client_name
 from server.settings import Settings
+from server.unsent import Unsent
 from server.uploads import Body, Limits
 
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """An estimate, and what the place makes of the cells (R, 2R, 3) of its bare map where that was asked for."""
+
+    estimate: Estimate
+    factors: Image | None = None
 
 
 class Service:
@@ -35,6 +47,7 @@ class Service:
         self.settings = settings
         self.limiter = Limiter(settings.places, settings.queue)
         self.arrivals = Arrivals(settings.uploads, settings.uploads_per_client)
+        self.unsent = Unsent(settings.unsent_bytes)
         self.metrics = Metrics(self.limiter, self.arrivals)
         self.keys = Keys(settings.all_keys())
         self.rate = Rate(settings.rate_limits)
@@ -79,7 +92,7 @@ class Service:
     @property
     def full(self) -> bool:
         """Whether the next photo would be refused."""
-        return self.limiter.full or self.arrivals.full
+        return self.limiter.full or self.arrivals.full or self.unsent.full
 
     def read(self, data: bytes, seconds: float | None = None) -> Photo:
         """The photo in an upload, by default within the time that a request has; raises PhotoError."""
@@ -131,19 +144,25 @@ class Admission:
     async def run(self, work: Callable[..., T], *arguments: Any) -> T:
         """What the work returns, done in a thread when its turn comes; dropped when the client goes away.
 
-        Raises BusyError where the queue has filled while the body arrived.
+        Raises BusyError where the queue has filled while the body arrived, or too much waits for clients by then.
         """
+
+        def checked() -> T:
+            from_thread.run_sync(self.service.unsent.check)
+            return work(*arguments)
+
         with self.service.limiter.admission():
-            return await self.service.limiter.run(self.request.receive, lambda: work(*arguments))
+            return await self.service.limiter.run(self.request.receive, checked)
 
 
 Services = Annotated[Service, Depends(service_of)]
 
 
 async def admitted(request: Request, service: Services) -> Admission:
-    """Admit a request; raises BusyError at once where the queue is full, before the body is read."""
+    """Admit a request; raises BusyError at once where the queue is full or too much waits, before the body is read."""
     if service.limiter.full:
         raise BusyError
+    service.unsent.check()
     return Admission(request, service)
 
 

@@ -73,6 +73,12 @@ class Settings(BaseSettings):
     upload_rate: int = Field(
         10_000, ge=1, description="least speed of a body in bytes per second, after its first five seconds"
     )
+    answer_rate: int = Field(
+        50_000, ge=1, description="least speed at which an answer is taken in bytes per second, after thirty seconds"
+    )
+    unsent_bytes: int = Field(
+        500_000_000, ge=1, description="bytes of answers that may wait for their clients; 503 for further requests"
+    )
     header_seconds: float = Field(10.0, gt=0, description="time limit for receiving a request's headers, in seconds")
     decode_seconds: float = Field(SECONDS, gt=0, description="time limit for decoding a request's photos, in seconds")
     shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM, in seconds")

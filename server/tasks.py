@@ -10,17 +10,24 @@ from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
 from lighting import stereo
-from lighting.envmap import Place, change, place_factors, place_of, view
+from lighting.envmap import Place, change, known_place, place_factors, place_of, view
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
 from lighting.photo import Photo
 from lighting.preview import PHOTO_SIDE, preview_png
 from lighting.records import Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
-from server.answers import Answer
 from server.plans import PlanQuery
-from server.queries import EnvmapQuery, GivenQuery, LightingQuery, MapQuery, PhotoSceneQuery, SceneQuery, SkySceneQuery
-from server.service import Service
+from server.queries import (
+    EnvmapQuery,
+    LightingQuery,
+    MapQuery,
+    PhotoSceneQuery,
+    PreviewQuery,
+    SceneQuery,
+    SkySceneQuery,
+)
+from server.service import Answer, Service
 
 Map = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -43,9 +50,8 @@ def estimated_together(service: Service, files: Sequence[bytes], query: Lighting
     answers = []
     for photo, estimate in zip(photos, found, strict=True):
         check_cancelled()
-        place = Place(photo.pixels, estimate.around)
-        known = estimate.around is not None
-        answers.append(Answer(estimate, place_factors(estimate.lighting, place) if known else None))
+        place = known_place(estimate, photo.pixels)
+        answers.append(Answer(estimate, place_factors(estimate.lighting, place) if place else None))
     return answers
 
 
@@ -88,18 +94,19 @@ def upright_file(service: Service, data: bytes) -> bytes:
     return encode_jpeg(service.read_finer(data, SHOWN_SIDE).pixels, SHOWN_QUALITY)
 
 
-def preview_file(service: Service, data: bytes, query: GivenQuery) -> bytes:
+def preview_file(service: Service, data: bytes, query: PreviewQuery) -> bytes:
     """The preview of a photo's bytes, as PNG."""
     photo = service.read(data)
     check_cancelled()
     (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
-    return preview_png(service.read_finer(data, PHOTO_SIDE).pixels, estimate)
+    pixels = service.read_finer(data, PHOTO_SIDE).pixels
+    return preview_png(pixels, estimate, surroundings=query.surroundings)
 
 
-def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, around: Map | None = None) -> bytes:
-    """A scene as a ZIP archive; with `around`, its map shows the place."""
-    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, around=around)
+def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: Place | None = None) -> bytes:
+    """A scene as a ZIP archive; with a `place`, its map shows it."""
+    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, place=place)
     check_cancelled()
     return zip_scene(scene, query.tool, **query.options())
 
@@ -111,7 +118,8 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     (estimate,) = service.estimate([photo], query.given())
     check_cancelled()
     lighting = change(estimate.lighting, query.changes())
-    return scene_file(service.read_finer(data, PLATE_SIDE), lighting, query, estimate.around)
+    plate = service.read_finer(data, PLATE_SIDE)
+    return scene_file(plate, lighting, query, known_place(estimate, plate.pixels, wanted=query.surroundings))
 
 
 def scene_file_of_sky(query: SkySceneQuery) -> bytes:

@@ -13,6 +13,7 @@ from tests.pages import ROOT
 
 yaml = pytest.importorskip("yaml", reason="needs PyYAML, which schemathesis brings")
 IDLE, DECODER = 300_000_000, 50_000_000  # bytes of the process, and of each that decodes
+LARGEST = 4 * 3 * 4096 * 2048  # bytes of an answer: a map without compression
 
 
 @pytest.fixture(scope="module")
@@ -58,5 +59,6 @@ def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     s = settings_of(services)
     bodies = (s.places + s.queue + s.uploads) * s.max_bytes
     decoding = s.places * (DECODER + allowance(s.max_bytes, s.max_pixels, PLATE_SIDE))
+    answers = s.unsent_bytes + 2 * s.places * LARGEST
     limit = services["lighting"]["deploy"]["resources"]["limits"]["memory"]
-    assert IDLE + decoding + bodies < int(limit.removesuffix("g")) * 2**30
+    assert IDLE + decoding + bodies + answers < int(limit.removesuffix("g")) * 2**30

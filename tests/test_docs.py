@@ -20,13 +20,14 @@ from lighting.evidence.metadata import GIVEN_HEADING_SPREAD
 from lighting.records import OPTIONAL_RANGES, RANGES
 from server.app import create_app
 from server.settings import Settings
+from tests.lighting.cli.runners import commands
 from tests.pages import DOCS, README, ROOT, anchors, blocks, links, text
 
 MOST_LINES = 170  # of README: more than that is not read
 EVERY_PAGE = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "node_modules", "runs"} & set(p.parts))
 COMMANDS = sorted(
     (f"{name} {part}".strip(), leaf)
-    for name, command in cli.commands.items()
+    for name, command in commands().items()
     for part, leaf in (command.commands.items() if isinstance(command, click.Group) else [("", command)])
 )
 OPTIONS = sorted(
@@ -105,7 +106,7 @@ def test_the_commands_of_the_pages_are_right_usage(
     program, name, *arguments = shlex.split(line, comments=True)
     assert program == "lighting"
     with click.Context(cli, info_name="lighting", help_option_names=["-h", "--help"]) as parent:
-        cli.commands[name].make_context(name, arguments, parent=parent)
+        commands()[name].make_context(name, arguments, parent=parent)
     photos = [argument for argument in arguments if argument.startswith("examples/")]
     assert all(list(Path().glob(photo)) for photo in photos)
 

@@ -11,9 +11,12 @@ from lighting.errors import BatchError
 from lighting.photo import RAW_SUFFIXES
 
 SUFFIXES = (  # of photos in a folder; a glob may match any file
-    ".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".tif", ".tiff", ".avif", *RAW_SUFFIXES,
+    ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".png", ".webp", ".heic", ".heif", ".hif", ".tif", ".tiff", ".avif",
+    *RAW_SUFFIXES, ".x3f",
 )  # fmt: skip
-OTHERS = (  # of pictures that are no photos or that nothing here reads
+OTHERS = (  # of pictures that are no photos, or that nothing here is known to read
+    ".heics", ".heifs", ".avifs",
+    ".srw", ".3fr", ".fff", ".iiq", ".erf", ".kdc", ".dcr", ".mrw", ".mef", ".mos",
     ".gif", ".bmp", ".jxl", ".jp2", ".j2k", ".jxr", ".psd", ".svg", ".exr", ".hdr", ".tga", ".ppm", ".xcf", ".ico",
 )  # fmt: skip
 

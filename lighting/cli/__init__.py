@@ -1,16 +1,15 @@
 """The command line: parse, call the library, print.
 
-Nothing heavy is imported before a command needs it. Results go to stdout; progress, errors and counts to stderr.
-Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage.
+A command's module is imported when it is called, and nothing heavy before it is needed. Results go to stdout; progress,
+errors and counts to stderr. Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage.
 """
 
 import sys
 
-from lighting.cli import batch, commands, info, probe, scene, stereo, stereo_normals, video
 from lighting.cli.group import cli
 from lighting.cli.process import leave, prepare
 
-__all__ = ["batch", "cli", "commands", "info", "main", "probe", "scene", "stereo", "stereo_normals", "video"]
+__all__ = ["cli", "main"]
 
 
 def main() -> None:

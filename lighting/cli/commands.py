@@ -110,7 +110,7 @@ def envmap(
     place = place_in(data, picture, estimate, view["height"], surroundings)
     write_map(output, estimate.lighting, place=place, **view)
     if preview:
-        write_preview(preview, data, estimate)
+        write_preview(preview, data, estimate, surroundings)
     if not quiet and "-" not in (output, preview):
         click.echo(in_words(photo, estimate.lighting))
     report_warnings(photo, estimate.warnings, quiet)
@@ -133,13 +133,14 @@ def render(record: str, output: str, **view: Any) -> None:
 @cli.command()
 @click.argument("photo")
 @click.option("-o", "--output", required=True, metavar="FILE.png", callback=preview_file, help='"-" is stdout.')
+@surroundings_option
 @given_options
 @model_option
-def preview(photo: str, output: str, given: "Given", model: str | None) -> None:
+def preview(photo: str, output: str, surroundings: bool | None, given: "Given", model: str | None) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
     with naming(photo):
         data = photo_bytes(photo)
         _, estimate = estimated(data, given, model)
-    write_preview(output, data, estimate)
+    write_preview(output, data, estimate, surroundings)
     report_warnings(photo, estimate.warnings)

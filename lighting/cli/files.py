@@ -172,11 +172,12 @@ def write_map(output: str, lighting: "Lighting", compression: "Compression | Non
         write_envmap(output, image, lighting, compression=compression or "zip")
 
 
-def write_preview(output: str, photo: bytes, estimate: "Estimate") -> None:
+def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings: bool | None) -> None:
     from lighting.photo import read_photo
     from lighting.preview import PHOTO_SIDE, preview_png
 
-    write_png(output, preview_png(read_photo(photo, target=PHOTO_SIDE).pixels, estimate))
+    pixels = read_photo(photo, target=PHOTO_SIDE).pixels
+    write_png(output, preview_png(pixels, estimate, surroundings=surroundings))
 
 
 def write_png(output: str, data: bytes) -> None:

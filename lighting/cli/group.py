@@ -1,5 +1,6 @@
 """The group that every command joins, and how errors end."""
 
+from importlib import import_module
 from typing import Any
 
 import click
@@ -8,9 +9,30 @@ from lighting import __version__
 from lighting.cli.words import is_broken_pipe, printable, sentence
 from lighting.errors import LightingError
 
+_HOME = {  # the module of each command; a call imports no other
+    "batch": "batch",
+    "envmap": "commands",
+    "estimate": "commands",
+    "info": "info",
+    "preview": "commands",
+    "probe": "probe",
+    "render": "commands",
+    "scene": "scene",
+    "stereo": "stereo_normals",
+    "video": "video",
+}
+
 
 class Group(click.Group):
     """Commands whose expected errors end as one sentence and status 1."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(_HOME)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in _HOME:
+            import_module(f"lighting.cli.{_HOME[cmd_name]}")
+        return super().get_command(ctx, cmd_name)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

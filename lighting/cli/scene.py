@@ -10,7 +10,14 @@ from click.core import ParameterSource
 from lighting.cli.files import estimated, naming, open_lighting, photo_bytes
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
-from lighting.cli.options import height_option, model_option, quiet_option, results_folder, sun_option
+from lighting.cli.options import (
+    height_option,
+    model_option,
+    quiet_option,
+    results_folder,
+    sun_option,
+    surroundings_option,
+)
 from lighting.cli.words import in_words, report_warnings
 from lighting.scene import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
 
@@ -30,6 +37,7 @@ class _Options:
     up_axis: UpAxis | None
     height: int
     sun: bool | None
+    surroundings: bool | None
     given: "Given"
     model: str | None
     quiet: bool
@@ -50,6 +58,7 @@ class _Options:
 @click.option("--up-axis", type=click.Choice(UP_AXES, case_sensitive=False), help="With --for usd; Y by default.")
 @height_option
 @sun_option
+@surroundings_option
 @given_options
 @model_option
 @quiet_option
@@ -61,6 +70,7 @@ def scene(**options: Any) -> None:
     """
     asked = _Options(**options)
     _check(asked)
+    from lighting.envmap import known_place
     from lighting.photo import read_photo
     from lighting.scene import PLATE_SIDE, check_target, make_scene, write_scene
 
@@ -70,8 +80,8 @@ def scene(**options: Any) -> None:
         plate = read_photo(data, target=PLATE_SIDE)
         estimate = None if asked.record else estimated(data, asked.given, asked.model)[1]
         lighting = estimate.lighting if estimate else open_lighting(asked.record or "-")
-    around = estimate.around if estimate else None
-    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, around=around)
+    place = known_place(estimate, plate.pixels, wanted=asked.surroundings) if estimate else None
+    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, place=place)
     write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
     if not asked.quiet:
         click.echo(in_words(asked.photo, lighting))
@@ -85,6 +95,8 @@ def _check(asked: _Options) -> None:
     height = click.get_current_context().get_parameter_source("height")
     if height is ParameterSource.COMMANDLINE and asked.tool in TOOLS_WITHOUT_MAP:
         raise click.UsageError(f"--height is the map's, and a scene for {asked.tool} holds no map.")
+    if asked.surroundings is not None and asked.tool in TOOLS_WITHOUT_MAP:
+        raise click.UsageError(f"--surroundings is the map's, and a scene for {asked.tool} holds no map.")
     if asked.record:
         _check_record(asked)
 
@@ -94,6 +106,8 @@ def _check_record(asked: _Options) -> None:
 
     if asked.model is not None:
         raise click.UsageError("--lighting states the light; no network is run, so --model does not go with it.")
+    if asked.surroundings is not None:
+        raise click.UsageError("--lighting states the light; what lies around is not in it: leave out --surroundings.")
     if asked.given != Given():
         raise click.UsageError("--lighting states the light; time, place, heading and the like do not go with it.")
     if asked.photo == asked.record == "-":

@@ -15,7 +15,7 @@ from lighting.envmap.render import (
     with_irradiance,
 )
 from lighting.envmap.sky_colour import photo_sky
-from lighting.envmap.surroundings import Place, place_factors, place_of, surround
+from lighting.envmap.surroundings import Place, known_place, place_factors, place_of, surround
 from lighting.envmap.turning import brighten, rotate, turn
 from lighting.envmap.views import view
 
@@ -27,6 +27,7 @@ __all__ = [
     "brighten",
     "change",
     "ground_reflectance",
+    "known_place",
     "level_irradiance",
     "lit_ground",
     "photo_ground",

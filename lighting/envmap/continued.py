@@ -18,13 +18,13 @@ _FADES = 60.0  # deg from the photo at which a third of its difference is left, 
 _DARKEST = 1e-9
 
 
-def continued(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting) -> Image:
+def continued(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float = 1.0) -> Image:
     """Factors (R, 2R, 3) on the cells of a coarse map (R, 2R, 3) that continue a photo (h, w, 3, sRGB) beside its view.
 
     A cell that the photo shows becomes the mean of its pixels there. Others follow the nearest of these on their side
     of the horizon, by their ratio, those at the same height first, and the less the farther off they are.
     """
-    ratio, known = _ratios(cells, pixels, lighting)
+    ratio, known = _ratios(cells, pixels, lighting, gain)
     factors = np.ones_like(cells)
     half = len(cells) // 2
     for part in (slice(0, half), slice(half, None)):
@@ -33,8 +33,10 @@ def continued(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting) -> Im
     return factors
 
 
-def _ratios(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, NDArray[np.bool_]]:
-    """The photo over the map in each cell (R, 2R, 3), and which cells it shows (R, 2R).
+def _ratios(
+    cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float
+) -> tuple[Image, NDArray[np.bool_]]:
+    """The photo, times its gain, over the map in each cell (R, 2R, 3), and which cells it shows (R, 2R).
 
     Where the photo is clipped and the map is brighter, the map stands.
     """
@@ -44,7 +46,9 @@ def _ratios(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting) -> tupl
     row = np.minimum((90.0 - elevation) / 180.0 * rows, rows - 1).astype(np.intp)
     cell = row * columns + np.minimum((azimuth + 180.0) / 360.0 * columns, columns - 1).astype(np.intp)
     seen, there = photo.reshape(-1, 3), cells.reshape(-1, 3)
-    seen = np.where((brightest(seen) > CLIPPED)[:, None], np.maximum(seen, there[cell]), seen)
+    clipped = brightest(seen) > CLIPPED
+    seen = seen * np.float32(gain)
+    seen = np.where(clipped[:, None], np.maximum(seen, there[cell]), seen)
     count = np.bincount(cell, minlength=rows * columns)
     total = np.stack([np.bincount(cell, channel, rows * columns) for channel in seen.T], axis=-1)
     mean = total / np.maximum(count, 1)[:, None]

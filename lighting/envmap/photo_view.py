@@ -36,8 +36,8 @@ class Shown:
         return Shown(slice(top, bottom), self.columns, self.linear[own], self.weight[own])
 
 
-def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown | None:
-    """A photo (h, w, 3, sRGB) as the map (H, 2H, 3) sees it; None where it is smaller than a few degrees.
+def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image, gain: float = 1.0) -> Shown | None:
+    """A photo (h, w, 3, sRGB) as the map (H, 2H, 3) sees it, times a gain; None where it is under a few degrees wide.
 
     Where the photo is clipped and the map is brighter, the map's own value stands.
     """
@@ -56,6 +56,7 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image) -> Shown |
     index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
     clipped = brightest(linear) > CLIPPED
+    linear *= np.float32(gain)
     linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
     return Shown(rows, columns, linear, weight)
 

@@ -7,7 +7,7 @@ that of the bare map, and the sun's disc is painted last, so there is one sun.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,18 @@ class Place:
 
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
     around: NDArray[np.float32] | None = None  # `Estimate.around`; without it bare sky and ground lie beside the photo
+    exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
+
+    def gain(self, lighting: Lighting) -> float:
+        """What brings the place to the exposure of a light that may have been changed since."""
+        return 1.0 if self.exposure is None else lighting.exposure / max(self.exposure, _LEAST)
+
+
+def known_place(estimate: Estimate, photo: NDArray[np.uint8], *, wanted: bool | None = None) -> Place | None:
+    """The place as a photo (h, w, 3) shows it: as wanted, by default where the network predicted what lies around."""
+    if not (estimate.around is not None if wanted is None else wanted):
+        return None
+    return Place(photo, estimate.around, estimate.lighting.exposure)
 
 
 def place_of(
@@ -43,15 +55,15 @@ def place_of(
     *,
     wanted: bool | None = None,
 ) -> Place | None:
-    """The place for a map of `height` rows: as wanted, by default where the network predicted what lies around.
+    """`known_place` for a map of `height` rows.
 
     `photo` (h, w, 3) is what the estimate was made from. Only where the map shows more pixels than those,
     `finer(side)` reads it again with `side` pixels along its longer side, for decoding costs as much as the network.
     """
-    if not (estimate.around is not None if wanted is None else wanted):
-        return None
-    needed = max(shown_size(photo, estimate.lighting.vertical_fov, height))
-    return Place(photo if needed <= max(photo.shape[:2]) else finer(_FINER), estimate.around)
+    place = known_place(estimate, photo, wanted=wanted)
+    if place is None or max(shown_size(photo, estimate.lighting.vertical_fov, height)) <= max(photo.shape[:2]):
+        return place
+    return replace(place, photo=finer(_FINER))
 
 
 def surround(
@@ -65,7 +77,7 @@ def surround(
     halves = slice(0, height // 2), slice(height // 2, height)
     targets = [irradiance_of(row_levels(height)[half], image[half]) for half in halves]
     _vary(image, lighting, place)
-    seen = shown(lighting, place.photo, image)
+    seen = shown(lighting, place.photo, image, place.gain(lighting))
     for half, target in zip(halves, targets, strict=True):
         _compose(image, seen.within(half) if seen else None, half, target)
     if disc and (lighting.sun_painted if sun is None else sun):
@@ -88,10 +100,10 @@ def _vary(image: Image, lighting: Lighting, place: Place) -> None:
 
 def _factors(bare: Image, lighting: Lighting, place: Place) -> Image:
     """What the place makes of the cells (_ROWS, 2 _ROWS, 3) of the bare map."""
-    ratio = np.ones_like(bare)
+    ratio, gain = np.ones_like(bare), place.gain(lighting)
     if place.around is not None:
-        _multiply(ratio, _ratio(place.around, bare))
-    return np.asarray(ratio * continued(ratio * bare, place.photo, lighting))
+        _multiply(ratio, _ratio(np.float32(gain) * place.around, bare))
+    return np.asarray(ratio * continued(ratio * bare, place.photo, lighting, gain))
 
 
 def _pooled(image: Image) -> Image:

@@ -1,4 +1,4 @@
-"""Evidence about the sun besides one photo's pixels: metadata, user, ephemeris and other photos; and its fusion."""
+"""Evidence about the sun: a photo's pixels, metadata, user, ephemeris and other photos; and its fusion."""
 
 from lighting.evidence.answer import estimate_of
 from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
@@ -9,7 +9,8 @@ from lighting.evidence.fit import KINDS, Fit, Range, fit, series_of
 from lighting.evidence.frames import check_heading, check_headings
 from lighting.evidence.fusion import Evidence, Fused, fuse
 from lighting.evidence.given import SHORT_NAMES, Given
-from lighting.evidence.metadata import Known, known, known_alone, known_together
+from lighting.evidence.metadata import Known, known, known_alone, known_later, known_together
+from lighting.evidence.said import said_of
 from lighting.evidence.seen import fuse_photo
 from lighting.evidence.together import (
     elevation_density,
@@ -43,11 +44,13 @@ __all__ = [
     "fuse_together",
     "known",
     "known_alone",
+    "known_later",
     "known_together",
     "magnetic_declination",
     "power",
     "read_headings",
     "ring_of",
+    "said_of",
     "seen_from",
     "series_of",
     "sun_position",

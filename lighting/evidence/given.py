@@ -47,10 +47,11 @@ class Given:
             said = reprlib.repr(self.time)
             raise ParameterError(f"time must be a datetime, not {said}; lighting.photo.read_time makes one of a text.")
         if self.time is not None and not YEARS[0] <= self.time.year <= YEARS[1]:
-            raise ParameterError(f"The time must lie in the years {YEARS[0]} to {YEARS[1]}.")
+            raise ParameterError(f"The time must lie in the years {YEARS[0]} to {YEARS[1]}.", "time")
         if self.time is not None and self.time.tzinfo is not None and self.utc_offset is not None:
-            raise ParameterError("The time already has its offset from UTC; another one contradicts it.")
+            raise ParameterError("The time already has its offset from UTC; another one contradicts it.", "utc_offset")
         if not self.use_exif and self.time is None and self.utc_offset is not None:
-            raise ParameterError("An offset from UTC needs a time.")
+            raise ParameterError("An offset from UTC needs a time.", "time")
         if not self.use_exif and (self.time is None) != (self.latitude is None):
-            raise ParameterError("A time needs a place, and a place a time.")
+            missing = "time" if self.time is None else "latitude"
+            raise ParameterError("A time needs a place, and a place a time.", missing)

@@ -18,6 +18,7 @@ from lighting.photo import PhotoFacts
 GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
 
 Location = tuple[float, float] | None  # latitude and longitude, deg
+Suns = tuple[tuple[float, float], ...]  # elevation and compass azimuth of each, deg
 
 _EARTH_RADIUS = 6371.0  # km
 _ONE_PLACE = 100.0  # km within which the sun stands within a degree of the same direction
@@ -41,10 +42,25 @@ def known(facts: PhotoFacts, given: Given) -> Known:
     Raises ParameterError where the user's own time or place is at night. A photo's own metadata never raise.
     """
     merged = merge(facts, given)
-    candidates, warnings = suns(merged), _missing(merged, given)
-    highest = max((elevation for elevation, _ in candidates), default=0.0)
-    if highest < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
-        raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.")
+    candidates = suns(merged)
+    if (highest := _highest(candidates)) < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
+        stated = "latitude" if given.time is None else "time"
+        raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.", stated)
+    return _known(merged, candidates, given)
+
+
+def known_later(facts: PhotoFacts, given: Given) -> Known:
+    """The same for a later frame of a clip, which may pass into the night: the user's own time does not raise."""
+    merged = merge(facts, given)
+    return _known(merged, suns(merged), given)
+
+
+def _highest(candidates: Suns) -> float:
+    return max((elevation for elevation, _ in candidates), default=0.0)
+
+
+def _known(merged: PhotoFacts, candidates: Suns, given: Given) -> Known:
+    highest, warnings = _highest(candidates), _missing(merged, given)
     if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, below_horizon(merged, highest) + consequence)
@@ -107,7 +123,7 @@ def _missing(merged: PhotoFacts, given: Given) -> tuple[str, ...]:
     return ()
 
 
-def _in_twilight_on_the_horizon(suns: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def _in_twilight_on_the_horizon(suns: Suns) -> Suns:
     return tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, azimuth) for el, azimuth in suns)
 
 

@@ -5,6 +5,7 @@ from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
 from lighting.photo.exif import PhotoFacts, vertical_fov
 from lighting.photo.held import checked_pixels, photo_of
 from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
+from lighting.photo.no_photo import is_empty, is_panorama
 from lighting.photo.read import (
     MAX_BYTES,
     MAX_PIXELS,
@@ -36,6 +37,8 @@ __all__ = [
     "facts_of",
     "fit_size",
     "in_utc",
+    "is_empty",
+    "is_panorama",
     "of_floats",
     "photo_data",
     "photo_of",

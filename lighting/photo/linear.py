@@ -22,7 +22,7 @@ from lighting.photo.exif import PhotoFacts, read_exposure, read_facts
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
 
-RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2")
+RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl")
 _HIGH_END = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
 _PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
 

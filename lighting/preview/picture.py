@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.envmap import Place, render, surround
+from lighting.envmap import known_place, render, surround
 from lighting.files import encode_png
 from lighting.preview.bounces import lit_stage
 from lighting.preview.compass import compass_panel
@@ -23,9 +23,12 @@ _PHOTO = {False: "Photo, with its horizon", True: "Photo, with its horizon and t
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
 
-def preview_png(photo: NDArray[np.uint8], estimate: Estimate) -> bytes:
-    """The picture of an upright photo (h, w, 3, sRGB) and its light, as PNG."""
-    return encode_png(draw_preview(photo, estimate))
+def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: bool | None = None) -> bytes:
+    """The picture of an upright photo (h, w, 3, sRGB) and its light, as PNG.
+
+    `surroundings` says whether the map shows the place; by default it does where the network predicted it.
+    """
+    return encode_png(draw_preview(photo, estimate, _map(photo, estimate, surroundings)))
 
 
 def draw_preview(
@@ -37,7 +40,7 @@ def draw_preview(
     it is rendered here.
     """
     lighting = estimate.lighting
-    envmap = _map(photo, estimate) if envmap is None else envmap
+    envmap = _map(photo, estimate, None) if envmap is None else envmap
     aspect, numbers = photo.shape[1] / photo.shape[0], numbers_of(lighting)
     plan = lay_out(aspect, len(numbers))
     compass = compass_panel(estimate, aspect, plan.compass.width)
@@ -65,11 +68,9 @@ def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> N
     canvas.paste(panel, (box.x, box.y), rounded(panel.size, 10))
 
 
-def _map(photo: NDArray[np.uint8], estimate: Estimate) -> NDArray[np.float32]:
-    """The light's map, with the place where the network predicted what lies around."""
-    if estimate.around is None:
-        return render(estimate.lighting, MAP_HEIGHT)
-    return surround(estimate.lighting, Place(photo, estimate.around), MAP_HEIGHT)
+def _map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
+    place = known_place(estimate, photo, wanted=surroundings)
+    return surround(estimate.lighting, place, MAP_HEIGHT) if place else render(estimate.lighting, MAP_HEIGHT)
 
 
 def _spheres_panel(stage: Stage, lighting: Lighting, box: Box) -> Image.Image:

@@ -141,18 +141,18 @@ def make_scene(
     *,
     map_height: int = MAP_HEIGHT,
     sun: bool | None = None,
-    around: NDArray[np.float32] | None = None,
+    place: Place | None = None,
 ) -> Scene:
     """The scene of a photo under its lighting.
 
-    `sun` says whether direct sunlight reaches it; None leaves that to `Lighting.sun_painted`. With `around`
-    (`Estimate.around`) the map shows the place. Raises ParameterError for a `map_height` that `envmap.render` refuses.
+    `sun` says whether direct sunlight reaches it; None leaves that to `Lighting.sun_painted`. With a
+    `place` the map shows it. Raises ParameterError for a `map_height` that `envmap.render` refuses.
     """
     shines = lighting.sun_painted if sun is None else sun
-    if around is None:
+    if place is None:
         environment = render(lighting, map_height, sun=shines, disc=False)
     else:
-        environment = surround(lighting, Place(photo.pixels, around), map_height, sun=shines, disc=False)
+        environment = surround(lighting, place, map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
     lit = lit_ground(photo.pixels, lighting, sun=shines)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)

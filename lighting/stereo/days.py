@@ -69,7 +69,7 @@ def modelled_day(place: Place, day: date, weather: Weather, *, coarse: bool = Fa
     suns = suns_at(_utc(place, day, minutes), place.latitude, place.longitude)
     up = suns[:, 1] > 0
     if up.sum() < 2:
-        raise ParameterError(_night(place, day, day))
+        raise ParameterError(_night(place, day, day), "first")
     minutes, suns = minutes[up], suns[up]
     clear = in_grey(clear_skies(suns, height=height))
     return Day(day, minutes, step / 2, *_weather(clear, weather))
@@ -108,7 +108,7 @@ def clear_brightness(place: Place, days: Sequence[date]) -> float:
     suns = suns_at(times, place.latitude, place.longitude)
     highest = suns[np.argmax(suns[:, 1])][None]
     if highest[0, 1] <= 0:
-        raise ParameterError(_night(place, days[0], days[-1]))
+        raise ParameterError(_night(place, days[0], days[-1]), "first")
     light = illumination(in_grey(clear_skies(highest)), highest)
     return float(np.linalg.norm(light))
 

@@ -30,8 +30,8 @@ class ModelledSkies:
         check_range("longitude", self.longitude, *OPTIONAL_RANGES["longitude"])
         if self.utc_offset is not None:
             check_range("utc_offset", self.utc_offset, *OFFSETS)
-        for day in (self.first, self.last):
-            check_range("The year", day.year, YEARS[0] + 1, YEARS[1] - 1)
+        for name, day in (("first", self.first), ("last", self.last)):
+            check_range("The year", day.year, YEARS[0] + 1, YEARS[1] - 1, name)
         days_between(self.first, self.last)
 
     @property

@@ -5,7 +5,9 @@ Orientations are rotations (3, 3) from one common frame (x right, y up, its came
 
 import numpy as np
 
-from lighting.geometry import Floats, angles, camera_axes, direction
+from lighting.geometry import Floats, angles, camera_axes, direction, wrap_azimuth
+
+STEEP = 0.9962  # sine of an elevation of 85 deg
 
 
 def own_axes(azimuth: float, elevation: float, roll: float) -> Floats:
@@ -36,18 +38,26 @@ def _unit(vector: Floats) -> Floats:
 
 
 def level(up: Floats) -> Floats:
-    """The rotation (3, 3) from the common frame to a level one: +Y up, azimuth 0 where the common camera points."""
-    up, ahead = _unit(up), np.array([0.0, 0.0, -1.0])
-    ahead = np.array([0.0, np.sign(up[2]), 0.0]) if abs(up[2]) > 0.999 else ahead
-    back = -_unit(ahead - (ahead @ up) * up)
+    """The rotation (3, 3) from the common frame to a level one: +Y up, azimuth 0 where `angles_of` sees its camera."""
+    up = _unit(up)
+    if abs(up[2]) > STEEP:
+        right = _unit(np.array([1.0, 0.0, 0.0]) - up[0] * up)
+        return np.stack([right, up, np.cross(right, up)])
+    back = -_unit(np.array([0.0, 0.0, -1.0]) + up[2] * up)
     return np.stack([np.cross(up, back), up, back])
 
 
 def angles_of(orientations: Floats, levelled: Floats) -> tuple[Floats, Floats, Floats]:
-    """Headings, elevations and rolls (N,) [deg] of cameras (N, 3, 3) in a frame as `level` gives it."""
+    """Headings, elevations and rolls (N,) [deg] of cameras (N, 3, 3) in a frame as `level` gives it.
+
+    Within 5 deg of straight up and down the view axis has no steady heading: there it is that of a camera of roll 0
+    whose picture's upper edge lies as this one's does, and the roll is 0.
+    """
     axes = orientations @ levelled.T
     right, forward = axes[:, 0], -axes[:, 2]
     heading, elevation = angles(forward)
+    across, _ = angles(right)
+    heading = np.where(np.abs(forward[:, 1]) > STEEP, wrap_azimuth(across - 90.0), heading)
     level_right = direction(heading + 90.0, 0.0)
     level_up = np.cross(level_right, forward)
     cosine, sine = np.sum(right * level_right, axis=1), -np.sum(right * level_up, axis=1)

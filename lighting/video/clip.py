@@ -1,10 +1,11 @@
 """A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
 
-Rotation flags turn the picture upright, non-square pixels are stretched, 10-bit HLG and PQ are read by their curves,
-and each frame has its own time, so that a rate may vary. A damaged part is left out and told.
+Rotation and mirror flags make the picture upright, non-square pixels are stretched, 10-bit HLG and PQ are read by their
+curves, and each frame has its own time, so that a rate may vary. A damaged part is left out and told.
 """
 
 import os
+import re
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from math import ceil
@@ -23,6 +24,8 @@ from lighting.video.transfer import CURVES, to_srgb
 SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 THREADS = 2
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
+_TAGGED = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
+_BACK = 3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
 _END = 0.75  # s that may be missing at the end of a whole clip
 
 
@@ -42,7 +45,7 @@ class ClipInfo:
     width: int  # of the upright picture, pixels
     height: int
     frame_rate: float  # mean, 1/s; 0 unknown
-    duration: float  # s; 0 unknown
+    duration: float  # s, of the pictures; 0 unknown
     curve: str  # "srgb", "hlg" or "pq"
     facts: PhotoFacts = field(default_factory=PhotoFacts)
     gimbal: Gimbal = field(default_factory=Gimbal)
@@ -72,22 +75,25 @@ class Clip:
 
     def frames(self, only: Container[int] | None = None) -> Iterator[Frame]:
         """The frames in the order in which they are shown, or only those of some indices; may be read once."""
-        start, last, lost = float(self._first.time or 0.0), -1.0, 0
+        start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
         for index, picture in enumerate(self._decoded()):
             time = float(picture.time) - start if picture.time is not None else max(0.0, last + self._interval())
+            if time < last - _BACK * self._interval() and not picture.is_corrupt:
+                start -= last + self._interval() - time
+                time = last + self._interval()
             if time <= last or picture.is_corrupt:
                 lost += 1
                 continue
-            last = time
+            last, end = time, time + _shown_for(picture)
             if only is not None and index not in only:
                 continue
             yield Frame(index, time, upright(picture, self.side, self._stretch))
-        self._tell(max(last, 0.0), lost)
+        self._tell(end, lost)
 
-    def _tell(self, last: float, lost: int) -> None:
-        """Write down what is missing."""
-        if self.info.duration - last > _END + 2.0 * self._interval():
-            self.damage = f"The clip ends after {last:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
+    def _tell(self, end: float, lost: int) -> None:
+        """Write down what is missing; `end` is when [s] the last picture is over."""
+        if self.info.duration - end > _END + self._interval():
+            self.damage = f"The clip ends after {end:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
         elif lost or self._errors:
             count = max(lost, self._errors)
             what = "1 damaged frame of the clip was" if count == 1 else f"{count} damaged frames of the clip were"
@@ -118,7 +124,7 @@ class Clip:
             width,
             height,
             float(stream.average_rate or 0.0),
-            float(stream.duration * stream.time_base) if stream.duration else (self._container.duration or 0) / 1e6,
+            _duration(self._container, stream, float(first.time or 0.0)),
             CURVES.get(int(first.color_trc), "srgb"),
             merged_facts(subtitled, container_facts(metadata, width, height)),
             gimbal,
@@ -150,6 +156,20 @@ def _video_stream(container: Any) -> Any:
     stream.thread_type = "AUTO"
     stream.codec_context.thread_count = THREADS
     return stream
+
+
+def _duration(container: Any, stream: Any, start: float) -> float:
+    """How long [s] the pictures last by what the file says, the first being shown at `start` [s]; 0 unknown."""
+    if stream.duration:
+        return float(stream.duration * stream.time_base)
+    if tag := _TAGGED.fullmatch(stream.metadata.get("DURATION", "")):  # Matroska's, counted from 0
+        return max(0.0, 3600.0 * float(tag[1]) + 60.0 * float(tag[2]) + float(tag[3]) - start)
+    return (container.duration or 0) / 1e6 if len(container.streams) == 1 else 0.0  # sound may last longer
+
+
+def _shown_for(picture: Any) -> float:
+    """Seconds that a picture says it is shown; 0 unknown."""
+    return float(picture.duration * picture.time_base) if picture.duration and picture.time_base else 0.0
 
 
 def _pictures(clip: Clip) -> Iterator[Any]:
@@ -190,7 +210,7 @@ def _stretch(stream: Any) -> float:
 def shown_size(picture: Any, stretch: float) -> tuple[int, int]:
     """Width and height of a decoded picture as it is to be shown: pixels made square, turned upright."""
     width, height = max(1, round(picture.width * stretch)), picture.height
-    return (height, width) if round(picture.rotation / 90.0) % 2 else (width, height)
+    return (height, width) if _lies(_placing(picture)) else (width, height)
 
 
 def upright(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
@@ -201,7 +221,28 @@ def upright(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
     curve = CURVES.get(int(picture.color_trc))
     pixels = _resized(picture, *size, "rgb24" if curve is None else "rgb48le")
     pixels = pixels if curve is None else to_srgb(pixels, curve, int(picture.color_primaries))
-    return np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90.0) % 4))
+    return _placed(pixels, _placing(picture))
+
+
+def _placing(picture: Any) -> NDArray[np.int32]:
+    """The container's matrix (2, 2) by which to show the picture: its rows are where right and down go, as (x, y)."""
+    said = picture.side_data.get("DISPLAYMATRIX")
+    if said is None:
+        return np.eye(2, dtype=np.int32)
+    return np.frombuffer(bytes(said), np.int32).reshape(3, 3)[:2, :2]
+
+
+def _lies(placing: NDArray[np.int32]) -> bool:
+    """Whether the picture's rows are to be shown as columns."""
+    return bool(np.abs(placing[0, 1]) > np.abs(placing[0, 0]))
+
+
+def _placed(pixels: NDArray[np.uint8], placing: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Pixels (h, w, 3) turned by whole quarters, and mirrored, as a matrix of `_placing` says."""
+    lies = _lies(placing)
+    (right, down) = (placing[1, 0], placing[0, 1]) if lies else (placing[0, 0], placing[1, 1])
+    shown = pixels.transpose(1, 0, 2) if lies else pixels
+    return np.ascontiguousarray(shown[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
 
 
 def _resized(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:

@@ -35,7 +35,7 @@ def path_of(time: Floats, orientations: Floats, known: NDArray[np.bool_], levell
     rolled[known] = np.degrees(np.unwrap(np.radians(roll[known])))
     bridged = (np.interp(time, time[known], v[known]) for v in (turned, elevation, rolled))
     heading, elevation, roll = (smoothed(time, v) for v in bridged)
-    return Path(time, heading, elevation, roll, ~known)
+    return Path(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~known)
 
 
 def smoothed(time: Floats, values: Floats, window: int = WINDOW) -> Floats:

@@ -30,7 +30,8 @@ def shots_of(
 ) -> Iterator[Shot | VideoError]:
     """Each shot of an open clip, or, where there was no light to tell, the reason in its place.
 
-    Raises MissingExtraError, ModelError, and ParameterError where the user's own time and place are of night.
+    Raises MissingExtraError, ModelError, and ParameterError where the user's own time and place are of night at the
+    clip's first frame.
     """
     circumstances = around(clip, given)
     for watched in shots_watched(clip.frames(), model, every, progress):

@@ -1,6 +1,6 @@
 """A shot solved, once its end is known: its lens, the camera's path, its one sun."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -25,6 +25,9 @@ from lighting.video.watched import Circumstances, Watched
 BELIEVED = 0.3  # share of followed points that must agree with a turn
 FEWEST_AGREEING = 12
 GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
+_NIGHT_FALLS = (
+    "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,7 @@ class Shot:
 def solve(watched: Watched, around: Circumstances) -> Shot:
     """The shot's lens, path and light; VideoError where the network saw none of its frames.
 
-    Raises ParameterError where the user's own time and place are of night.
+    Raises ParameterError where the user's own time and place are of night at the clip's first frame.
     """
     if not watched.looks:
         raise VideoError("No frame of the shot is bright enough for daylight.")
@@ -160,18 +163,27 @@ def _gains(steps: Sequence[Step]) -> Floats:
 
 def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, lens: tuple[float, float]) -> Shot:
     fov, sigma = lens
-    light = ShotLight()
+    there = around.known_at(float(path.time[0]), _compass(path, around.gimbal))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
-    for frame, seen in watched.looks.items():
+    at = {frame: around.known_at(float(path.time[position[frame]])) for frame in watched.looks}
+    used = _by_day(at, there)
+    light = ShotLight()
+    for frame in used:
         i = position[frame]
-        evidence = around.known_at(float(path.time[i])).evidence
-        light.add(Look(seen, float(path.heading[i]), fov, float(luminance(gains[i])), evidence))
-    compass = _compass(path, around.gimbal)
-    there = around.known_at(float(path.time[0]), compass)
+        evidence = at[frame].evidence
+        light.add(Look(watched.looks[frame], float(path.heading[i]), fov, float(luminance(gains[i])), evidence))
+    if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
+        there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
     fused = light.answer(there.evidence)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])
     return Shot(frames, path, gains, fov, sigma, fused, light.ground, there, north_of(fused, there))
+
+
+def _by_day(at: Mapping[int, Known], first: Known) -> list[int]:
+    """The frames that count, of those with what is known `at` each: not those of night in a shot that begins by day."""
+    day = [frame for frame, known in at.items() if not known.is_night]
+    return day if day and not first.is_night else list(at)
 
 
 def _compass(path: Path, gimbal: Gimbal) -> float | None:

@@ -20,10 +20,12 @@ APPLE = "com.apple.quicktime."
 PLACES = (f"{APPLE}location.ISO6709", "location", "location-eng", "\xa9xyz")
 LENSES = (f"{APPLE}camera.focal_length.35mm_equivalent",)
 HEADINGS = (f"{APPLE}direction.facing",)
+LENS_LENGTHS = (8.0, 180.0)  # mm, as on 35 mm film, that a drone's lens may have
 LARGEST_SUBTITLES = 64_000_000  # bytes; an hour of DJI's at 30 frames a second is 30 million
 
 _PLACE = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
 _PAIR = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
+_FIX = re.compile(r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)")  # longitude first, as older models write it
 _START = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 _CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
 
@@ -138,14 +140,25 @@ def subtitle_facts(text: str, width: int, height: int) -> tuple[PhotoFacts, Gimb
 def _entry(block: str) -> dict[str, Any]:
     """The numbers of one entry by name, with `start` [s] and perhaps `clock`; empty where it is not DJI's."""
     start = _START.search(block)
-    numbers: dict[str, Any] = {name.lower(): float(value) for name, value in _PAIR.findall(block)}
+    said = {name.lower(): value for name, value in _PAIR.findall(block)}
+    numbers: dict[str, Any] = {name: float(value) for name, value in said.items()}
+    if fix := _FIX.search(block):
+        numbers["longitude"], numbers["latitude"] = float(fix[1]), float(fix[2])
     if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
         return {}
     hours, minutes, seconds, thousandths = map(int, start.groups())
+    numbers["focal_len"] = _focal_length(said.get("focal_len", ""))
     numbers["start"] = 3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0
     if clock := _CLOCK.search(block):
         numbers["clock"] = _read(_local_time, clock[0])
     return numbers
+
+
+def _focal_length(text: str) -> float | None:
+    """Millimetres of "24.00", of "24", and of "240", as models write it that count tenths; None for what cannot be."""
+    value = float(text or 0.0)
+    value = 0.1 * value if value >= 100.0 and "." not in text else value
+    return value if LENS_LENGTHS[0] <= value <= LENS_LENGTHS[1] else None
 
 
 def _local_time(text: str) -> datetime:
@@ -155,8 +168,7 @@ def _local_time(text: str) -> datetime:
 
 def _entry_facts(entries: list[dict[str, Any]], width: int, height: int) -> PhotoFacts:
     place = next((p for e in entries if (p := _entry_place(e)) is not None), None)
-    lens = entries[0].get("focal_len")
-    lens = lens if lens and 8.0 <= lens <= 400.0 else None  # some models write hundredths of a millimetre
+    lens = entries[0]["focal_len"]
     return PhotoFacts(
         local_time=entries[0].get("clock"),
         latitude=None if place is None else place[0],

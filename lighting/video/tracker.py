@@ -32,6 +32,7 @@ from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
 from lighting.video.watched import Circumstances
 
+LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
 LOOK_EVERY = 2.0  # s between the frames that the network sees
 BANK = 32  # keyframes that are remembered
 APART = 12.0  # deg between two of them
@@ -49,6 +50,9 @@ class Sighting:
     heading: float  # deg clockwise from the first frame, -180 to 180
     gain: tuple[float, float, float]  # linear red, green and blue against the first frame
     followed: bool  # False where nothing could be followed: the angles are those of the frame before
+    linked: (
+        bool  # False since the thread was lost and no keyframe from before was recognised: heading and sun may be off
+    )
 
 
 class Tracker:
@@ -59,8 +63,12 @@ class Tracker:
     ) -> None:
         """`given` is of the first frame: its time, place, heading and field of view, as far as they are known.
 
-        Raises ModelError, MissingExtraError.
+        `look_every` [s], at least 0, is the time between frames that the network sees.
+
+        Raises ParameterError for another `look_every`, ModelError, MissingExtraError.
         """
+        if not 0.0 <= look_every < math.inf:
+            raise ParameterError(f"look_every must be a finite number of seconds, at least 0, not {look_every}.")
         self._model = model or Model.load()
         self._around = Circumstances(given=given or Given(use_exif=False))
         self._look_every, self._due = look_every, -math.inf
@@ -68,19 +76,25 @@ class Tracker:
         self._bank = _Bank()
         self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
         self._orientation, self._gain = np.eye(3), np.ones(3)
+        self._linked = True
         self._up: Floats | None = None
         self._ups = 0
         self._count = 0
         self._fused: Fused | None = None
+        self._known = Known()  # of the last moment that is not of night
 
     def __call__(self, pixels: NDArray[np.uint8], time: float) -> Sighting | None:
         """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
 
-        Raises PhotoError for pixels of another shape or type, ParameterError for a time that is not finite and where
-        the time and place given are of night.
+        When night falls by the time and place given, the sun stays where the last frame before that had it.
+
+        Raises PhotoError for pixels of another shape or type, ParameterError for a time that is not finite or beyond
+        LONGEST and where the time and place given are of night.
         """
         if not math.isfinite(time):
             raise ParameterError(f"The time of a frame must be a finite number of seconds, not {time}.")
+        if abs(time) > LONGEST:
+            raise ParameterError(f"The time of a frame must be seconds after the first, not {time:g}.")
         frame = Frame(self._count, time, _shrunk(checked_pixels(pixels)))
         self._count += 1
         step = self._follower.follow(frame)
@@ -88,13 +102,16 @@ class Tracker:
         followed = self._turn(step, size)
         if (key := self._follower.new_key) is not None:
             self._recognise(key)
-        if time >= self._due and followed and not is_dark(frame.pixels):
-            self._look(frame)
-        return self._answer(time, followed)
+        if not (known := self._known_at(time)).is_night:
+            self._known = known
+        if time >= self._due and followed and not known.is_night and not is_dark(frame.pixels):
+            self._look(frame, known)
+        return self._answer(followed)
 
     def _turn(self, step: Step, size: tuple[int, int]) -> bool:
         """Follow the camera's turn; whether the frame's own points told it."""
         if step.begins:
+            self._linked = self._fused is None
             self._of_key = {step.key: (self._orientation, self._gain)}
             return len(step.matches) > 0
         base, gain = self._of_key[step.key]
@@ -111,22 +128,26 @@ class Tracker:
     def _recognise(self, key: Key) -> None:
         """Compare a keyframe with those of the bank, and take back what the chain has drifted."""
         orientation, gain = self._of_key[key.number]
-        lost = self._bank.last is not None and self._bank.last.stretch != key.stretch
+        begun = self._bank.last is not None and self._bank.last.stretch != key.stretch
         before, self._bank.last = self._bank.last, key
-        for known, there in self._bank.near(key, orientation, 180.0 if lost else 0.5 * self._lens.fov):
-            turn = turn_between(known, key, self._lens.fov)
+        for kept in self._bank.near(key, orientation, 0.5 * self._lens.fov if self._linked else 180.0):
+            turn = turn_between(kept.key, key, self._lens.fov)
             if turn is None:
                 continue
-            off = rotation_vector(orientation.T @ turn.rotation @ there)
-            fixed = orientation @ rotation_about((1.0 if lost else RECOGNISED) * off)
-            self._orientation = self._orientation @ orientation.T @ fixed
-            self._of_key[key.number] = (fixed, gain)
+            found = kept.linked and not self._linked
+            off = rotation_vector(orientation.T @ turn.rotation @ kept.orientation)
+            correction = rotation_about((1.0 if begun or found else RECOGNISED) * off)
+            self._orientation = self._orientation @ correction
+            self._of_key[key.number] = (orientation @ correction, gain)
+            if found:
+                self._linked = True
+                self._bank.link(key.stretch, correction)
             return
-        if before is not None and not lost:
+        if before is not None and not begun:
             self._lens.learn(before, key)
-        self._bank.add(key, orientation)
+        self._bank.add(_Kept(key, nearest_rotation(orientation), self._linked))
 
-    def _look(self, frame: Frame) -> None:
+    def _look(self, frame: Frame, known: Known) -> None:
         self._due = frame.time + self._look_every - 1e-6
         seen = see(self._model, frame.pixels)
         said = seen.prediction
@@ -137,9 +158,8 @@ class Tracker:
         mean = before + (up - before) / self._ups
         self._up = np.asarray(mean / np.linalg.norm(mean))
         heading = self._angles()[0]
-        evidence = self._around.known_at(frame.time).evidence
-        self._light.add(Look(seen, heading, self._lens.fov, float(luminance(self._gain)), evidence))
-        self._fused = self._light.answer(self._known_at(frame.time).evidence)
+        self._light.add(Look(seen, heading, self._lens.fov, float(luminance(self._gain)), known.evidence))
+        self._fused = self._light.answer(known.evidence)
 
     def _known_at(self, time: float) -> Known:
         """What is known of a moment, the heading being that of the first frame."""
@@ -153,11 +173,11 @@ class Tracker:
         heading, elevation, roll = angles_of(self._orientation[None], level(self._up))
         return float(heading[0]), float(elevation[0]), float(roll[0])
 
-    def _answer(self, time: float, followed: bool) -> Sighting | None:
+    def _answer(self, followed: bool) -> Sighting | None:
         if self._fused is None:
             return None
         heading, elevation, roll = self._angles()
-        known = self._known_at(time)
+        known = self._known
         base = with_ground(estimate_of(self._fused, known).lighting, self._light.ground)
         north = north_of(self._fused, known)
         lighting = replace(
@@ -171,7 +191,7 @@ class Tracker:
             relative_heading=heading % 360.0,
         )
         red, green, blue = map(float, self._gain)
-        return Sighting(lighting, heading, (red, green, blue), followed)
+        return Sighting(lighting, heading, (red, green, blue), followed, self._linked)
 
 
 class _Lens:
@@ -204,26 +224,44 @@ class _Lens:
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
 
 
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """A keyframe of the bank."""
+
+    key: Key
+    orientation: Floats  # (3, 3)
+    linked: bool  # whether its orientation is against the first frame
+
+
 class _Bank:
     """Keyframes of the past with their orientations, at most BANK of them and not two of one direction."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[Key, Floats]] = []
+        self._kept: list[_Kept] = []
         self.last: Key | None = None
 
-    def near(self, key: Key, orientation: Floats, within: float) -> Sequence[tuple[Key, Floats]]:
+    def near(self, key: Key, orientation: Floats, within: float) -> Sequence[_Kept]:
         """The nearest COMPARED keyframes within an angle [deg] of a new one, its neighbours in time left out."""
-        old = [(k, o) for k, o in self._kept if key.number - k.number > RECENT or k.stretch != key.stretch]
-        apart = [float(angle_between(-o[2], -orientation[2])) for _, o in old]
+        old = [k for k in self._kept if key.number - k.key.number > RECENT or k.key.stretch != key.stretch]
+        apart = [float(angle_between(-k.orientation[2], -orientation[2])) for k in old]
         order = sorted((i for i in range(len(old)) if apart[i] < within), key=apart.__getitem__)
         return [old[i] for i in order[:COMPARED]]
 
-    def add(self, key: Key, orientation: Floats) -> None:
-        if any(float(angle_between(-o[2], -orientation[2])) < APART for _, o in self._kept):
+    def add(self, new: _Kept) -> None:
+        if any(float(angle_between(-k.orientation[2], -new.orientation[2])) < APART for k in self._kept):
             return
-        self._kept.append((key, nearest_rotation(orientation)))
+        self._kept.append(new)
         if len(self._kept) > BANK:
             del self._kept[1]  # the first frame's is what all headings refer to
+
+    def link(self, stretch: int, correction: Floats) -> None:
+        """Turn the keyframes of a stretch whose place among the others has been found by a rotation (3, 3)."""
+        self._kept = [
+            replace(k, orientation=k.orientation @ correction, linked=True)
+            if k.key.stretch == stretch and not k.linked
+            else k
+            for k in self._kept
+        ]
 
 
 def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from lighting.colour import luminance, srgb_decode
 from lighting.decoding import lighting_from
 from lighting.envmap import photo_ground, photo_sky
+from lighting.evidence import said_of
 from lighting.model import Model
-from lighting.photo import Photo, to_tensor
+from lighting.photo import Photo
 from lighting.video.clip import Frame
 from lighting.video.cuts import split
 from lighting.video.follow import Follower, Key, Step
@@ -37,14 +38,18 @@ class Watcher:
         self._size = (0, 0)
 
     def take(self, frame: Frame) -> Iterator[Watched]:
-        """Counts a frame; hands out the shots that it shows to be over."""
+        """Counts a frame; hands out the shots that it shows to be over, as one of another size does."""
+        size = (frame.pixels.shape[1], frame.pixels.shape[0])
+        if self._steps and size != self._size:
+            yield from split(self.watched())
+            self._steps, self._keys, self._looks = [], {}, {}
+        self._size = size
         step = self._follower.follow(frame)
         self._steps.append(step)
         if (key := self._follower.new_key) is not None:
             self._keys[key.number] = key
         if frame.time >= self._due or (step.begins and step.frame > 0):
             self._look(frame)
-        self._size = (frame.pixels.shape[1], frame.pixels.shape[0])
         if self._is_time_to_judge(step.stretch):
             *over, rest = split(self.watched())
             yield from over
@@ -93,7 +98,7 @@ def shots_watched(
 def see(model: Model, pixels: Pixels) -> Seen:
     """What the network says of a frame (h, w, 3), upright sRGB, with the colours of sky and ground that it shows."""
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
-    said = model.predict(to_tensor(photo, model.spec))[0]
+    said = said_of(model, photo)
     if (light := said.light) is None:
         return Seen(said)
     if (tint := photo_sky(pixels, lighting_from(said))) is not None:

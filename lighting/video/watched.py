@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 
-from lighting.evidence import Given, Known, known
+from lighting.evidence import Given, Known, known, known_later
 from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
@@ -39,7 +39,10 @@ class Circumstances:
     given: Given = field(default_factory=Given)
 
     def known_at(self, seconds: float, heading: float | None = None) -> Known:
-        """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north."""
+        """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
+
+        Raises ParameterError where the user's own time and place are of night at 0 s; later they are not used then.
+        """
         later = timedelta(seconds=seconds)
         moved = {
             name: moment + later
@@ -52,4 +55,4 @@ class Circumstances:
             facts = replace(facts, heading=heading, heading_reference="true")
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
             facts, given = replace(facts, heading=None), replace(given, heading=None)
-        return known(facts, given)
+        return known(facts, given) if seconds == 0.0 else known_later(facts, given)

@@ -18,7 +18,7 @@ from lighting.evidence import Given
 from lighting.evidence.answer import UNSUITABLE
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
-from lighting.photo import Photo
+from lighting.photo import Photo, photo_of
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator, estimate, with_seen_colours
 from lighting.records import Lighting
@@ -149,6 +149,18 @@ def test_what_is_no_such_photo_earns_a_warning(tmp_path: Path, photo_path: Path)
     doubtful = {"light": np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.1])}
     estimator = Estimator(Model.load(write_network(tmp_path / "n.onnx", more=doubtful)))
     assert estimator(read_photo(photo_path)).warnings == (UNSUITABLE,)
+
+
+@pytest.mark.parametrize("grey", [0, 90, 255])
+def test_an_empty_frame_is_no_photo_whatever_the_network_says(lit_network: Path, grey: int) -> None:
+    noise = np.random.default_rng(0).normal(grey, 4, (48, 64, 3))
+    empty, other = photo_of(np.clip(noise, 0, 255).astype(np.uint8)), photo_of(scene(64, 48))
+    estimator = Estimator(Model.load(lit_network))
+    told = estimator(empty)
+    assert told.warnings == (UNSUITABLE,)
+    assert told.lighting.suitable == 0.01
+    assert UNSUITABLE in estimator.together([empty, other])[0].warnings
+    assert estimator(other).lighting.suitable == pytest.approx(0.97)
 
 
 def test_one_photo_together_is_answered_as_alone(lit_network: Path, photo_path: Path) -> None:

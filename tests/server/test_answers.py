@@ -10,8 +10,9 @@ from starlette.requests import Request
 
 from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
-from server.answers import Answer, envmap_link, estimates, is_fresh, sun_probability
+from server.answers import envmap_link, estimates, is_fresh, sun_probability
 from server.queries import LightingQuery, SkyQuery
+from server.service import Answer
 
 GRID = "fibonacci:64"
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)

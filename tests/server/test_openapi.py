@@ -118,7 +118,7 @@ schemathesis.openapi.format("binary", PHOTOS)
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
     monkeypatch.setattr(tasks, "view", lambda lighting, _, **options: view(lighting, 16, **options))
-    monkeypatch.setattr(tasks, "preview_png", lambda *_: encode(scene(16, 16), "PNG"))
+    monkeypatch.setattr(tasks, "preview_png", lambda *_, **__: encode(scene(16, 16), "PNG"))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: None)
     june = PlanQuery(lat=47, lon=10, date=date(2026, 6, 21), sky="overcast")

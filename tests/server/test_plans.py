@@ -31,11 +31,12 @@ def test_a_plan_is_whole_and_may_be_kept(client: TestClient) -> None:
         ({"sky": "foggy"}, "sky"),
         ({"facing": "south"}, "facing"),
         ({"colour": "red"}, "colour"),
-        ({"until": "2026-06-20"}, "query"),
-        ({"until": "2026-08-21"}, "query"),
+        ({"until": "2026-06-20"}, "until"),
+        ({"until": "2026-08-21"}, "until"),
         ({"shots": 1000}, "shots"),
-        ({"until": "2026-07-10", "shots": 20}, "query"),
-        ({"date": "2200-06-21"}, "query"),
+        ({"until": "2026-07-10", "shots": 20}, "shots"),
+        ({"date": "2200-06-21"}, "date"),
+        ({"until": "2200-06-21"}, "until"),
     ],
 )
 def test_what_cannot_be_planned_is_a_problem(client: TestClient, changed: dict[str, Any], field: str) -> None:
@@ -49,6 +50,7 @@ def test_night_is_a_problem(client: TestClient) -> None:
     answer = client.get("/v1/stereo/plan", params={**JUNE, "lat": 80, "date": "2026-12-21"})
     assert answer.status_code == 422
     assert "night all day" in answer.json()["detail"]
+    assert [(error["field"], error["place"]) for error in answer.json()["errors"]] == [("date", "query")]
 
 
 def test_a_range_is_short(client: TestClient) -> None:

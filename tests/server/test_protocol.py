@@ -1,10 +1,10 @@
-"""Heads of requests on a real socket: too large is 431, too slow 408, nonsense 400, and each ends its connection."""
+"""What ends a connection, on a real socket: heads, bodies in crumbs, answers that are not taken."""
 
 import json
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from http.client import HTTPResponse
 from typing import Any
@@ -13,14 +13,22 @@ import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
 
+from server import protocol
+from server.chunks import LEAST_CHUNK, MOST_CHUNKS
 from server.protocol import _PIECE, HEADER_BYTES, BoundedProtocol
 from server.schemas import Problem
+from server.unsent import Unsent
 
 SECONDS = 1.0
+LARGE = 50_000_000  # bytes of an answer: more than the sockets of both sides keep
 
 
 async def app(scope: Scope, receive: Receive, send: Send) -> None:
-    """Answers with the number of bytes of the body, after reading it unless the path is /early."""
+    """Answers with the number of bytes of the body, after reading it unless the path is /early; or with LARGE ones."""
+    if scope["path"] == "/large":
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"%d" % LARGE)]})
+        await send({"type": "http.response.body", "body": bytes(LARGE)})
+        return
     size = 0
     while scope["path"] != "/early":
         message = await receive()
@@ -32,11 +40,14 @@ async def app(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @pytest.fixture(scope="module")
-def port() -> Iterator[int]:
-    protocol: Any = partial(BoundedProtocol, head_seconds=SECONDS)
-    config = uvicorn.Config(
-        app, port=0, http=protocol, h11_max_incomplete_event_size=HEADER_BYTES, log_level="error", lifespan="off"
-    )
+def unsent() -> Unsent:
+    return Unsent(LARGE)
+
+
+@pytest.fixture(scope="module")
+def port(unsent: Unsent) -> Iterator[int]:
+    http: Any = partial(BoundedProtocol, head_seconds=SECONDS, answer_rate=10_000_000, unsent=unsent)
+    config = uvicorn.Config(app, port=0, http=http, log_level="error", lifespan="off")
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
@@ -145,3 +156,95 @@ def test_a_body_that_drips_in_after_its_answer_ends_the_connection(port: int) ->
         assert answered(connection) == b"0"
         with pytest.raises(OSError, match=r"."):
             drip(connection)
+
+
+def test_the_silence_after_a_body_that_came_after_its_answer_is_not_answered(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"POST /early HTTP/1.1\r\nHost: x\r\nContent-Length: 30000\r\n\r\n" + bytes(10))
+    time.sleep(0.2)
+    connection.sendall(bytes(29990))
+    assert rest(connection).count(b"HTTP/1.1") == 1
+
+
+CHUNKED = b"POST %s HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
+
+
+def test_a_body_in_crumbs_is_400(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(CHUNKED % b"/" + b"1\r\nx\r\n" * (MOST_CHUNKS + 1))
+    refused(rest(connection), 400, "unreadable-body")
+
+
+def test_crumbs_after_an_answer_end_the_connection(port: int, caplog: pytest.LogCaptureFixture) -> None:
+    connection = connected(port)
+    connection.sendall(CHUNKED % b"/early")
+    time.sleep(0.2)
+    began = time.monotonic()
+    connection.sendall(b"1\r\nx\r\n" * (MOST_CHUNKS + 1))
+    assert rest(connection).count(b"HTTP/1.1") == 1
+    assert time.monotonic() - began < SECONDS / 2
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_many_chunks_that_are_no_crumbs_and_few_that_are_are_taken(port: int) -> None:
+    for size, count in ((LEAST_CHUNK, 3 * MOST_CHUNKS), (1, MOST_CHUNKS)):
+        with connected(port) as connection:
+            connection.sendall(CHUNKED % b"/" + (b"%x\r\n%s\r\n" % (size, bytes(size))) * count + b"0\r\n\r\n")
+            assert answered(connection) == b"%d" % (size * count)
+
+
+def test_chunks_are_read_in_small_pieces_so_that_others_have_their_turn(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pieces: list[int] = []
+    read = BoundedProtocol.data_received
+
+    def noted(self: BoundedProtocol, data: bytes) -> None:
+        pieces.append(len(data))
+        read(self, data)
+
+    monkeypatch.setattr(BoundedProtocol, "data_received", noted)
+    for head in (
+        CHUNKED % b"/" + b"%x\r\n" % 1_000_000,
+        b"POST / HTTP/1.1\r\nContent-Length: 1000000\r\nHost: x\r\n\r\n",
+    ):
+        pieces.clear()
+        with connected(port) as connection:
+            connection.sendall(head + bytes(1_000_000) + (b"\r\n0\r\n\r\n" if b"chunked" in head else b""))
+            assert answered(connection) == b"1000000"
+        assert (max(pieces) <= _PIECE) == (b"chunked" in head)
+
+
+def large(port: int) -> socket.socket:
+    connection = connected(port)
+    connection.sendall(b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n")
+    return connection
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_an_answer_that_is_not_taken_is_dropped(port: int, unsent: Unsent, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(protocol, "ANSWER_GRACE", 1.0)
+    with large(port) as connection:
+        until(lambda: unsent.size > 0)
+        assert unsent.size > LARGE // 2
+        until(lambda: unsent.size == 0)
+        assert len(rest(connection)) < LARGE
+
+
+def test_an_answer_that_is_taken_slowly_but_fast_enough_comes_whole(
+    port: int, unsent: Unsent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(protocol, "ANSWER_GRACE", 0.5)
+    taken = 0
+    with large(port) as connection:
+        until(lambda: unsent.size > 0)
+        while taken < LARGE:
+            taken += len(connection.recv(1 << 20))
+            time.sleep(0.02)
+    until(lambda: unsent.size == 0)

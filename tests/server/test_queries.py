@@ -153,15 +153,17 @@ def test_a_wrong_colour_is_named_with_its_range(
         ({"utc_offset": "20"}, "utc_offset", "-12 to 14"),
         ({"utc_offset": "CET"}, "utc_offset", "not an offset"),
         ({"exif": "no"}, "exif", "true or false"),
-        ({"lat": "48"}, "query", "needs a longitude"),
-        ({**NOON, "time": "1850-06-01T12:00Z"}, "query", "1900 to 2100"),
-        ({**NOON, "utc_offset": "2"}, "query", "contradicts"),
-        ({"exif": "false", "utc_offset": "2"}, "query", "needs a time"),
-        ({"exif": "false", "time": "2024-06-01T12:00Z"}, "query", "needs a place"),
+        ({"lat": "48"}, "lon", "needs a longitude"),
+        ({**NOON, "time": "1850-06-01T12:00Z"}, "time", "1900 to 2100"),
+        ({**NOON, "utc_offset": "2"}, "utc_offset", "contradicts"),
+        ({"exif": "false", "utc_offset": "2"}, "time", "needs a time"),
+        ({"exif": "false", "time": "2024-06-01T12:00Z"}, "lat", "needs a place"),
         ({"headings": "0,90"}, "headings", "several photos"),
         ({"headings": "0;90"}, "headings", "list of degrees"),
         ({"headings": "0,400"}, "headings", "-360 to 360"),
         ({"latitude": "48"}, "latitude", "is not known here"),
+        ({"lon": "11"}, "lat", "needs a longitude"),
+        ({"exif": "false", "lat": "48", "lon": "11"}, "time", "needs a place"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(
@@ -176,7 +178,9 @@ def test_what_cannot_be_is_refused_in_a_sentence(
 @pytest.mark.parametrize("path", ["/v1/lighting", "/v1/envmap", "/v1/preview"])
 def test_night_is_refused_where_the_client_stated_it(client: TestClient, path: str) -> None:
     night = {**NOON, "time": "2024-06-01T00:30+02:00"}
-    assert "below the horizon" in problem(ask(client, path=path, **night), 422, "invalid")["detail"]
+    body = problem(ask(client, path=path, **night), 422, "invalid")
+    assert body["detail"].startswith("At that time and place the sun is")
+    assert body["errors"] == [{"field": "time", "place": "query", "detail": body["detail"]}]
     polar: dict[str, Any] = {"time": "2024-12-21T12:00Z", "lat": 85, "lon": 0}
     assert "polar night" in problem(ask(client, path=path, **polar), 422, "invalid")["detail"]
 
@@ -256,6 +260,11 @@ def test_what_is_said_of_several_photos_must_fit_their_number(
 ) -> None:
     (error,) = problem(together(client, PLAIN, PLAIN, **query), 422, "invalid")["errors"]
     assert error["field"] == field
+
+
+def test_a_compression_that_goes_with_no_such_format_is_named(client: TestClient) -> None:
+    answer = client.get("/v1/envmap", params={**SKY, "format": "png", "compression": "none"})
+    assert [error["field"] for error in problem(answer, 422, "invalid")["errors"]] == ["compression"]
 
 
 def test_a_compression_goes_with_exr_alone_and_its_default_with_all() -> None:

@@ -86,7 +86,7 @@ def test_a_cache_may_keep_a_scene(client: TestClient) -> None:
     [
         ({}, "tool", "missing"),
         ({"tool": "maya"}, "tool", "'blender'"),
-        ({"tool": "gltf", "up_axis": "Z"}, "query", "up_axis goes with tool=usd"),
+        ({"tool": "gltf", "up_axis": "Z"}, "up_axis", "up_axis goes with tool=usd"),
         ({"tool": "usd", "up_axis": "X"}, "up_axis", "'Y' or 'Z'"),
         ({"tool": "usd", "height": "17"}, "height", "even"),
     ],

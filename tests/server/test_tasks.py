@@ -17,7 +17,7 @@ from lighting.files import read_exr
 from lighting.model import Model
 from lighting.pipeline import Estimator
 from server import tasks
-from server.queries import EnvmapQuery, GivenQuery, LightingQuery, PhotoSceneQuery, SkySceneQuery
+from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
 from server.service import Service
 from server.settings import Settings
 from tests.conftest import encode, scene
@@ -93,7 +93,7 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
 
 
 def test_a_photo_becomes_a_preview(service: Service) -> None:
-    data = in_a_thread(tasks.preview_file, service, PHOTO, GivenQuery.model_validate({}))
+    data = in_a_thread(tasks.preview_file, service, PHOTO, PreviewQuery.model_validate({}))
     with Image.open(BytesIO(data)) as drawn:
         assert drawn.format == "PNG"
 

@@ -36,11 +36,18 @@ def test_a_glob_may_be_relative(photos: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_pictures_that_are_not_read_are_counted_by_kind(photos: Path) -> None:
-    for name in ("a.gif", "below/b.GIF", "c.jxl", ".d.gif", "e.dng", "f.tif", "g.avif"):
+    for name in ("a.gif", "below/b.GIF", "c.jxl", ".d.gif", "e.dng", "f.tif", "g.avif", "h.heics", "i.SRW"):
         (photos / name).touch()
-    assert other_pictures(str(photos)) == {".gif": 2, ".jxl": 1}
+    assert other_pictures(str(photos)) == {".gif": 2, ".jxl": 1, ".heics": 1, ".srw": 1}
     assert other_pictures(f"{photos}/*") == {}
     assert {"e.dng", "f.tif", "g.avif"} < set(find_photos(str(photos))[1])
+
+
+def test_photos_have_less_common_names_too(tmp_path: Path) -> None:
+    names = [f"a.{suffix}" for suffix in ("hif", "jfif", "jpe", "mpo", "nrw", "rwl", "x3f")]
+    for name in names:
+        (tmp_path / name).touch()
+    assert find_photos(str(tmp_path))[1] == names
 
 
 def test_a_folder_of_nothing_else_names_them(tmp_path: Path) -> None:

@@ -10,12 +10,21 @@ import termios
 from pathlib import Path
 from typing import Any
 
+import click
 from click.testing import CliRunner, Result
 
 from lighting.cli import cli
 from lighting.records import Lighting
 
 LIGHTING = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.021, sun_visibility=0.9)
+
+
+def commands() -> dict[str, click.Command]:
+    """The commands by name."""
+    context = click.Context(cli)
+    found = {name: cli.get_command(context, name) for name in cli.list_commands(context)}
+    assert all(found.values())
+    return {name: command for name, command in found.items() if command}
 
 
 def run(*arguments: str | Path, stdin: bytes | None = None) -> Result:

@@ -122,6 +122,16 @@ def test_the_place_is_in_the_map_where_the_network_predicts_it(
     assert bare == (flag == "--no-surroundings")
 
 
+def test_a_preview_shows_the_place_unless_the_sky_alone_is_wanted(
+    lit_network: Path, photo_path: Path, tmp_path: Path
+) -> None:
+    drawn = []
+    for name, flags in (("a.png", []), ("b.png", ["--surroundings"]), ("c.png", ["--no-surroundings"])):
+        assert run("preview", photo_path, "-o", tmp_path / name, *flags, "--model", lit_network).exit_code == 0
+        drawn.append((tmp_path / name).read_bytes())
+    assert drawn[0] == drawn[1] != drawn[2]
+
+
 def test_the_place_can_be_asked_of_any_network(network: Path, photo_path: Path, tmp_path: Path) -> None:
     run("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--surroundings", "--model", network)
     image, lighting = read_exr(tmp_path / "a.exr")

@@ -10,8 +10,7 @@ import click
 import pytest
 
 from lighting import __version__
-from lighting.cli import cli
-from tests.lighting.cli.runners import run, sub
+from tests.lighting.cli.runners import commands, run, sub
 
 COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
 
@@ -32,7 +31,8 @@ def test_help_names_every_command_whole() -> None:
 
 
 def test_every_option_has_help() -> None:
-    for command in cli.commands.values():
+    assert set(COMMANDS) < set(commands())
+    for command in commands().values():
         for option in command.params:
             assert isinstance(option, click.Argument) or getattr(option, "help", None), (command.name, option.name)
 

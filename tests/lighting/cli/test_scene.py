@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from lighting.files import full_record
+from lighting.envmap import render
+from lighting.files import full_record, read_exr
 from tests.lighting.cli.runners import error_of, run
 from tests.scenes import LIGHT
 
@@ -27,6 +28,18 @@ def test_the_command_estimates_the_light(network: Path, photo_path: Path, tmp_pa
     assert record["model"]["name"] == "tiny"
     with Image.open(tmp_path / "out" / "plate.png") as plate:
         assert plate.size == (320, 240)
+
+
+def test_the_map_shows_the_place_unless_the_sky_alone_is_wanted(
+    lit_network: Path, photo_path: Path, tmp_path: Path
+) -> None:
+    arguments: list[str | Path] = ["scene", photo_path, "--for", "mitsuba", "--height", "32", "--model", lit_network]
+    for folder, flags in (("place", []), ("sky", ["--no-surroundings"])):
+        assert run(*arguments, *flags, "-o", tmp_path / folder).exit_code == 0
+    place, sky = (read_exr(tmp_path / folder / "environment.exr") for folder in ("place", "sky"))
+    assert sky[1] is not None
+    assert sky[0] == pytest.approx(render(sky[1], 32, disc=False), rel=1e-3)
+    assert place[0] != pytest.approx(sky[0], rel=1e-2)
 
 
 def test_the_command_takes_a_record_in_place_of_an_estimate(
@@ -79,6 +92,8 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
         (["--for", "usd", "--lighting", "any.json", "--model", "any.onnx"], "--model does not go with it."),
         (["--for", "gltf", "--height", "64"], "a scene for gltf holds no map."),
+        (["--for", "gltf", "--no-surroundings"], "a scene for gltf holds no map."),
+        (["--for", "usd", "--lighting", "any.json", "--surroundings"], "leave out --surroundings."),
         (["--for", "usd", "--height", "15"], "15 is not an even number from 16 to 4096."),
     ],
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lighting.envmap import Place, place_factors, place_of, render, surround
+from lighting.envmap import Place, change, place_factors, place_of, render, surround
 from lighting.envmap.clear import irradiance_of, row_levels
 from lighting.records import Estimate, Lighting, SunDistribution
 from tests.lighting.envmap.test_render import SKY, given_light, lighting
@@ -46,6 +46,15 @@ def test_the_sun_is_painted_once_and_last() -> None:
     np.testing.assert_allclose(disc.max(), (render(light, HEIGHT) - render(light, HEIGHT, disc=False)).max(), rtol=1e-3)
     assert without.max() < 0.05 * with_disc.max()
     assert (surround(light, place, HEIGHT, sun=False) <= without + 1).all()
+
+
+@pytest.mark.parametrize("factor", [0.1, 8.0])
+def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: float) -> None:
+    light = given_light(sky_cover=0.2)
+    brighter = change(light, {"exposure": factor * light.exposure})
+    place = Place(PHOTO, around(light) * np.linspace(0.3, 1.5, 24, dtype=np.float32)[:, None], light.exposure)
+    expected = factor * surround(light, place, HEIGHT, disc=False)
+    assert surround(brighter, place, HEIGHT, disc=False) == pytest.approx(expected, rel=2e-3)
 
 
 def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:

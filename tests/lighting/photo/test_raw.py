@@ -51,6 +51,12 @@ def test_the_largest_preview_is_read() -> None:
     assert np.abs(photo.pixels.astype(int) - PICTURE).max() < 12
 
 
+@pytest.mark.parametrize("beginning", [b"FOVb", b"IIU\0"])
+def test_the_preview_of_a_file_with_a_maker_s_own_beginning_is_read(beginning: bytes) -> None:
+    photo = read_photo(beginning + bytes(100) + JPEG)
+    assert (photo.format, photo.width, photo.height) == ("RAW", 320, 240)
+
+
 def test_the_raw_file_says_what_the_preview_does_not() -> None:
     exif = munich()
     exif[ExifTags.Base.Orientation] = 6

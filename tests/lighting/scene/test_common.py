@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.envmap import render
+from lighting.envmap import Place, render
 from lighting.geometry import (
     Pinhole,
     angle_between,
@@ -78,7 +78,7 @@ def test_the_sun_lies_where_the_record_says() -> None:
 def test_the_place_is_in_the_map_with_the_same_light() -> None:
     cells = np.random.default_rng(2).uniform(0.1, 1.0, (12, 24, 3)).astype(np.float32)
     plain = plain_scene()
-    placed = make_scene(Photo(PLAIN, 40, 30, "PNG"), plain.lighting, map_height=32, around=cells)
+    placed = make_scene(Photo(PLAIN, 40, 30, "PNG"), plain.lighting, map_height=32, place=Place(PLAIN, cells))
     assert not np.allclose(placed.environment, plain.environment)
     weight = (latlong_solid_angle(32) * np.sin(np.radians(latlong_angles(32)[1])))[:16, None, None]
     level = [(scene.environment[:16] * weight).sum(axis=(0, 1)) for scene in (placed, plain)]

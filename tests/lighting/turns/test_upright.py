@@ -36,5 +36,16 @@ def test_a_camera_that_looks_straight_down_has_a_heading() -> None:
 def test_azimuth_0_is_where_the_common_camera_points_however_steep_it_is(elevation: float) -> None:
     heading, said, roll = angles_of(np.eye(3)[None], level(up_in_camera(elevation, 0.0)))
     assert said[0] == pytest.approx(elevation, abs=1e-4)
-    if abs(elevation) < 90.0:
-        assert (heading[0], roll[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert (heading[0], roll[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("straight", [-90.0, 90.0])
+def test_a_camera_that_looks_straight_down_turns_with_its_picture(straight: float) -> None:
+    """Its axis trembles about the vertical; its picture turns steadily."""
+    turn, tremble = np.linspace(0.0, 60.0, 31), np.radians(2.0) * np.random.default_rng(0).normal(0, 1, (31, 2))
+    tilt = [np.array([[1, 0, -x], [0, 1, -y], [x, y, 1]]) for x, y in tremble]
+    axes = np.stack([t @ own_axes(a, straight, 0.0) for t, a in zip(tilt, turn.tolist(), strict=True)])
+    heading, elevation, roll = angles_of(axes / np.linalg.norm(axes, axis=2, keepdims=True), np.eye(3))
+    np.testing.assert_allclose(heading, turn, atol=0.3)
+    np.testing.assert_allclose(roll, 0.0, atol=0.3)
+    assert np.abs(elevation).min() > 84.0

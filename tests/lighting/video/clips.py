@@ -69,6 +69,7 @@ def write_clip(
     *,
     times: Sequence[float] | None = None,
     rotation: int | None = None,
+    mirrored: bool = False,
     metadata: dict[str, str] | None = None,
     codec: str = "libx264",
     pix_fmt: str = "yuv420p",
@@ -87,7 +88,7 @@ def write_clip(
             context = stream.codec_context
             context.color_trc, context.color_primaries, context.colorspace = colour
         if rotation is not None:
-            stream.set_display_rotation(rotation)
+            stream.set_display_rotation(rotation, hflip=mirrored)
         for i, picture in enumerate(pictures):
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             if times is not None:

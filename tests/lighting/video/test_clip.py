@@ -1,6 +1,8 @@
 """Clips as phones, cameras and accidents make them."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -27,6 +29,22 @@ def test_a_rotation_flag_turns_the_picture(tmp_path: Path, rotation: int, top_go
     part = {"left": pixels[:, : width // 4], "right": pixels[:, -width // 4 :], "bottom": pixels[-height // 4 :]}
     assert part[top_goes][..., 0].mean() > 150
     assert pixels[..., 0].mean() == pytest.approx(100, abs=10)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("rotation", [0, 90, -90, 180])
+def test_flags_turn_and_mirror(tmp_path: Path, rotation: int, mirrored: bool) -> None:
+    """Counter-clockwise, then left and right change places."""
+    stored = np.zeros((180, 320, 3), np.uint8)
+    stored[:90], stored[90:, :160] = 200, 90
+    turned = np.rot90(stored, rotation // 90)
+    path = write_clip(tmp_path / "a.mp4", [stored] * 3, rotation=rotation, mirrored=mirrored)
+    pixels = first(path)
+    expected = turned[:, ::-1] if mirrored else turned
+    assert pixels.shape == expected.shape
+    assert np.abs(pixels.astype(int) - expected).mean() < 3
+    with Clip(path) as clip:
+        assert (clip.info.height, clip.info.width) == expected.shape[:2]
 
 
 @pytest.mark.parametrize(("curve", "number", "grey"), [("pq", 16, 179), ("hlg", 18, 153)])
@@ -84,6 +102,57 @@ def test_garbage_inside_is_left_out_and_told(tmp_path: Path) -> None:
     broken.write_bytes(bytes(data))
     with Clip(broken) as clip:
         assert len(list(clip.frames())) >= 20
+
+
+def make_with_long_sound(path: Path) -> Path:
+    """Half a second of pictures beside three of sound."""
+    with av.open(str(path), "w") as film:
+        pictures: Any = film.add_stream("libx264", rate=30, options={"preset": "veryfast"})
+        sound: Any = film.add_stream("pcm_s16le", rate=8000)
+        pictures.width, pictures.height, pictures.pix_fmt = 320, 180, "yuv420p"
+        for picture in [TOP_RED] * 15:
+            film.mux(pictures.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        film.mux(pictures.encode())
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 24000), np.int16), format="s16", layout="mono")
+        frame.rate = 8000
+        film.mux(sound.encode(frame))
+        film.mux(sound.encode())
+    return path
+
+
+def make_with_held_end(path: Path) -> Path:
+    """Fifteen pictures, the last of which is shown for four seconds."""
+    with av.open(str(path), "w") as film:
+        stream: Any = film.add_stream("libx264", rate=30, options={"preset": "veryfast", "bf": "0"})
+        stream.width, stream.height, stream.pix_fmt = 320, 180, "yuv420p"
+        packets = [p for _ in range(15) for p in stream.encode(av.VideoFrame.from_ndarray(TOP_RED, format="rgb24"))]
+        packets += stream.encode()
+        packets[-1].duration = 120  # of 1/30 s
+        film.mux(packets)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "name", "lasts"), [(make_with_long_sound, "a.mkv", 0.5), (make_with_held_end, "a.mp4", 4.47)]
+)
+def test_a_whole_clip_is_not_called_cut_short(
+    tmp_path: Path, make: Callable[[Path], Path], name: str, lasts: float
+) -> None:
+    with Clip(make(tmp_path / name)) as clip:
+        assert clip.info.duration == pytest.approx(lasts, abs=0.01)
+        assert len(list(clip.frames())) == 15
+        assert clip.damage == ""
+
+
+def test_joined_recordings_go_on(tmp_path: Path) -> None:
+    """As `cat a.ts a.ts` joins them: the times of the second begin again."""
+    part = write_clip(tmp_path / "a.ts", pan(12)).read_bytes()
+    joined = tmp_path / "joined.ts"
+    joined.write_bytes(2 * part)
+    with Clip(joined) as clip:
+        times = [frame.time for frame in clip.frames()]
+        assert clip.damage == ""
+    np.testing.assert_allclose(times, np.arange(24) / 30.0, atol=1e-3)
 
 
 def make_sound(path: Path) -> Path:

@@ -20,6 +20,16 @@ def test_headings_pass_180_and_angles_are_exact() -> None:
     np.testing.assert_allclose(path.roll, ROLL, atol=1e-9)
 
 
+def test_a_drone_that_looks_straight_down_turns_steadily() -> None:
+    rng = np.random.default_rng(0)
+    trembling = [orientation(*(rng.normal(0, 0.2, 3) * [0, 1, 1] + [a, -90.0, 0.0]).tolist()) for a in AZIMUTH]
+    turned = np.stack(trembling)
+    path = path_of(TIME, turned @ turned[0].T, np.ones(60, bool), level(turned[0][:, 1]))
+    np.testing.assert_allclose(path.heading, AZIMUTH - 30, atol=1.0)
+    np.testing.assert_allclose(path.roll, 0.0, atol=0.5)
+    assert path.elevation.min() >= -90.0
+
+
 def test_gaps_are_bridged_and_told() -> None:
     known = np.ones(60, bool)
     known[20:30] = False

@@ -1,5 +1,6 @@
 """Shots of a made-up place: lens, path, cuts, gaps."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,14 @@ def test_a_cut_makes_two_shots_each_from_azimuth_0(model: Model) -> None:
     assert second.path.heading[0] == pytest.approx(0.0, abs=0.1)
 
 
+def test_a_picture_of_another_size_begins_a_shot_with_its_own_lens(model: Model) -> None:
+    narrow = [np.ascontiguousarray(picture[:, 100:220]) for picture in pan(25, 30.0)]
+    first, second = shots([*pan(25, 30.0), *narrow], model)
+    assert (len(first.frames), len(second.frames)) == (25, 25)
+    assert first.vertical_fov == pytest.approx(FOV, abs=1.5)
+    assert second.vertical_fov == pytest.approx(FOV, abs=1.5)
+
+
 def test_black_frames_in_a_shot_are_bridged(model: Model) -> None:
     pictures = pan(40, 20.0)
     pictures[18:22] = [BLACK] * 4
@@ -79,6 +88,20 @@ def test_one_frame_is_a_shot(model: Model) -> None:
 def test_a_dark_clip_says_so(model: Model) -> None:
     with pytest.raises(VideoError, match="bright enough"):
         shots([BLACK] * 10, model)
+
+
+def test_night_that_falls_in_a_shot_ends_its_looks_alone(model: Model) -> None:
+    """Civil twilight ends 15 s after the first of 30 frames, one a second."""
+    dusk = Given(time=datetime(2024, 6, 1, 19, 47, 33, tzinfo=UTC), latitude=48.0, longitude=11.0, vertical_fov=FOV)
+    (watched,) = shots_watched(frames(pan(30, 20.0), 1.0), model, 0.5)
+    (begun,) = shots_watched(frames(pan(30, 20.0)[:15], 1.0), model, 0.5)
+    shot, by_day = (solve(one, Circumstances(given=dusk)) for one in (watched, begun))
+    assert shot.known.warnings[-1].startswith("By time and place it is night at 15.0 s, too dark for these skies")
+    assert shot.known.evidence == by_day.known.evidence
+    assert len(by_day.known.warnings) == len(shot.known.warnings) - 1
+    assert "time+place" in shot.fused.used
+    assert shot.north == pytest.approx(by_day.north, abs=3.0)
+    assert len(shot.frames) == 30
 
 
 def test_exposure_is_followed_through_keyframes(model: Model) -> None:

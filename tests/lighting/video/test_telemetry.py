@@ -73,6 +73,29 @@ def test_subtitles_of_a_drone_tell_place_lens_clock_and_gimbal() -> None:
     assert gimbal.at(60.0) is None
 
 
+@pytest.mark.parametrize(
+    ("said", "length"), [("24.00", 24.0), ("24", 24.0), ("240", 24.0), ("166.00", 166.0), ("2400", None), ("0", None)]
+)
+def test_a_drone_counts_its_focal_length_in_millimetres_or_tenths(said: str, length: float | None) -> None:
+    facts, _ = subtitle_facts(DJI.replace("24.00", said), 1920, 1080)
+    assert facts.focal_length == pytest.approx(length)
+    assert (facts.vertical_fov is None) == (length is None)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "F/2.8, SS 1000, ISO 100, EV 0, GPS (-74.006, 40.7128, 15), D 10.2m, H 10.0m, H.S 0.0m/s",
+        "HOME(-74.01,40.71) 2017.05.04 09:10:11\nGPS(-74.006,40.7128,15) BAROMETER:9.1\nISO:100 Shutter:60 Fnum:2.2",
+    ],
+)
+def test_older_drones_write_the_longitude_first(said: str) -> None:
+    facts, gimbal = subtitle_facts(f"1\n00:00:00,000 --> 00:00:01,000\n{said}\n", 1920, 1080)
+    assert (facts.latitude, facts.longitude) == (40.7128, -74.006)
+    assert facts.local_time == (datetime(2017, 5, 4, 9, 10, 11) if "HOME" in said else None)
+    assert (facts.focal_length, len(gimbal.time)) == (None, 0)
+
+
 def test_subtitles_for_viewers_say_nothing() -> None:
     facts, gimbal = subtitle_facts("1\n00:00:00,000 --> 00:00:02,000\nHello: 3 friends\n", 640, 360)
     assert facts.latitude is None

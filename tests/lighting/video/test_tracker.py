@@ -40,10 +40,42 @@ def test_what_is_lost_is_found_again(model: Model) -> None:
     blind = tracker(np.zeros((180, 320, 3), np.uint8), 2.0)
     assert blind is not None
     assert not blind.followed
+    assert not blind.linked
     for i in range(4):  # somewhere else that it has seen
         found = tracker(look(9.0 + 0.2 * i), 2.1 + 0.1 * i)
     assert found is not None
     assert found.heading == pytest.approx(9.6, abs=1.5)
+    assert found.linked
+
+
+def test_another_place_is_not_linked_until_the_first_is_seen_again(model: Model) -> None:
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=5.0)
+    first = [look(2.0 * i) for i in range(20)]
+    other = [look(100.0 + 2.0 * i, seed=5) for i in range(20)]
+    answers = [tracker(picture, 0.1 * i) for i, picture in enumerate([*first, *other, *first[:4]])]
+    linked = [a.linked for a in answers if a is not None]
+    assert linked[:20] == [True] * 20
+    assert linked[20:41] == [False] * 21  # the first frame of a stretch is recognised when one follows it
+    assert linked[-1]
+    assert answers[-1] is not None
+    assert answers[-1].heading == pytest.approx(6.0, abs=1.5)
+
+
+def test_keyframes_of_a_stretch_are_turned_when_it_is_linked(model: Model) -> None:
+    """Lost between 20 and 120 deg, and comes back: then what it saw from 120 on is against the first frame, too."""
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=5.0)
+    headings = [*np.linspace(0, 20, 11).tolist(), *np.linspace(120, 10, 56).tolist()]
+    answers = [tracker(look(h), 0.1 * i) for i, h in enumerate(headings)]
+    assert answers[11] is not None
+    assert answers[11].heading == pytest.approx(20.0, abs=2.0)
+    assert not answers[11].linked
+    assert answers[-1] is not None
+    assert answers[-1].heading == pytest.approx(10.0, abs=2.0)
+    assert answers[-1].linked
+    for kept in tracker._bank._kept:
+        there = np.degrees(np.arctan2(-kept.orientation[2, 0], kept.orientation[2, 2]))
+        assert there == pytest.approx(headings[kept.key.frame], abs=2.0)
+        assert kept.linked
 
 
 def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
@@ -78,6 +110,39 @@ def test_what_is_no_frame_is_a_sentence(model: Model, frame: Any) -> None:
 def test_a_frame_has_a_time(model: Model) -> None:
     with pytest.raises(ParameterError, match="finite number of seconds, not nan"):
         Tracker(model)(np.zeros((180, 320, 3), np.uint8), float("nan"))
+
+
+def test_a_time_beyond_all_clocks_is_a_sentence(model: Model) -> None:
+    for given in (None, THERE):
+        with pytest.raises(ParameterError, match=r"seconds after the first, not 1e\+15"):
+            Tracker(model, given)(look(0.0), 1e15)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
+def test_looks_are_some_time_apart(model: Model, seconds: float) -> None:
+    with pytest.raises(ParameterError, match="look_every must be a finite number of seconds"):
+        Tracker(model, look_every=seconds)
+
+
+def test_when_night_falls_the_sun_stays_and_headings_go_on(model: Model) -> None:
+    """Civil twilight ends at 19:47:48 UTC, after the fourth frame."""
+    dusk = Given(time=datetime(2024, 6, 1, 19, 30, tzinfo=UTC), latitude=48.0, longitude=11.0, vertical_fov=FOV)
+    tracker = Tracker(model, dusk, look_every=0.0)
+    answers = [tracker(look(3.0 * i), 300.0 * i) for i in range(8)]
+    day, last = answers[3], answers[-1]
+    assert day is not None
+    assert last is not None
+    assert last.heading == pytest.approx(21.0, abs=1.5)
+    assert last.lighting.sun_elevation == day.lighting.sun_elevation
+    assert last.lighting.sun_visibility == day.lighting.sun_visibility == 0.0
+    suns = [float(wrap_azimuth(a.lighting.sun_azimuth + a.heading)) for a in (day, last)]
+    assert suns[0] == pytest.approx(suns[1], abs=1e-6)
+
+
+def test_a_stream_of_night_is_refused(model: Model) -> None:
+    night = Given(time=datetime(2024, 6, 1, 23, tzinfo=UTC), latitude=48.0, longitude=11.0)
+    with pytest.raises(ParameterError, match="below the horizon"):
+        Tracker(model, night)(look(0.0), 0.0)
 
 
 def test_memory_does_not_grow(model: Model) -> None:
