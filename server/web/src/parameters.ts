@@ -38,7 +38,7 @@ export function statedLight(estimate: Lighting, shown: Parameters, power: Power)
  * the light on show; it replaces the one that the estimate states.
  */
 export function recordOf(estimate: Estimate, shown: Parameters, power: Power): Lighting | Edited {
-  const { links: _, probability: __, ...record } = estimate;
+  const { links: _, probability: __, surroundings: ___, ...record } = estimate;
   if (isSame(parametersOf(record), shown)) return record;
   const { azimuth, elevation } = { azimuth: shown.sun_azimuth, elevation: shown.sun_elevation };
   const { cover } = record.sky;

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import type { Lighting, Power } from "../src/api";
-import { statedLight } from "../src/parameters";
+import type { Estimate, Lighting, Power } from "../src/api";
+import { parametersOf, recordOf, statedLight } from "../src/parameters";
 import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
 import { History } from "../src/pure/history";
@@ -199,6 +199,17 @@ describe("the light on show as text", () => {
     expect(pythonOf(moved)).toContain('    "sun_azimuth": -41.2,\n');
     expect(pythonOf(moved)).toContain("sun=False, place=place");
     expect(pythonOf(moved)).not.toContain("irradiance");
+  });
+
+  it("is a record without what the page alone asks for", () => {
+    const answer = {
+      ...{ model: { name: "", version: "" }, camera: CAMERA, evidence: [], warnings: [] },
+      sun: { azimuth: 1, elevation: 2, direction: [0, 1, 0], visibility: 1, radius_50: 9, radius_90: 30 },
+      sky: { model: "hosek-wilkie", turbidity: 3, ground_albedo: 0.3, exposure: 5 },
+      ...{ links: { envmap: "" }, probability: {}, surroundings: {} },
+    } as unknown as Estimate;
+    const record = recordOf(answer, parametersOf(answer), { sun: [0, 0, 0], sky: [0, 0, 0] });
+    expect(Object.keys(record).sort()).toEqual(["camera", "evidence", "model", "sky", "sun", "warnings"]);
   });
 
   it("states the power of a light that the photo alone does not have", () => {
