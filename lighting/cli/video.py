@@ -96,6 +96,8 @@ def _progress(clip: str, quiet: bool) -> Any:
 
 def _report(clip: str, done: "Done", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
+    from lighting.video.records import light_of
+
     name = click.format_filename(clip)
     if len(done.shots) > 1:
         click.echo(f"{name}: {len(done.shots)} shots, for there are cuts.", err=True)
@@ -104,7 +106,7 @@ def _report(clip: str, done: "Done", quiet: bool) -> None:
             click.echo(f"Error: {name}: {shot}", err=True)
         elif not quiet:
             click.echo(f"{name}: {in_words(number, shot)}")
-            for warning in (*shot.known.warnings, *shot.fused.warnings):
+            for warning in light_of(shot).warnings:
                 click.echo(f"Warning: {name}: {warning}", err=True)
     if done.damage:
         click.echo(f"Error: {name}: {done.damage}", err=True)

@@ -104,6 +104,11 @@ def write(picture: Image.Image, spot: Point, text: str, style: Style) -> None:
     ImageDraw.Draw(picture).text(spot, text, font=font, fill=style.colour, anchor=anchor)
 
 
+def text_width(text: str, size: int) -> float:
+    """Pixels from a text's left end to its right one."""
+    return _font(size).getlength(text)
+
+
 def write_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, colour: Colour) -> None:
     """Write shaded text centred at `spot` (2,), moved as far as needed to lie inside the picture."""
     left, top, right, bottom = _font(size).getbbox(text, anchor="mm")

@@ -26,6 +26,7 @@ THREADS = 2
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 _TAGGED = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _BACK = 3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
+_LONGEST = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
 _END = 0.75  # s that may be missing at the end of a whole clip
 
 
@@ -81,7 +82,7 @@ class Clip:
             if time < last - _BACK * self._interval() and not picture.is_corrupt:
                 start -= last + self._interval() - time
                 time = last + self._interval()
-            if time <= last or picture.is_corrupt:
+            if not last < time < _LONGEST or picture.is_corrupt:
                 lost += 1
                 continue
             last, end = time, time + _shown_for(picture)

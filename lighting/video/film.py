@@ -14,7 +14,7 @@ from lighting.colour import luminance
 from lighting.envmap import brighten, render
 from lighting.files import replacing
 from lighting.geometry import wrap_azimuth
-from lighting.preview.ink import Style, rounded, write
+from lighting.preview.ink import Style, rounded, text_width, write
 from lighting.preview.palette import SUN, WHITE, display
 from lighting.preview.photo_panel import draw_horizon, draw_sun
 from lighting.preview.spheres import render_spheres
@@ -25,6 +25,10 @@ SIDE = 768  # pixels of the longer side
 STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
 _MAP_HEIGHT = 128
 _CLOCK = 90_000  # 1/s, of the film's times
+_SIZE, _LINE = 17, 1.3  # of the font, pixels; of a line, in sizes of the font
+_EDGE = 12  # pixels between the balls and the picture's edges
+_GAP = "   "  # between words
+_LONGEST = ("00000.0 s", "sun +000.0°, 00.0° high", "heading 000.0° (bridged)")
 
 
 @dataclass(frozen=True)
@@ -86,20 +90,47 @@ def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: Any) -> NDArray[n
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)
     panel = Image.fromarray(display(balls.at(light) * np.float32(_gain(light))))
-    picture.paste(panel, (12, picture.height - panel.height - 12), rounded(panel.size, 10))
-    corner = (picture.width - 14.0, picture.height - 12.0)
-    colour = SUN if light.lighting.sun_shines else WHITE
-    write(picture, corner, _words(light), Style(17, colour, anchor="rs", shaded=True))
+    layout = layout_of(picture.width, panel.width)
+    picture.paste(panel, (_EDGE, picture.height - panel.height - layout.below), rounded(panel.size, 10))
+    words, colour = _words(light), SUN if light.lighting.sun_shines else WHITE
+    style = Style(layout.size, colour, anchor="rs", shaded=True)
+    for i, line in enumerate(reversed(layout.lines)):
+        corner = (picture.width - 14.0, picture.height - 12.0 - i * _LINE * layout.size)
+        write(picture, corner, _GAP.join(words[k] for k in line), style)
     return np.asarray(picture)
 
 
-def _words(light: FrameLight) -> str:
+@dataclass(frozen=True)
+class Layout:
+    """Where words and balls go, for all frames of a film alike."""
+
+    size: int  # pixels of the font
+    lines: tuple[tuple[int, ...], ...]  # which of the words stand in each
+    below: int  # pixels under the balls
+
+
+def layout_of(width: int, panel: int) -> Layout:
+    """The layout of a picture and of balls of these widths [pixels]: they share a line where the longest words fit."""
+    room = width - 28.0
+    size = max(1, min(_SIZE, int(_SIZE * room / max(text_width(word, _SIZE) for word in _LONGEST))))
+    if text_width(_GAP.join(_LONGEST), size) <= room - panel - _EDGE:
+        return Layout(size, (tuple(range(len(_LONGEST))),), _EDGE)
+    lines: list[tuple[int, ...]] = []
+    for i in range(len(_LONGEST)):
+        longer = (*lines[-1], i) if lines else (i,)
+        fits = text_width(_GAP.join(_LONGEST[k] for k in longer), size) <= room
+        lines = [*lines[:-1], longer] if lines and fits else [*lines, (i,)]
+    return Layout(size, tuple(lines), _EDGE + round(_LINE * size * len(lines)))
+
+
+def _words(light: FrameLight) -> tuple[str, str, str]:
+    """What is told of a frame, none longer than that of _LONGEST."""
     own = light.lighting
     turned = round(float(wrap_azimuth(own.relative_heading or 0.0)), 1)
     where = f"turned {turned or 0.0:+.1f}°" if own.camera_heading is None else f"heading {own.camera_heading:.1f}°"
     bridged = " (bridged)" if light.bridged else ""
     sun = f"sun {own.sun_azimuth:+.1f}°, {own.sun_elevation:.1f}° high"
-    return f"{light.time:5.1f} s   {sun}   {where}{bridged}"
+    return f"{light.time:5.1f} s", sun, where + bridged
 
 
 def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, target: Path) -> None:

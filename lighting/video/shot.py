@@ -168,10 +168,11 @@ def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, len
     at = {frame: around.known_at(float(path.time[position[frame]])) for frame in watched.looks}
     used = _by_day(at, there)
     light = ShotLight()
-    for frame in used:
-        i = position[frame]
-        evidence = at[frame].evidence
-        light.add(Look(watched.looks[frame], float(path.heading[i]), fov, float(luminance(gains[i])), evidence))
+    for frame, seen in watched.looks.items():
+        if frame in used:
+            i = position[frame]
+            gain = float(luminance(gains[i]))
+            light.add(Look(seen, float(path.heading[i]), fov, gain, at[frame].evidence))
     if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
         there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
     fused = light.answer(there.evidence)
@@ -180,10 +181,10 @@ def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, len
     return Shot(frames, path, gains, fov, sigma, fused, light.ground, there, north_of(fused, there))
 
 
-def _by_day(at: Mapping[int, Known], first: Known) -> list[int]:
+def _by_day(at: Mapping[int, Known], first: Known) -> set[int]:
     """The frames that count, of those with what is known `at` each: not those of night in a shot that begins by day."""
-    day = [frame for frame, known in at.items() if not known.is_night]
-    return day if day and not first.is_night else list(at)
+    day = {frame for frame, known in at.items() if not known.is_night}
+    return day if day and not first.is_night else set(at)
 
 
 def _compass(path: Path, gimbal: Gimbal) -> float | None:

@@ -155,6 +155,13 @@ def test_joined_recordings_go_on(tmp_path: Path) -> None:
     np.testing.assert_allclose(times, np.arange(24) / 30.0, atol=1e-3)
 
 
+def test_times_that_cannot_be_are_damage(tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "a.mkv", pan(6), times=[0.0, 0.1, 0.2, 1e12, 1e12 + 0.1, 1e12 + 0.2])
+    with Clip(path) as clip:
+        assert [frame.index for frame in clip.frames()] == [0, 1, 2]
+        assert clip.damage
+
+
 def make_sound(path: Path) -> Path:
     with av.open(str(path), "w") as film:
         stream = film.add_stream("pcm_s16le", rate=8000)

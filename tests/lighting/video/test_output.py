@@ -17,6 +17,7 @@ from lighting.files import write_envmap
 from lighting.geometry import camera_axes
 from lighting.model import Model
 from lighting.video import output
+from tests.conftest import LIT, write_network
 from tests.lighting.video.clips import Pixels, pan, write_clip
 
 
@@ -62,6 +63,15 @@ def test_shot_and_frames_stand_on_the_ground_that_they_show(lit_network: Path, t
     _, light = read_exr(tmp_path / "out" / "shot-1.exr")
     assert light is not None
     assert light.ground_color == (red, greenish, blue)
+
+
+def test_a_clip_that_is_no_ordinary_one_is_told(tmp_path: Path) -> None:
+    doubtful = np.array([*LIT["light"][:-1], 0.02])
+    model = write_network(tmp_path / "doubtful.onnx", more={**LIT, "light": doubtful})
+    clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
+    done = run(clip, "-o", tmp_path / "out", "--model", model, "--height", 32)
+    assert f"Warning: {clip}: This does not look like an ordinary photo" in done.output
+    assert len(records(tmp_path / "out")[0]["lighting"]["warnings"]) == done.output.count("Warning: ") == 1
 
 
 def green(frame: Pixels) -> Pixels:
@@ -178,6 +188,16 @@ def test_a_clip_is_not_replaced_by_its_own_preview(network: Path, tmp_path: Path
     assert done.exit_code == 2
     assert "must be different files" in done.output
     assert clip.read_bytes() == before
+
+
+def test_night_that_falls_in_a_clip_does_not_lose_it(network: Path, tmp_path: Path) -> None:
+    """Civil twilight ends at 19:47:48 UTC, 18 s after the first of 12 frames."""
+    clip = write_clip(tmp_path / "lapse.mp4", pan(12, 12.0), times=[4.0 * i for i in range(12)])
+    dusk = ["--time", "2024-06-01T19:47:30Z", "--lat", 48, "--lon", 11]
+    done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, *dusk)
+    assert done.exit_code == 0, done.output
+    assert "it is night at 20.0 s" in done.output
+    assert len(records(tmp_path / "out")) == 12
 
 
 def test_in_twilight_the_words_are_those_of_the_record(network: Path, tmp_path: Path) -> None:
