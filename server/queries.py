@@ -222,9 +222,13 @@ class ChangeQuery(StatedQuery):
         float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
     ] = None
 
+    photo_exposure: Annotated[
+        float | None, named("exposure", "the exposure at which the photo is as it is; by default its estimate's", 5.0)
+    ] = None
+
     def changes(self) -> dict[str, float | Colour]:
         """The fields of Lighting that the client replaces."""
-        return self.model_dump(include=set(ChangeQuery.model_fields), exclude_none=True)
+        return self.model_dump(include=set(ChangeQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
 
 
 class PlaceQuery(Query):

@@ -85,7 +85,8 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     def finer(side: int) -> Pixels:
         return service.read_finer(data, side).pixels
 
-    place = place_of(estimate, photo.pixels, query.height, finer, wanted=query.surroundings)
+    wanted, exposure = query.surroundings, query.photo_exposure
+    place = place_of(estimate, photo.pixels, query.height, finer, wanted=wanted, exposure=exposure)
     return envmap_file(change(estimate.lighting, query.changes()), query, place)
 
 
@@ -119,7 +120,8 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     check_cancelled()
     lighting = change(estimate.lighting, query.changes())
     plate = service.read_finer(data, PLATE_SIDE)
-    return scene_file(plate, lighting, query, known_place(estimate, plate.pixels, wanted=query.surroundings))
+    place = known_place(estimate, plate.pixels, wanted=query.surroundings, exposure=query.photo_exposure)
+    return scene_file(plate, lighting, query, place)
 
 
 def scene_file_of_sky(query: SkySceneQuery) -> bytes:

@@ -21,12 +21,12 @@ NEEDED = ("scene.json", "plate.png", "environment.exr", "lit_ground.png", "light
 SECONDS = 120  # to wait for an answer
 MOST_BYTES = 1 << 28  # of an answer, packed or not
 PHOTOS = (
-    ".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".tif", ".tiff", ".avif",
-    ".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2",
+    ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".png", ".webp", ".heic", ".heif", ".hif", ".tif", ".tiff", ".avif",
+    ".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl", ".x3f",
 )  # fmt: skip
 _KINDS = {
-    **{".png": "image/png", ".webp": "image/webp", ".heic": "image/heic", ".heif": "image/heic"},
-    **{".tif": "image/tiff", ".tiff": "image/tiff", ".avif": "image/avif"},
+    **{".png": "image/png", ".webp": "image/webp", ".tif": "image/tiff", ".tiff": "image/tiff", ".avif": "image/avif"},
+    **dict.fromkeys((".heic", ".heif", ".hif"), "image/heic"),
 }
 _NO_ADDRESS = "The service's address is not one such as http://127.0.0.1:8000."
 _OF_THIS_PYTHON = ("PYTHONHOME", "PYTHONPATH")  # Blender's, which would mislead another

@@ -40,11 +40,16 @@ class Place:
         return 1.0 if self.exposure is None else lighting.exposure / max(self.exposure, _LEAST)
 
 
-def known_place(estimate: Estimate, photo: NDArray[np.uint8], *, wanted: bool | None = None) -> Place | None:
-    """The place as a photo (h, w, 3) shows it: as wanted, by default where the network predicted what lies around."""
+def known_place(
+    estimate: Estimate, photo: NDArray[np.uint8], *, wanted: bool | None = None, exposure: float | None = None
+) -> Place | None:
+    """The place as a photo (h, w, 3) shows it: as wanted, by default where the network predicted what lies around.
+
+    `exposure` is that of the light which the photo shows, by default the estimate's.
+    """
     if not (estimate.around is not None if wanted is None else wanted):
         return None
-    return Place(photo, estimate.around, estimate.lighting.exposure)
+    return Place(photo, estimate.around, estimate.lighting.exposure if exposure is None else exposure)
 
 
 def place_of(
@@ -54,13 +59,14 @@ def place_of(
     finer: Callable[[int], NDArray[np.uint8]],
     *,
     wanted: bool | None = None,
+    exposure: float | None = None,
 ) -> Place | None:
     """`known_place` for a map of `height` rows.
 
     `photo` (h, w, 3) is what the estimate was made from. Only where the map shows more pixels than those,
     `finer(side)` reads it again with `side` pixels along its longer side, for decoding costs as much as the network.
     """
-    place = known_place(estimate, photo, wanted=wanted)
+    place = known_place(estimate, photo, wanted=wanted, exposure=exposure)
     if place is None or max(shown_size(photo, estimate.lighting.vertical_fov, height)) <= max(photo.shape[:2]):
         return place
     return replace(place, photo=finer(_FINER))

@@ -25,7 +25,9 @@ from PIL import ExifTags, Image
 from starlette.testclient import TestClient
 
 from lighting import Lighting, read_exr
+from lighting.envmap import place_of, view
 from lighting.files import full_record, read_hdr
+from lighting.photo import read_photo
 from lighting.pipeline import Estimator
 from lighting.scene import TOOLS
 from server.app import create_app
@@ -143,6 +145,14 @@ def run(copied: str, folder: Path) -> None:
     command = ["sh", "-c", copied] if copied.startswith("curl ") else [sys.executable, "-c", copied]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     subprocess.run(command, cwd=folder, env=environment, check=True, timeout=120, capture_output=True)
+
+
+def together(files: list[Path]) -> NDArray[np.float32]:
+    """The map of the last of several photos, by the library."""
+    photos = [read_photo(file) for file in files]
+    estimate = Estimator().together(photos)[-1]
+    place = place_of(estimate, photos[-1].pixels, 512, lambda side: read_photo(files[-1], target=side).pixels)
+    return view(estimate.lighting, 512, sun=estimate.lighting.sun_shines, place=place)[0]
 
 
 def colours(file: Path) -> NDArray[np.float64]:
@@ -297,6 +307,7 @@ class TestWhatThePhotoSays:
         image, held = read_exr(folder / "together.exr")
         for name in ("sun_azimuth", "exposure", "sun_irradiance", "sky_irradiance", "sky_cover", "ground_color"):
             assert getattr(held, name) == pytest.approx(getattr(said, name), rel=1e-5), name
+        np.testing.assert_allclose(image, together([PHOTO, folder / DATED]), rtol=5e-3, atol=2e-3)
         for copied in visit["togetherCopies"]:
             run(copied, folder)
             np.testing.assert_allclose(read_exr(folder / DATED.replace("jpg", "exr"))[0], image, atol=2e-3)

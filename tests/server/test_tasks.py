@@ -92,6 +92,18 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
     assert record["ground"]["color"] == [0.1, 0.2, 0.3]
 
 
+def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_network: Path) -> None:
+    service = Service(Settings(), Estimator(Model.load(lit_network)))
+    power = {"sun_irradiance": "3.9,4.3,3.4", "sky_irradiance": "0.3,0.6,1.1", "ground_color": "0.1,0.2,0.3"}
+
+    def maps(**exposures: float) -> Any:
+        query = EnvmapQuery.model_validate({**power, "height": 32, "surroundings": "true", **exposures})
+        return read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))[0]
+
+    np.testing.assert_allclose(maps(exposure=2.0, photo_exposure=2.0), maps(), rtol=1e-3)
+    assert not np.allclose(maps(exposure=2.0), maps(), rtol=0.1)
+
+
 def test_a_photo_becomes_a_preview(service: Service) -> None:
     data = in_a_thread(tasks.preview_file, service, PHOTO, PreviewQuery.model_validate({}))
     with Image.open(BytesIO(data)) as drawn:

@@ -66,6 +66,7 @@ export interface Changed extends Parameters {
   sky_irradiance?: Triple;
   sky_cover?: number;
   ground_color?: Triple;
+  photo_exposure?: number; // at which the photo is as it is
 }
 
 export type Format = "exr" | "hdr" | "png";

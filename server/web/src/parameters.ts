@@ -25,7 +25,7 @@ export function statedLight(estimate: Lighting, shown: Parameters, power: Power)
   const own = isSame(parametersOf(estimate), shown);
   const stated = sun.irradiance && sky.irradiance;
   return {
-    ...shown,
+    ...{ ...shown, photo_exposure: sky.exposure },
     ...(stated ? { sun_irradiance: own ? sun.irradiance : power.sun } : {}),
     ...(stated ? { sky_irradiance: own ? sky.irradiance : power.sky } : {}),
     ...(sky.cover === undefined ? {} : { sky_cover: sky.cover }),

@@ -193,9 +193,7 @@ describe("the light on show as text", () => {
 
   it("replaces the light in the Python program", () => {
     expect(pythonOf(subject)).not.toContain("change");
-    expect(pythonOf(moved)).toContain(
-      "place_of(estimate, photo.pixels, 512, lambda side: read_photo(name, target=side)",
-    );
+    expect(pythonOf(moved)).toContain("place_of(estimate, photo.pixels, 512, finer)");
     expect(pythonOf(moved)).toContain('    "sun_azimuth": -41.2,\n');
     expect(pythonOf(moved)).toContain("sun=False, place=place");
     expect(pythonOf(moved)).not.toContain("irradiance");
@@ -225,15 +223,16 @@ describe("the light on show as text", () => {
       ground: { color: [0.143, 0.1, 0.1] },
     } as Lighting;
     const power: Power = { sun: [0, 0, 0], sky: [1, 2, 3] };
-    expect(statedLight(record, light, power)).toEqual(light);
+    expect(statedLight(record, light, power)).toEqual({ ...light, photo_exposure: 5 });
     const program = pythonOf({ ...subject, changed: statedLight(stated, light, power) });
     expect(program).toContain(
       '    "sun_irradiance": (3.89, 4.28, 3.36123),\n    "sky_irradiance": (0.35, 0.62, 1.12),\n',
     );
     expect(program).toContain('    "sky_cover": 0.25,\n    "ground_color": (0.143, 0.1, 0.1),\n');
-    const turned = statedLight(stated, { ...light, turbidity: 4 }, power);
+    expect(program).toContain("finer, exposure=5)");
+    const turned = statedLight(stated, { ...light, exposure: 10 }, power);
     expect(curlOf({ ...subject, changed: turned })).toContain(
-      "&sun=false&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
+      "&exposure=10&sun=false&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
     );
   });
 });

@@ -30,6 +30,8 @@ export function curlOf({ origin, photo, given, changed, height, keyed }: Subject
 /** A Python program that writes the same map with the library alone. */
 export function pythonOf({ photo, given, changed, height }: Subject): string {
   const said = givenFields(given);
+  const at = changed?.photo_exposure;
+  const exposure = at === undefined ? "" : `, exposure=${valueText(at)}`;
   const lines = [
     ...(said.includes("datetime") ? ["from datetime import datetime", ""] : []),
     `from lighting import Estimator, ${said ? "Given, " : ""}write_exr`,
@@ -41,7 +43,10 @@ export function pythonOf({ photo, given, changed, height }: Subject): string {
     `estimate = Estimator()(photo${said && `, Given(${said})`})`,
     ...(changed ? ["changes = {", ...changes(changed), "}"] : []),
     `lighting = ${changed ? "change(estimate.lighting, changes)" : "estimate.lighting"}`,
-    `place = place_of(estimate, photo.pixels, ${height}, lambda side: read_photo(name, target=side).pixels)`,
+    "def finer(side):",
+    "    return read_photo(name, target=side).pixels",
+    "",
+    `place = place_of(estimate, photo.pixels, ${height}, finer${exposure})`,
     `image, lighting = view(lighting, ${height}, ${changed ? `sun=${changed.sun ? "True" : "False"}, ` : ""}place=place)`,
     `write_exr(${text(`${stem(photo)}.exr`)}, image, lighting)`,
   ];
