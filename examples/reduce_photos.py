@@ -17,14 +17,13 @@ PHOTOS = {  # name here: name there
     "golden_hour.jpg": "rome_0617.jpg",
     "street_in_shade.jpg": "rome_0511.jpg",
     "afternoon_square.jpg": "rome_0477.jpg",
-    "evening_facade.jpg": "rome_0557.jpg",
 }
 QUALITY = 82
 THUMB = (240, 180)
 THUMB_QUALITY = 75
 SHOWN = (
-    *("garden_noon.jpg", "snow_field.jpg"),
-    *("rome/golden_hour.jpg", "rome/street_in_shade.jpg", "rome/afternoon_square.jpg", "rome/evening_facade.jpg"),
+    *("garden_noon.jpg", "overcast_street.jpg", "forest_clearing.jpg", "snow_field.jpg"),
+    *("rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
 )
 
 
