@@ -129,14 +129,17 @@ def unpack(file: Path, number: int, data: Path, labels: Path, out: Path) -> None
 
 
 @cli.command()
-@click.argument("run", type=FOLDER)
+@click.argument("runs", type=FOLDER, nargs=-1, required=True)
 @data
 @labels
-def suitable(run: Path, data: Path, labels: Path) -> None:
-    """Fit the head that says whether a photo suits, on a finished run's features; print what it catches."""
+def suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
+    """Fit the head that says whether a photo suits, on the features of finished runs that will answer together.
+
+    Prints what it catches.
+    """
     from export.training.suitable import learn_suitable
 
-    click.echo(learn_suitable(run, data, labels))
+    click.echo(learn_suitable(runs, data, labels))
 
 
 @cli.command()

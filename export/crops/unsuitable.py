@@ -18,7 +18,7 @@ from lighting.records import ModelSpec
 Picture = NDArray[np.uint8]
 
 TABLE = "unsuitable.csv"
-MADE = ("on its side", "whole panorama", "night", "black", "blown out", "drawing", "plain")
+MADE = ("on its side", "upside down", "whole panorama", "night", "black", "blown out", "drawing", "plain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +58,8 @@ def made(kind: str, crop: Picture, source: Source, rng: np.random.Generator, spe
     match kind:
         case "on its side":
             return np.ascontiguousarray(np.rot90(crop, rng.choice([1, 3])))
+        case "upside down":
+            return np.ascontiguousarray(crop[::-1, ::-1])
         case "whole panorama":
             return _whole(source, rng, spec)
         case "night":

@@ -1,8 +1,8 @@
-"""The head that says whether a photo suits: a linear classifier on a finished network's pooled features.
+"""The head that says whether a photo suits: a linear classifier on the pooled features of the networks that answer.
 
 What it separates: crops of panoramas and ordinary photos, shade and cloud included, from indoors, night, screens,
-drawings, pictures on their side, whole panoramas, black and blown-out frames. The bias is set so that a probability of
-one half raises a false alarm for FALSE_ALARMS of the photos of held-out training places.
+drawings, pictures on their side or upside down, whole panoramas, black and blown-out frames. The bias is set so that a
+probability of one half raises a false alarm for FALSE_ALARMS of the photos of held-out training places.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from PIL import Image
 from torch import Tensor, nn
 
 from export.crops import (
@@ -27,13 +28,13 @@ from export.crops import (
     training_camera,
 )
 from export.crops.unsuitable import Picture, pictures, read_unsuitable
-from export.data import read_index, read_photo_rows
+from export.data import read_index, read_photo_rows, read_table
 from export.networks import CHECKPOINT, read_network, read_spec
 from export.networks.outdoor import Outdoor
 from export.training.sources import split_places
 from lighting.files import replacing
 from lighting.geometry import Floats
-from lighting.photo import place
+from lighting.photo import fit_size, place, read_photo
 from lighting.records import ModelSpec
 
 FALSE_ALARMS = 0.005
@@ -45,6 +46,8 @@ EACH = 12  # variants of each unsuitable picture
 HELD_OUT = 0.25  # of the places
 DECAY = 1e-3
 STEPS = 300
+TURNED = ("photo turned left", "photo upside down", "photo turned right")
+PHOTOS_TABLE = "photos.csv"
 BATCH = 32
 
 Names = NDArray[np.str_]
@@ -52,7 +55,7 @@ Names = NDArray[np.str_]
 
 @dataclass(frozen=True)
 class Head:
-    """Weight (1280,) and bias of the logit that a photo suits."""
+    """Weight (F,) and bias of the logit that a photo suits; F is 1280 for each network."""
 
     weight: Tensor
     bias: float
@@ -62,26 +65,62 @@ class Head:
         return features @ self.weight + self.bias
 
 
-def learn_suitable(run: Path, data: Path, labels: Path) -> str:
-    """Fit the head, write it into the run's averaged weights, and return what it achieves in words."""
-    network, spec = read_network(run), read_spec(run)
-    assert isinstance(network, Outdoor)
+def learn_suitable(runs: Sequence[Path], data: Path, labels: Path) -> str:
+    """Fit the head, write each run's part of it into its averaged weights, and return in words what it achieves.
+
+    The runs answer together: the mean of their logits is the head's.
+    """
+    networks, spec = [_outdoor(run) for run in runs], read_spec(runs[0])
     kept, held_out = (load_sources(part, labels) for part in split_places(read_index(data, "train"), HELD_OUT))
-    photos = load_photos(read_photo_rows(data))
     known = read_unsuitable(data)
+    ours = _photos(data, spec)
+    good = features(networks, spec, [*ours, *(p for p, _ in crops(kept, CROPS, spec))])
+    other = features(networks, spec, (p for p, _ in crops(held_out, CROPS // 2, spec)))
+    bad = list(pictures(known, crops(kept, CROPS, spec), EACH, spec))
+    turned = [np.ascontiguousarray(np.rot90(p, 1 + number % 3)) for number, p in enumerate(ours)]
+    kinds = np.array([*(kind for kind, _ in bad), *(TURNED[number % 3] for number in range(len(ours)))])
+    wrong = features(networks, spec, [*(picture for _, picture in bad), *turned])
+    fold = _folds([picture.group for picture in known], EACH, len(wrong) - EACH * len(known))
+    head = fit(good, wrong, other)
+    report = [_report(caught(good, other, wrong, fold), kinds), _on_photos(head, networks, data, spec)]
+    write(runs, head)
+    return "\n".join(filter(None, report))
+
+
+def _outdoor(run: Path) -> Outdoor:
+    network = read_network(run)
+    assert isinstance(network, Outdoor)
+    return network
+
+
+def _photos(data: Path, spec: ModelSpec) -> list[Picture]:
+    """Ordinary photos to learn from, as pictures."""
+    photos = load_photos(read_photo_rows(data))
     rng = np.random.default_rng(1)
     drawn: list[int] = rng.choice(len(photos), PHOTOS, p=photo_weights(photos)).tolist() if photos else []
-    ours = [augment(take_photo(photos[i], rng, spec), rng)[0] for i in drawn]
-    good = features(network, spec, [*ours, *(p for p, _ in crops(kept, CROPS, spec))])
-    other = features(network, spec, (p for p, _ in crops(held_out, CROPS // 2, spec)))
-    bad = list(pictures(known, crops(kept, CROPS, spec), EACH, spec))
-    kinds = np.array([kind for kind, _ in bad])
-    wrong = features(network, spec, (picture for _, picture in bad))
-    fold = _folds([picture.group for picture in known], EACH, len(bad) - EACH * len(known))
-    report = _report(caught(good, other, wrong, fold), kinds)
-    head = fit(good, wrong, other)
-    write(run, head)
-    return report
+    return [augment(take_photo(photos[i], rng, spec), rng)[0] for i in drawn]
+
+
+def _on_photos(head: Head, networks: Sequence[Outdoor], data: Path, spec: ModelSpec) -> str:
+    """What the head says of the photos of `photos.csv`, which no run learnt from, and of the same photos turned."""
+    if not (data / PHOTOS_TABLE).exists():
+        return ""
+    photos = [
+        _fitted(read_photo(data / row["file"]).pixels, spec) for row in read_table(data / PHOTOS_TABLE, ("file",))
+    ]
+    shares = [
+        100 * float((head.suits(features(networks, spec, (np.rot90(p, turn) for p in photos))) < 0).float().mean())
+        for turn in range(4)
+    ]
+    upright, left, down, right = (f"{share:.1f}" for share in shares)
+    return (
+        f"Of {len(photos)} photos {upright} % are doubted; turned left, right, upside down: {left}, {right}, {down} %."
+    )
+
+
+def _fitted(pixels: Picture, spec: ModelSpec) -> Picture:
+    size = fit_size(pixels.shape[1], pixels.shape[0], spec)
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING))
 
 
 def crops(sources: Sequence[Source], count: int, spec: ModelSpec) -> Iterator[tuple[Picture, Source]]:
@@ -92,21 +131,21 @@ def crops(sources: Sequence[Source], count: int, spec: ModelSpec) -> Iterator[tu
         yield augment(take(source, training_camera(rng), spec), rng)[0], source
 
 
-def features(network: Outdoor, spec: ModelSpec, shown: Iterable[Picture]) -> Tensor:
-    """Pooled features (N, 1280) of pictures (h, w, 3)."""
+def features(networks: Sequence[Outdoor], spec: ModelSpec, shown: Iterable[Picture]) -> Tensor:
+    """Pooled features (N, 1280 a network) of pictures (h, w, 3)."""
     found, waiting = [], []
     for picture in shown:
-        waiting.append(torch.from_numpy(place(picture, spec)))
+        waiting.append(torch.from_numpy(place(np.ascontiguousarray(picture), spec)))
         if len(waiting) == BATCH:
-            found.append(_pooled(network, waiting))
+            found.append(_pooled(networks, waiting))
             waiting = []
-    return torch.cat([*found, _pooled(network, waiting)] if waiting else found)
+    return torch.cat([*found, _pooled(networks, waiting)] if waiting else found)
 
 
-def _pooled(network: Outdoor, photos: list[Tensor]) -> Tensor:
+def _pooled(networks: Sequence[Outdoor], photos: list[Tensor]) -> Tensor:
+    batch = torch.stack(photos).to(memory_format=torch.channels_last)
     with torch.inference_mode():
-        pooled: Tensor = network.backbone(torch.stack(photos).to(memory_format=torch.channels_last))[2]
-        return pooled.clone()
+        return torch.cat([network.backbone(batch)[2] for network in networks], dim=1).clone()
 
 
 def fit(good: Tensor, bad: Tensor, calibrating: Tensor) -> Head:
@@ -169,10 +208,11 @@ def _report(seen: dict[float, Floats], kinds: Names) -> str:
     return "\n".join(lines)
 
 
-def write(run: Path, head: Head) -> None:
-    """Put the head into a run's averaged weights."""
-    state = torch.load(run / CHECKPOINT, map_location="cpu", weights_only=True)
-    state["average"]["module.suitable.weight"] = head.weight[None]
-    state["average"]["module.suitable.bias"] = torch.tensor([head.bias])
-    with replacing(run / CHECKPOINT) as path:
-        torch.save(state, path)
+def write(runs: Sequence[Path], head: Head) -> None:
+    """Put each run's part of the head into its averaged weights; the mean of their logits is the head's."""
+    for run, weight in zip(runs, head.weight.chunk(len(runs)), strict=True):
+        state = torch.load(run / CHECKPOINT, map_location="cpu", weights_only=True)
+        state["average"]["module.suitable.weight"] = len(runs) * weight[None]
+        state["average"]["module.suitable.bias"] = torch.tensor([head.bias])
+        with replacing(run / CHECKPOINT) as path:
+            torch.save(state, path)

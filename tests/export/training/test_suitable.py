@@ -45,17 +45,24 @@ def test_pictures_are_judged_by_heads_that_saw_none_of_their_owner() -> None:
 
 
 def test_the_head_is_written_where_networks_are_read(trained: Path, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(trained, run)
-    state = torch.load(run / CHECKPOINT, weights_only=True)
-    around = {n: v for n, v in network_with_light().state_dict().items() if n.startswith(("around.", "light."))}
-    state["average"] |= {f"module.{name}": value for name, value in around.items()}
-    torch.save(state, run / CHECKPOINT)
-    head = fit(torch.randn(50, 1280) + 1, torch.randn(50, 1280), torch.randn(50, 1280) + 1)
-    write(run, head)
-    network = read_network(run)
-    assert isinstance(network, Outdoor)
-    assert network.suitable is not None
-    pooled = torch.rand(3, 1280)
-    with torch.inference_mode():
-        np.testing.assert_allclose(network.suitable(pooled)[:, 0], head.suits(pooled), rtol=1e-4, atol=1e-4)
+    runs = [tmp_path / name for name in ("a", "b")]
+    for run in runs:
+        shutil.copytree(trained, run)
+        state = torch.load(run / CHECKPOINT, weights_only=True)
+        around = {n: v for n, v in network_with_light().state_dict().items() if n.startswith(("around.", "light."))}
+        state["average"] |= {f"module.{name}": value for name, value in around.items()}
+        torch.save(state, run / CHECKPOINT)
+    pooled = torch.rand(3, 2560)
+    for together in (runs[:1], runs):
+        count = 1280 * len(together)
+        head = fit(torch.randn(50, count) + 1, torch.randn(50, count), torch.randn(50, count) + 1)
+        write(together, head)
+        said = []
+        for run, part in zip(together, pooled.chunk(2, dim=1), strict=False):
+            network = read_network(run)
+            assert isinstance(network, Outdoor)
+            assert network.suitable is not None
+            with torch.inference_mode():
+                said.append(network.suitable(part)[:, 0])
+        expected = head.suits(pooled[:, :count])
+        np.testing.assert_allclose(torch.stack(said).mean(dim=0), expected, rtol=1e-4, atol=1e-4)
