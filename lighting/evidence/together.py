@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading, von_mises
-from lighting.decoding import light_numbers, light_of_numbers
+from lighting.decoding import light_numbers, light_of_numbers, said_elevation
 from lighting.errors import ParameterError
 from lighting.evidence.frames import Frames, frames
 from lighting.evidence.fusion import (
@@ -58,12 +58,14 @@ def fuse_together(
     turns = frames(evidence, headings, placed)
     shared = _share_sky(_as_matched(predictions, placed) if placed else predictions)
     known = _share_time(evidence)
+    said = float(np.mean([said_elevation(p) for p in predictions]))  # as of their light, the mean
     answers = _on_rings(shared, known, turns) if known[0].candidates else _on_cells(shared, known, turns)
     return tuple(
         replace(
             a,
             warnings=(*single.warnings, *_unmatched(i, turns, placed)),
             used=_used(a, turns.source if turns.has_company(i) else ""),
+            elevation_said=said,
         )
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
