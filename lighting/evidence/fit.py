@@ -11,7 +11,7 @@ from lighting.errors import ParameterError
 from lighting.evidence.answer import UNSUITABLE
 from lighting.evidence.ephemeris import sun_position
 from lighting.evidence.facts import ZONE_LEAD, merge, of_one_place, place_of
-from lighting.evidence.frames import frames
+from lighting.evidence.frames import contrary_up, frames
 from lighting.evidence.fusion import Evidence
 from lighting.evidence.given import Given
 from lighting.evidence.metadata import elsewhere
@@ -93,21 +93,26 @@ def series_of(
         raise ParameterError(
             f"Photo {apart[0] + 1} shows nothing that the first one shows: its heading must be stated."
         )
-    warnings = _warnings(predictions, facts, merged, given)
+    warnings = _warnings(predictions, facts, merged, given, placed)
     return Series(
         predictions, merged, evidence, turned.turn - turned.turn[0], warnings, place_given=given.latitude is not None
     )
 
 
 def _warnings(
-    predictions: Sequence[Prediction], facts: Sequence[PhotoFacts], used: Sequence[PhotoFacts], given: Given
+    predictions: Sequence[Prediction],
+    facts: Sequence[PhotoFacts],
+    used: Sequence[PhotoFacts],
+    given: Given,
+    placed: "Sequence[Placed] | None",
 ) -> tuple[str, ...]:
     """What speaks against single photos."""
     said = []
     for number, (prediction, own, common) in enumerate(zip(predictions, facts, used, strict=True), 1):
         of_place = elsewhere(own, common) if given.use_exif and given.latitude is None else ()
         odd = prediction.light is not None and prediction.light.suitable < SUITABLE
-        said += [f"Photo {number}: {text}" for text in (*of_place, *((UNSUITABLE,) if odd else ()))]
+        turned = () if placed is None else contrary_up(prediction, placed[number - 1])
+        said += [f"Photo {number}: {text}" for text in (*of_place, *turned, *((UNSUITABLE,) if odd else ()))]
     return tuple(said)
 
 
