@@ -283,7 +283,7 @@ def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, mode
 @click.option("--last", type=click.IntRange(1), help="Only the last rows of the index, which a network did not see.")
 @click.option("--count", type=click.IntRange(1), help="At most so many places, walks and days. [all]")
 @network
-@click.argument("parts", nargs=-1, type=click.Choice(["pairs", "walks", "sets", "overlap", "days"]))
+@click.argument("parts", nargs=-1, type=click.Choice(["pairs", "zooms", "walks", "sets", "overlap", "days"]))
 def turns(parts: tuple[str, ...], **asked: Any) -> None:
     """Print how well turns between photos are found, and what they are worth."""
     from export.turns.report import PARTS, Asked, report

@@ -36,6 +36,11 @@ def sun_of(prediction: Prediction) -> SunEstimate:
     return SunEstimate(float(azimuth), float(elevation), radius_50, radius_90)
 
 
+def said_elevation(prediction: Prediction) -> float:
+    """The sun's elevation [deg] by the pixels alone."""
+    return float(angles(best_guess(prediction.sun_probability, prediction.spec.sun_grid))[1])
+
+
 def lighting_from(prediction: Prediction, sun: SunEstimate | None = None) -> Lighting:
     """The Lighting of a prediction, with every value clipped to its range.
 
@@ -91,10 +96,12 @@ def tinted(irradiance: Colour, said: float, known: float) -> Colour:
     The network states the colour of a sun where it has it, and it puts low suns too high: their light is too white.
     A sun that is higher than said, or above 12 deg, keeps its colour.
     """
+    brightness = float(luminance(np.array(irradiance)))
+    if brightness == 0.0:
+        return irradiance
     suns = [sun_radiance(direction(0.0, float(np.clip(e, *_LOW))), _CLEAR) for e in (min(known, said), said)]
     values = np.array(irradiance) * (suns[0] / suns[1]) ** _TINT
-    brightness = float(luminance(np.array(irradiance))) / max(float(luminance(values)), _DARKEST)
-    return colour(values * brightness, "sun_irradiance")
+    return colour(values * (brightness / float(luminance(values))), "sun_irradiance")
 
 
 def colour(values: Floats, name: str) -> Colour:

@@ -1,20 +1,21 @@
-"""How well the turn of two photos is found: panoramas seen twice from one point, places walked through, strangers."""
+"""How well the turn of two photos is found: panoramas seen twice from one point or zoomed, walks, strangers."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from tqdm import tqdm
 
-from export.crops import Camera
+from export.crops import Camera, generator
 from export.data import Panorama
-from export.turns.sets import HEIGHT, WIDTH, across, sweep
+from export.turns.sets import FOVS, GAINS, HEIGHT, WIDTH, across, exposed, photo, sweep
 from export.turns.walk import Standpoint, Walk
 from lighting.geometry import angles, wrap_azimuth
 from lighting.turns import Features, Turn, features, relative_rotation
 from lighting.turns.upright import own_axes
 
+ZOOMS, ASIDE = (1.2, 3.0), (3.0, 15.0)  # times, and deg between two photos of which one is zoomed
 STEPS = (0.3, 3.0)  # m between two standpoints
 WALKED_OVERLAPS = (0.4, 0.9)
 ELEVATIONS = 8.0  # deg, of a walker's camera, up or down
@@ -64,6 +65,22 @@ def turned(panoramas: Sequence[Panorama]) -> tuple[list[Answer], list[Turn | Non
         answers.append(Answer(relative_rotation(*seen), a.camera, b.camera))
     strangers = [relative_rotation(a[0], b[1]) for a, b in zip(shown, [*shown[1:], shown[0]], strict=True)]
     return answers, strangers
+
+
+def zoomed(panoramas: Sequence[Panorama]) -> Iterator[Answer]:
+    """The answers about two photos of each panorama, the second through a longer lens."""
+    for panorama in tqdm(panoramas, unit="zoom"):
+        rng = generator(panorama.name, 2, "zoom")
+        a, b = (Camera(0.0, rng.uniform(-10, 15), rng.normal(0, 2), fov, WIDTH / HEIGHT) for fov in _two_lenses(rng))
+        b = replace(b, azimuth=rng.uniform(*ASIDE) * rng.choice([-1, 1]))
+        picture, fov = exposed(panorama), 0.5 * (a.vertical_fov + b.vertical_fov) + rng.normal(0, GUESS)
+        first, second = (features(photo(picture, camera, rng.uniform(*GAINS, 3))) for camera in (a, b))
+        yield Answer(relative_rotation(first, second, fov, fov, 7.0), a, b)
+
+
+def _two_lenses(rng: np.random.Generator) -> tuple[float, float]:
+    fov = rng.uniform(*FOVS)
+    return fov, float(2 * np.degrees(np.arctan(np.tan(np.radians(fov / 2)) / rng.uniform(*ZOOMS))))
 
 
 def walked(count: int) -> Iterator[Answer]:

@@ -13,7 +13,7 @@ from export.turns import groups, overlap, pairs
 from export.turns.sets import one_each
 from lighting.model import Model
 
-PARTS = ("pairs", "walks", "sets", "overlap", "days")
+PARTS = ("pairs", "zooms", "walks", "sets", "overlap", "days")
 WALKS, SETS, DAYS = 24, 36, 6  # rendered places walked through, places with a set, rendered days
 PER_PLACE = 1  # panoramas for the correlation
 
@@ -37,7 +37,7 @@ class Asked:
 def report(asked: Asked) -> str:
     """The tables asked for."""
     panoramas = _rows(asked.data, asked.split, asked.last)
-    made = {"pairs": _pairs, "walks": _walks, "sets": _sets, "overlap": _overlap, "days": _days}
+    made = {"pairs": _pairs, "zooms": _zooms, "walks": _walks, "sets": _sets, "overlap": _overlap, "days": _days}
     return "\n\n".join(made[part](asked, panoramas) for part in asked.parts) + "\n"
 
 
@@ -63,6 +63,12 @@ def _pairs(asked: Asked, panoramas: Sequence[Panorama]) -> str:
             f"Photos of two different places: {false} of {len(strangers)} pairs were given a turn.",
         ]
     )
+
+
+def _zooms(asked: Asked, panoramas: Sequence[Panorama]) -> str:
+    answers = list(pairs.zoomed(one_each(panoramas)[: asked.count]))
+    title = f"## Two photos of one panorama ({len(answers)} places), one zoomed, their mean lens known to 5° [deg]"
+    return f"{title}\n\n{_figures({'all': pairs.figures(answers)})}"
 
 
 def _walks(asked: Asked, _: Sequence[Panorama]) -> str:

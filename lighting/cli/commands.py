@@ -64,7 +64,7 @@ def estimate(
     check_together(len(photos), given, **taken_together)
     estimator = load_estimator(model)
     if fit := taken_together.pop("fit"):
-        print_fit(estimator, photos, given, taken_together["headings"], fit, as_json)
+        print_fit(estimator, photos, given, taken_together["headings"], fit, as_json, quiet)
         return
     report_unmatched(quiet, **taken_together)
     failed = 0

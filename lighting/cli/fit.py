@@ -21,6 +21,7 @@ def print_fit(
     headings: list[float] | None,
     kind: str,
     as_json: bool,
+    quiet: bool,
 ) -> None:
     """Fit and print; a photo that cannot be read ends it."""
     from lighting.turns import MAX_SIDE
@@ -31,6 +32,8 @@ def print_fit(
             read.append(open_photo(name, None if headings else MAX_SIDE))
     found = estimator.follow(read, kind, given, headings)
     click.echo(json.dumps({"fit": found.to_dict()}) if as_json else fit_in_words(found))
+    for warning in () if as_json or quiet else found.warnings:
+        click.echo(f"Warning: {warning}", err=True)
 
 
 def fit_in_words(found: "Fit") -> str:
@@ -45,6 +48,9 @@ def fit_in_words(found: "Fit") -> str:
         parts.append(f"date {_day(found.day_of_year.best)} ({_days(found.day_of_year)})")
     if found.clock_shift is not None:
         parts.append(f"clock {found.clock_shift.best:+.1f} h ({_likely(found.clock_shift, '{:+.1f} h')})")
+    if (offset := found.utc_minus_clock) is not None:
+        likely = _likely(offset, "{:+.1f} h")
+        parts.append(f"UTC is the photos' clock {offset.best:+.1f} h, zone and error together ({likely})")
     return "; ".join(parts)
 
 

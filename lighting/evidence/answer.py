@@ -3,10 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from lighting.decoding import best_guess, lighting_from, tinted
+from lighting.decoding import lighting_from, said_elevation, tinted
 from lighting.evidence.fusion import Fused
 from lighting.evidence.metadata import Known
-from lighting.geometry import angles
 from lighting.records import SUITABLE, Estimate
 
 UNSUITABLE = (
@@ -27,9 +26,9 @@ def estimate_of(fused: Fused, known: Known) -> Estimate:
         told["camera_heading_probability"] = tuple(round(float(p), 6) for p in heading.probability)
     if fused.relative_heading is not None:
         told["relative_heading"] = round(fused.relative_heading.best, 2) % 360.0
-    if lighting.sun_irradiance is not None and "time+place" in fused.used and "other photos" not in fused.used:
-        _, said = angles(best_guess(fused.prediction.sun_probability, fused.prediction.spec.sun_grid))
-        told["sun_irradiance"] = tinted(lighting.sun_irradiance, float(said), lighting.sun_elevation)
+    if lighting.sun_irradiance is not None and "time+place" in fused.used:
+        said = said_elevation(fused.prediction) if fused.elevation_said is None else fused.elevation_said
+        told["sun_irradiance"] = tinted(lighting.sun_irradiance, said, lighting.sun_elevation)
     if not known.sun_is_up:
         told["sun_visibility"] = 0.0
         told["sun_irradiance"] = None if lighting.sun_irradiance is None else (0.0, 0.0, 0.0)

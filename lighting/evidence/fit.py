@@ -1,23 +1,25 @@
 """Place and time from light: heading, latitude, or date and clock, fitted to the sun's path over several photos."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lighting.errors import ParameterError
+from lighting.evidence.answer import UNSUITABLE
 from lighting.evidence.ephemeris import sun_position
 from lighting.evidence.facts import ZONE_LEAD, merge, of_one_place, place_of
-from lighting.evidence.frames import frames
+from lighting.evidence.frames import contrary_up, frames
 from lighting.evidence.fusion import Evidence
 from lighting.evidence.given import Given
+from lighting.evidence.metadata import elsewhere
 from lighting.evidence.path import Paths, follow
 from lighting.evidence.sun import suns
 from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
-from lighting.records import Prediction
+from lighting.records import SUITABLE, Prediction
 
 if TYPE_CHECKING:
     from lighting.turns import Placed
@@ -50,13 +52,17 @@ class Fit:
     heading_radius_90: float
     latitude: Range | None = None  # deg
     day_of_year: Range | None = None  # of the first photo, 1 to 365
-    clock_shift: Range | None = None  # h to add to the photos' clocks
+    clock_shift: Range | None = None  # h to add to the photos' clocks, of which the zone is known
+    utc_minus_clock: Range | None = None  # h to add to clocks of unknown zone for UTC: zone and error together
+    warnings: tuple[str, ...] = ()  # about the photos, which are numbered from 1
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON; what was not asked for is left out."""
         heading = {"best": self.heading, "radius_50": self.heading_radius_50, "radius_90": self.heading_radius_90}
-        asked = {name: getattr(self, name) for name in ("latitude", "day_of_year", "clock_shift")}
-        return {"heading": heading, **{name: value.to_dict() for name, value in asked.items() if value is not None}}
+        asked = {name: getattr(self, name) for name in ("latitude", "day_of_year", "clock_shift", "utc_minus_clock")}
+        warned = {"warnings": list(self.warnings)} if self.warnings else {}
+        found = {name: value.to_dict() for name, value in asked.items() if value is not None}
+        return {"heading": heading, **found, **warned}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +73,8 @@ class Series:
     facts: Sequence[PhotoFacts]  # of one place
     evidence: Sequence[Evidence]
     turns: Floats  # (n,) deg clockwise from the first photo
+    warnings: tuple[str, ...] = ()  # about the photos, which are numbered from 1
+    place_given: bool = False  # whether the place is what the user says
 
 
 def series_of(
@@ -85,14 +93,33 @@ def series_of(
         raise ParameterError(
             f"Photo {apart[0] + 1} shows nothing that the first one shows: its heading must be stated."
         )
-    return Series(predictions, merged, evidence, turned.turn - turned.turn[0])
+    warnings = _warnings(predictions, facts, merged, given, placed)
+    return Series(
+        predictions, merged, evidence, turned.turn - turned.turn[0], warnings, place_given=given.latitude is not None
+    )
+
+
+def _warnings(
+    predictions: Sequence[Prediction],
+    facts: Sequence[PhotoFacts],
+    used: Sequence[PhotoFacts],
+    given: Given,
+    placed: "Sequence[Placed] | None",
+) -> tuple[str, ...]:
+    """What speaks against single photos."""
+    said = []
+    for number, (prediction, own, common) in enumerate(zip(predictions, facts, used, strict=True), 1):
+        of_place = elsewhere(own, common) if given.use_exif and given.latitude is None else ()
+        odd = prediction.light is not None and prediction.light.suitable < SUITABLE
+        turned = () if placed is None else contrary_up(prediction, placed[number - 1])
+        said += [f"Photo {number}: {text}" for text in (*of_place, *turned, *((UNSUITABLE,) if odd else ()))]
+    return tuple(said)
 
 
 def fit(series: Series, kind: str) -> Fit:
     """One of KINDS; ParameterError where the photos do not say what it needs."""
-    if kind == "heading":
-        return _heading(series)
-    return _latitude(series) if kind == "latitude" else _time(series)
+    found = {"heading": _heading, "latitude": _latitude, "time": _time}[kind](series)
+    return replace(found, warnings=(*found.warnings, *series.warnings))
 
 
 def _heading(series: Series) -> Fit:
@@ -113,7 +140,8 @@ def _latitude(series: Series) -> Fit:
     azimuth, elevation = sun_position(_moments(times), latitude[:, None], longitude[:, None])
     found, probability = _fitted(series, times, Paths(elevation, azimuth, np.cos(np.radians(latitude))))
     by_latitude = probability.reshape(len(LATITUDES), -1).sum(axis=1)
-    return _with(found, latitude=likely(LATITUDES, by_latitude))
+    unused = ("The latitude that was given was not used, since it is what is fitted.",) if series.place_given else ()
+    return replace(found, latitude=likely(LATITUDES, by_latitude), warnings=unused)
 
 
 def _longitudes(facts: PhotoFacts) -> Floats:
@@ -126,7 +154,8 @@ def _longitudes(facts: PhotoFacts) -> Floats:
 
 
 def _time(series: Series) -> Fit:
-    place, times = place_of(series.facts[0]), _utc(series) or _local(series)
+    utc = _utc(series)
+    place, times = place_of(series.facts[0]), utc or _local(series)
     if place is None or times is None:
         raise ParameterError("Date and time are fitted to photos that say where they are and how far apart in time.")
     days, shifts = np.arange(0, 365, DAY_STEP), np.arange(-12.0, 12.0, SHIFT_STEP)
@@ -136,11 +165,8 @@ def _time(series: Series) -> Fit:
     azimuth, elevation = sun_position(_moments(times) + moved[:, None], *place)
     found, probability = _fitted(series, times, Paths(elevation, azimuth, np.ones(len(day))))
     table = probability.reshape(len(days), len(shifts))
-    return _with(
-        found,
-        day_of_year=likely(days + 1.0, table.sum(axis=1)),
-        clock_shift=likely(shifts, table.sum(axis=0)),
-    )
+    found, shift = replace(found, day_of_year=likely(days + 1.0, table.sum(axis=1))), likely(shifts, table.sum(axis=0))
+    return replace(found, utc_minus_clock=shift) if utc is None else replace(found, clock_shift=shift)
 
 
 def _fitted(series: Series, times: list[datetime] | None, paths: Paths) -> tuple[Fit, Floats]:
@@ -150,10 +176,6 @@ def _fitted(series: Series, times: list[datetime] | None, paths: Paths) -> tuple
     found = followed.heading
     best, half, most = (round(v, 2) for v in (found.best, found.radius_50, found.radius_90))
     return Fit(best % 360.0, half, most), followed.probability
-
-
-def _with(found: Fit, **ranges: Range) -> Fit:
-    return Fit(found.heading, found.heading_radius_50, found.heading_radius_90, **ranges)
 
 
 def _utc(series: Series) -> list[datetime] | None:

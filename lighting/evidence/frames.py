@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from lighting.circular import mean_angle
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence
-from lighting.geometry import Floats, wrap_azimuth
+from lighting.geometry import Floats, angle_between, camera_axes, wrap_azimuth
+from lighting.records import Prediction
 
 if TYPE_CHECKING:
     from lighting.turns import Placed
 
 MISMATCHES = 0.01  # share of the turns by matches that are useless; `export turns` found none in 75 pairs
+CONTRARY = 25.0  # deg between two verticals, five times what nine of ten photos err in their camera's elevation
 TURN_NOISE = 10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
 
 
@@ -45,6 +47,18 @@ class Frames:
         """Deg clockwise from the first photo to this one; None where they are of two groups."""
         same = self.group[photo] == self.group[0]
         return float(self.turn[photo] - self.turn[0]) if same else None
+
+
+def contrary_up(prediction: Prediction, placed: "Placed") -> tuple[str, ...]:
+    """A warning where the photo alone has up elsewhere than what it has in common with the others."""
+    angles = ((p.camera_elevation, p.camera_roll) for p in (prediction, placed))
+    apart = float(angle_between(*(camera_axes(0.0, *tilt)[:, 1] for tilt in angles)))
+    if apart < CONTRARY:
+        return ()
+    return (
+        f"Alone it has up {apart:.0f}° from where the photos have it together: one of them may lie on its side, "
+        "and the turns may be wrong.",
+    )
 
 
 def check_headings(photos: int, headings: Sequence[float] | None) -> None:

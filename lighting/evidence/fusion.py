@@ -43,6 +43,7 @@ class Fused:
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north, where time and place are known
     relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
+    elevation_said: float | None = None  # deg, of the sun by the pixels whose light it has; None: those of `prediction`
 
     def on_cells(self) -> SunDistribution:
         """The same distribution over the network's own cells."""

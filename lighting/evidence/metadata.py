@@ -17,7 +17,6 @@ from lighting.photo import PhotoFacts
 
 GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
 
-Location = tuple[float, float] | None  # latitude and longitude, deg
 Suns = tuple[tuple[float, float], ...]  # elevation and compass azimuth of each, deg
 
 _EARTH_RADIUS = 6371.0  # km
@@ -88,20 +87,23 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
     there = of_one_place(facts)
     found = [known(fact, given) for fact in (there if given.utc_offset is not None else by_one_clock(there))]
     if given.use_exif and given.latitude is None:
-        found = [_elsewhere(k, place_of(own), place_of(used)) for k, own, used in zip(found, facts, there, strict=True)]
+        found = [
+            replace(k, warnings=(*k.warnings, *elsewhere(own, used))) if k.evidence.candidates else k
+            for k, own, used in zip(found, facts, there, strict=True)
+        ]
     return [_timeless(k) for k in found] if any(k.is_night for k in found) else found
 
 
-def _elsewhere(known: Known, own: Location, used: Location) -> Known:
-    """With a warning where a photo's own place is another than the one that is used for all."""
-    if own is None or used is None or not known.evidence.candidates:
-        return known
-    there = (direction(longitude, latitude) for latitude, longitude in (own, used))
+def elsewhere(facts: PhotoFacts, used: PhotoFacts) -> tuple[str, ...]:
+    """A warning where a photo's own place is another than the one that is used for all."""
+    places = (place_of(facts), place_of(used))
+    there = [direction(place[1], place[0]) for place in places if place is not None]
+    if len(there) < 2:
+        return ()
     distance = _EARTH_RADIUS * math.radians(float(angle_between(*there)))
     if distance < _ONE_PLACE:
-        return known
-    warning = f"Its own place lies {distance:.0f} km from that of the first photo that has one, which was used for all."
-    return replace(known, warnings=(*known.warnings, warning))
+        return ()
+    return (f"Its own place lies {distance:.0f} km from that of the first photo that has one, which was used for all.",)
 
 
 def _timeless(known: Known) -> Known:

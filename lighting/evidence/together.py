@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading, von_mises
-from lighting.decoding import light_numbers, light_of_numbers
+from lighting.decoding import light_numbers, light_of_numbers, said_elevation
 from lighting.errors import ParameterError
-from lighting.evidence.frames import Frames, frames
+from lighting.evidence.frames import Frames, contrary_up, frames
 from lighting.evidence.fusion import (
     Evidence,
     Fused,
@@ -58,12 +58,14 @@ def fuse_together(
     turns = frames(evidence, headings, placed)
     shared = _share_sky(_as_matched(predictions, placed) if placed else predictions)
     known = _share_time(evidence)
+    said = float(np.mean([said_elevation(p) for p in predictions]))  # as of their light, the mean
     answers = _on_rings(shared, known, turns) if known[0].candidates else _on_cells(shared, known, turns)
     return tuple(
         replace(
             a,
-            warnings=(*single.warnings, *_unmatched(i, turns, placed)),
+            warnings=(*single.warnings, *_by_matches(i, predictions[i], turns, placed)),
             used=_used(a, turns.source if turns.has_company(i) else ""),
+            elevation_said=said,
         )
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
@@ -79,10 +81,14 @@ def _as_matched(predictions: Sequence[Prediction], placed: "Sequence[Placed]") -
     ]
 
 
-def _unmatched(photo: int, turns: Frames, placed: "Sequence[Placed] | None") -> tuple[str, ...]:
-    """A warning where matching was tried and this photo is left alone."""
-    if placed is None or turns.has_company(photo):
+def _by_matches(
+    photo: int, prediction: Prediction, turns: Frames, placed: "Sequence[Placed] | None"
+) -> tuple[str, ...]:
+    """A warning where matching left this photo alone, or contradicts what is up in it."""
+    if placed is None:
         return ()
+    if turns.has_company(photo):
+        return contrary_up(prediction, placed[photo])
     return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
 
 

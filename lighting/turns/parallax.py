@@ -48,9 +48,14 @@ def epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
 def obeying_more(matches: Matches, agreed: int) -> Matches | None:
     """The matches that obey one epipolar geometry, where those are clearly more than the `agreed` on a rotation."""
     obeying = epipolar_inliers(matches)
-    if np.count_nonzero(obeying) < max(PARALLAX * agreed, agreed + LEAST_MORE, LEAST_MOVED):
+    if not clearly_more(int(np.count_nonzero(obeying)), agreed):
         return None
     return Matches(matches.a[obeying], matches.b[obeying], matches.pixel)
+
+
+def clearly_more(obeying: int, agreed: int) -> bool:
+    """Whether so many matches that obey an epipolar geometry tell of a motion where so many agree on something less."""
+    return obeying >= max(PARALLAX * agreed, agreed + LEAST_MORE, LEAST_MOVED)
 
 
 def motion(

@@ -32,6 +32,17 @@ def project(vectors: Floats, focal: float) -> Floats:
     return np.asarray(focal * vectors[..., :2] / ahead)
 
 
+def offsets(a: Floats, b: Floats, rotation: Floats, focal: tuple[float, float]) -> Floats:
+    """How far (2, M, 2) [half diagonals] points (M, 2) of two photos are from where a rotation puts their matches.
+
+    First in the second photo, then in the first; `rotation` (3, 3) takes directions in the first camera's frame to the
+    second's, `focal` are both focal lengths.
+    """
+    there = project(rays(a, focal[0]) @ rotation.T, focal[1]) - b
+    back = project(rays(b, focal[1]) @ rotation, focal[0]) - a
+    return np.stack([there, back])
+
+
 def rotation_about(vector: Floats) -> Floats:
     """Rotations (..., 3, 3) by the length [rad] of each vector (..., 3) about its direction (Rodrigues' formula)."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]

@@ -1,26 +1,30 @@
 """How two cameras are turned against each other, from what both see.
 
 Far things obey the homography at infinity K R K^-1: a rotation and a focal length are sought that most matches obey
-and refined. Where the camera moved between near things the essential matrix takes over (parallax.py).
+and refined. Where the lens was zoomed, each photo gets a focal length of its own (zoomed.py); where the camera moved
+between near things the essential matrix takes over (parallax.py).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
 from lighting.turns.match import Features, Matches, match
-from lighting.turns.parallax import LEAST_MOVED, motion, obeying_more
-from lighting.turns.rays import focal_of, project, rays, rotation_about, vertical_fov_of
+from lighting.turns.parallax import LEAST_MOVED, clearly_more, motion, obeying_more
+from lighting.turns.rays import focal_of, offsets, project, rays, rotation_about, vertical_fov_of
 from lighting.turns.refine import Fit, minimise
 from lighting.turns.search import TOLERANCE, search
+from lighting.turns.zoomed import Zoomed, zoomed
 
 DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is unknown
 LEAST_INLIERS = 12  # matches that agree, below which nothing is said
 LEAST_SHARE = 0.15  # of the matches in the common part of both photos
 LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
 LEAST_STILL = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
+LEAST_ZOOMED = 0.95  # of the matches that obey an epipolar geometry must obey a zoom, which is then all there is to it
+GUESSED = 0.1  # spread of a focal length's logarithm from which on it is a guess, which does not see a zoom
 STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # by which errors exceed what the scatter of the matches says (`export turns`)
 
 
@@ -35,6 +39,7 @@ class Turn:
     inliers: int  # matches that agree
     matches: int
     translates: bool = False  # whether the camera moved as well, among near things
+    zoomed: bool = False  # whether the photos have a focal length each, other than was assumed of them
 
     @property
     def sigma(self) -> float:
@@ -69,7 +74,7 @@ def rotation_of(
 
 @dataclass(frozen=True)
 class Lens:
-    """What is known of both focal lengths before a match is seen; both are off by one factor, the zoom."""
+    """What is known of both focal lengths before a match is seen; as a rule both are off by one factor, the zoom."""
 
     sizes: tuple[tuple[int, int], tuple[int, int]]  # (width, height) of both photos
     focal: tuple[float, float]  # of both photos [half diagonals]
@@ -108,7 +113,10 @@ def _turn(matches: Matches, lens: Lens) -> Turn | None:
     if obeying is None:
         return still
     believed = still if still is not None and still.inliers >= LEAST_STILL * len(obeying) else None
-    return _moved(obeying, len(matches), lens) or believed
+    found = _lenses_apart(obeying, lens)
+    if found is None or clearly_more(len(obeying), int(np.sum(found.inliers))):
+        return _moved(obeying, len(matches), lens) or believed
+    return (_zoomed(found, len(matches), lens) if np.mean(found.inliers) >= LEAST_ZOOMED else None) or believed
 
 
 def _rotated(matches: Matches, lens: Lens) -> Turn | None:
@@ -128,6 +136,21 @@ def _rotated(matches: Matches, lens: Lens) -> Turn | None:
         return None
     covariance = 2.0 * STILL_SPREAD**2 * fit.covariance  # each match counts in both photos
     return _sure_enough(Turn(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
+
+
+def _lenses_apart(obeying: Matches, lens: Lens) -> Zoomed | None:
+    """The best turn with a focal length for each photo, where none is known and one does not do for both."""
+    if lens.spread < GUESSED:
+        return None
+    wide = replace(lens, spread=2.0 * lens.spread)  # what photos of several lenses look like is a poorer guess of one
+    return zoomed(obeying, lens.focal, wide.zooms(), wide.prior())
+
+
+def _zoomed(found: Zoomed, matches: int, lens: Lens) -> Turn | None:
+    """The turn of a camera that stayed where it was and was zoomed."""
+    covariance = 2.0 * STILL_SPREAD**2 * found.covariance  # each match counts in both photos
+    uncertainty = _uncertainty(covariance, 1.0, replace(lens, focal=found.focal))
+    return _sure_enough(Turn(found.rotation, *uncertainty, int(np.sum(found.inliers)), matches, zoomed=True))
 
 
 def _moved(obeying: Matches, matches: int, lens: Lens) -> Turn | None:
@@ -152,22 +175,17 @@ def _sure_enough(turn: Turn) -> Turn | None:
 
 def distances(matches: Matches, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
     """How far (M,) [half diagonals] each match is from obeying the rotation, in the worse of both photos."""
-    return np.asarray(np.max(np.linalg.norm(_offsets(matches.a, matches.b, rotation, zoom, focal), axis=-1), axis=0))
-
-
-def _offsets(a: Floats, b: Floats, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
-    """Offsets (2, M, 2) in the second and in the first photo."""
-    there = project(rays(a, zoom * focal[0]) @ rotation.T, zoom * focal[1]) - b
-    back = project(rays(b, zoom * focal[1]) @ rotation, zoom * focal[0]) - a
-    return np.stack([there, back])
+    own = (zoom * focal[0], zoom * focal[1])
+    return np.asarray(np.max(np.linalg.norm(offsets(matches.a, matches.b, rotation, own), axis=-1), axis=0))
 
 
 def _refined(matches: Matches, near: NDArray[np.bool_], rotation: Floats, zoom: float, lens: Lens) -> Fit:
     a, b = matches.a[near], matches.b[near]
 
     def residuals(at: Floats) -> Floats:
-        turned = rotation_about(at[:3]) @ rotation
-        return _offsets(a, b, turned, zoom * float(np.exp(at[3])), lens.focal).ravel()
+        scaled = zoom * float(np.exp(at[3]))
+        own = (scaled * lens.focal[0], scaled * lens.focal[1])
+        return offsets(a, b, rotation_about(at[:3]) @ rotation, own).ravel()
 
     scale = TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])

@@ -1,4 +1,6 @@
-"""Where the photos of a set look: turns between the pairs that overlap, one lens for all, headings about the vertical.
+"""Where the photos of a set look: turns between the pairs that overlap, their lenses, headings about the vertical.
+
+One lens serves all photos, but for those that show things larger than others do from the same point: zoomed ones.
 
 The vertical is the median of what the network says of each camera's elevation and roll, carried into one frame.
 """
@@ -24,6 +26,9 @@ PARTNERS = 6  # the likeliest of each photo that are matched in larger sets
 COARSE = 400  # features, the first, by which they are found
 
 
+Lens = tuple[float, float]  # focal length [half diagonals] and the standard deviation of its logarithm
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
     """One photo of a set as far as it is known alone."""
@@ -39,8 +44,8 @@ class Shot:
         """(width, height) [pixels], of which the ratio counts."""
         return self.features.width, self.features.height
 
-    def focal(self) -> tuple[float, float]:
-        """Focal length [half diagonals] and the standard deviation of its logarithm."""
+    def lens(self) -> Lens:
+        """What is said of its lens alone."""
         fov = self.noted_fov or self.guessed_fov
         sigma = GUESSED_FOV_SIGMA if self.noted_fov is None else NOTED_FOV_SIGMA
         return focal_of(fov, *self.size), float(np.radians(sigma) / np.sin(np.radians(fov)))
@@ -63,9 +68,9 @@ def place(shots: Sequence[Shot]) -> tuple[Placed, ...]:
     matched = _matched(shots)
     lenses = _lenses(shots)
     pairs = _turns(shots, matched, lenses)
-    zoom = _common_zoom(shots, pairs, lenses)
-    lenses = [(focal * zoom[0], zoom[1]) for focal, _ in lenses]
-    pairs = _turns(shots, {pair: matched[pair] for pair in pairs}, lenses)
+    lenses = _agreed(shots, pairs, lenses)
+    zoomed = {pair: turn for pair, turn in pairs.items() if turn.zoomed}
+    pairs = _turns(shots, {pair: matched[pair] for pair in pairs if pair not in zoomed}, lenses) | zoomed
     groups = [average(members, pairs) for members in components(len(shots), pairs)]
     return _in_order([_levelled(number, group, shots, lenses) for number, group in enumerate(groups)], groups)
 
@@ -89,16 +94,16 @@ def _likely_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
     return sorted(kept)
 
 
-def _lenses(shots: Sequence[Shot]) -> list[tuple[float, float]]:
+def _lenses(shots: Sequence[Shot]) -> list[Lens]:
     """Focal lengths and spreads: photos whose metadata say nothing share the mean of what the network says."""
-    said = [shot.focal() for shot in shots]
+    said = [shot.lens() for shot in shots]
     guessed = [np.log(focal) for shot, (focal, _) in zip(shots, said, strict=True) if shot.noted_fov is None]
     common = float(np.exp(np.mean(guessed))) if guessed else 1.0
     return [(common if s.noted_fov is None else focal, spread) for s, (focal, spread) in zip(shots, said, strict=True)]
 
 
 def _turns(
-    shots: Sequence[Shot], matched: dict[tuple[int, int], Matches], lenses: Sequence[tuple[float, float]]
+    shots: Sequence[Shot], matched: dict[tuple[int, int], Matches], lenses: Sequence[Lens]
 ) -> dict[tuple[int, int], Turn]:
     """The pairs that have one."""
     found = {}
@@ -111,11 +116,39 @@ def _turns(
     return found
 
 
-def _common_zoom(shots: Sequence[Shot], pairs: Pairs, lenses: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def _agreed(shots: Sequence[Shot], pairs: Pairs, lenses: Sequence[Lens]) -> list[Lens]:
+    """The lenses that the pairs agree on: one for all photos, but in groups where some are zoomed."""
+    groups = components(len(shots), pairs)
+    own = [group for group in groups if any(turn.zoomed and pair[0] in group for pair, turn in pairs.items())]
+    rest = tuple(i for group in groups if group not in own for i in group)
+    agreed = dict(enumerate(lenses))
+    for family in (*own, rest):
+        inside = {pair: turn for pair, turn in pairs.items() if pair[0] in family}
+        apart = _ratios(shots, inside, lenses, family)
+        scaled = [(focal * apart.get(i, 1.0), spread) for i, (focal, spread) in enumerate(lenses)]
+        zoom, spread = _common_zoom(shots, inside, scaled)
+        agreed |= {i: (scaled[i][0] * zoom, spread) for i in family}
+    return [agreed[i] for i in range(len(shots))]
+
+
+def _ratios(shots: Sequence[Shot], pairs: Pairs, lenses: Sequence[Lens], members: Sequence[int]) -> dict[int, float]:
+    """The factors on focal lengths by which members are zoomed, along the surest pairs from the first of them."""
+    found = dict.fromkeys(members[:1], 1.0)
+    order = sorted(pairs, key=lambda pair: pairs[pair].sigma)
+    while edge := next(((i, j) for i, j in order if (i in found) != (j in found)), None):
+        first, second = (
+            _scale(shots[k], lenses[k], fov) for k, fov in zip(edge, pairs[edge].vertical_fov, strict=True)
+        )
+        i, j = edge
+        found |= {j: found[i] * second / first} if i in found else {i: found[j] * first / second}
+    return found
+
+
+def _common_zoom(shots: Sequence[Shot], pairs: Pairs, lenses: Sequence[Lens]) -> tuple[float, float]:
     """The factor on all focal lengths that the pairs agree on (weighted median), and its logarithm's spread."""
     if not pairs:
         return 1.0, 0.0
-    log, spread = np.array([_zoom(shots[i], lenses[i][0], turn) for (i, _), turn in pairs.items()]).T
+    log, spread = np.array([_zoom(shots[i], lenses[i], turn) for (i, _), turn in pairs.items()]).T
     weight = 1.0 / np.maximum(spread, 1e-4) ** 2
     order = np.argsort(log)
     held = np.cumsum(weight[order]) / weight.sum()
@@ -123,16 +156,18 @@ def _common_zoom(shots: Sequence[Shot], pairs: Pairs, lenses: Sequence[tuple[flo
     return float(np.exp(middle)), float(weight.sum() ** -0.5)
 
 
-def _zoom(shot: Shot, focal: float, turn: Turn) -> tuple[float, float]:
+def _zoom(shot: Shot, lens: Lens, turn: Turn) -> tuple[float, float]:
     """The logarithm of a turn's focal length over the one assumed, and its standard deviation."""
     fov = turn.vertical_fov[0]
-    log = float(np.log(focal_of(fov, *shot.size) / focal))
-    return log, float(np.radians(turn.fov_sigma) / np.sin(np.radians(fov)))
+    return float(np.log(_scale(shot, lens, fov))), float(np.radians(turn.fov_sigma) / np.sin(np.radians(fov)))
 
 
-def _levelled(
-    number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence[tuple[float, float]]
-) -> list[Placed]:
+def _scale(shot: Shot, lens: Lens, fov: float) -> float:
+    """The focal length that a field of view [deg] means, over the one assumed."""
+    return focal_of(fov, *shot.size) / lens[0]
+
+
+def _levelled(number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence[Lens]) -> list[Placed]:
     """The photos of one group about their common vertical."""
     own = [shots[i] for i in group.members]
     up = common_up(group.rotations, np.stack([up_in_camera(s.camera_elevation, s.camera_roll) for s in own]))

@@ -53,8 +53,11 @@ def _lens_turns(watched: Watched) -> Iterator[Turn | None]:
 def tells_lens(turn: Turn, said: float) -> bool:
     """Whether a turn by an unknown lens tells it, where metadata or the network `said` a field of view [deg].
 
-    A camera that walks ahead tells next to nothing of its lens, and now and then something far off.
+    A camera that walks ahead tells next to nothing of its lens, and now and then something far off. One that is zoomed
+    has no lens of the whole shot.
     """
+    if turn.zoomed:
+        return False
     far = abs(turn.vertical_fov[0] - said) > MOST_SPREADS * LENS_SPREAD
     clear = not far if turn.translates else turn.inliers >= CLEAR * turn.matches
     return clear and turn.fov_sigma < 2 * LENS_SPREAD

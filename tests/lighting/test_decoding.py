@@ -173,6 +173,8 @@ def test_a_sun_that_is_known_to_be_low_is_warmer_and_as_bright() -> None:
     assert tinted(white, 20.0, 60.0) == tinted(white, 7.0, 7.0) == white
     assert tinted(white, 40.0, 0.0) == tinted(white, 40.0, 3.0)
     assert tinted((0.0, 0.0, 0.0), 14.0, 5.0) == (0.0, 0.0, 0.0)
+    faint = np.array(tinted((3e-8, 3e-8, 3e-8), 14.0, 5.0))
+    assert faint == pytest.approx(1e-8 * np.array([red, green, blue]), rel=1e-4)
 
 
 def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:

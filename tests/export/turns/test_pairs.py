@@ -64,6 +64,12 @@ def test_pairs_of_noise_are_solved_and_strangers_are_not(panoramas: list[Panoram
     assert sum(len(part) for part in pairs.by_overlap(answers).values()) == 2
 
 
+def test_zoomed_photos_of_noise_are_solved_with_both_lenses(panoramas: list[Panorama]) -> None:
+    answers = list(pairs.zoomed(panoramas))
+    assert all(a.turn is not None and a.turn.zoomed and a.heading_error < 0.5 for a in answers)
+    assert pairs.figures(answers)["field of view, 95 %"] < 1.0
+
+
 def test_a_set_with_matched_headings_has_the_sun_of_true_ones(panoramas: list[Panorama], network: Path) -> None:
     found = groups(Model.load(network), panoramas[:1])
     row = figures(found)

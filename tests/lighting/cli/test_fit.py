@@ -81,6 +81,15 @@ def test_a_fit_needs_what_it_rests_on(pair: list[Path], network: Path) -> None:
     assert "when and where they were taken" in result.stderr
 
 
+def test_what_speaks_against_a_fit_stands_beside_it(tmp_path: Path, network: Path) -> None:
+    day = [write(tmp_path, f"{hour}.jpg", AHEAD, hour=hour) for hour in (9, 12)]
+    asked = ["--together", "--fit", "latitude", "--lat", "48", "--lon", "11", "--model", str(network)]
+    said, quiet = run("estimate", *asked, *day), run("estimate", *asked, "--quiet", *day)
+    assert "Warning: The latitude that was given was not used" in said.stderr
+    assert quiet.stderr == ""
+    assert quiet.stdout == said.stdout
+
+
 def test_a_fit_in_words() -> None:
     found = Fit(213.4, 4.0, 12.0, Range(47.2, ((44.0, 50.0),), ((39.0, 54.0),)))
     assert fit_in_words(found) == (
@@ -91,3 +100,7 @@ def test_a_fit_in_words() -> None:
     words = fit_in_words(Fit(0.0, 1.0, 2.0, None, day, Range(-0.5, ((-1.0, 0.0),), ((-2.0, 0.5),))))
     assert "date 21 June (50 % 27 May to 18 July, 90 % 29 April to 15 August)" in words
     assert "clock -0.5 h (50 % -1.0 h to +0.0 h, 90 % -2.0 h to +0.5 h)" in words
+    words = fit_in_words(Fit(0.0, 1.0, 2.0, utc_minus_clock=Range(-1.5, ((-2.0, -1.0),), ((-2.5, -0.5),))))
+    assert words.endswith(
+        "UTC is the photos' clock -1.5 h, zone and error together (50 % -2.0 h to -1.0 h, 90 % -2.5 h to -0.5 h)"
+    )

@@ -12,6 +12,7 @@ from lighting.evidence import Given
 from lighting.evidence.answer import estimate_of
 from lighting.evidence.fusion import fuse
 from lighting.evidence.metadata import known
+from lighting.evidence.together import fuse_together
 from lighting.photo.exif import PhotoFacts
 from lighting.records import Light, Lighting
 from lighting.sun_grid import soft_label
@@ -63,6 +64,19 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
     assert red > 2.0 > blue
     assert red > green > blue
     assert told.sky_irradiance == alone.sky_irradiance
+
+
+def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
+    """One has it at 37 deg, the other at 8: both get the colour that the time asks of their common light."""
+    evening = known(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), Given())
+    suns = [soft_label([0.0, math.sin(e), -math.cos(e)], 80.0, TINY.sun_grid) for e in np.radians([37.0, 8.0])]
+    light = Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0)
+    said = [replace(prediction(sun), light=light) for sun in suns]
+    fused = fuse_together(said, [evening.evidence] * 2, [0.0, 0.0])
+    first, second = (estimate_of(f, evening).lighting.sun_irradiance for f in fused)
+    assert first == second
+    assert first is not None
+    assert first[0] > 2.0 > first[2]
 
 
 def test_the_place_is_told_only_if_asked_for() -> None:

@@ -14,6 +14,7 @@ from lighting.evidence.fit import Series, fit, likely, series_of
 from lighting.evidence.fusion import Evidence
 from lighting.geometry import wrap_azimuth
 from lighting.photo import PhotoFacts
+from lighting.records import Light
 from lighting.turns import Placed
 from tests.lighting.evidence.test_fusion import lobe
 
@@ -69,6 +70,39 @@ def test_date_and_clock_are_found(place: tuple[float, float, int, float]) -> Non
     assert found.clock_shift is not None
     assert found.day_of_year.best == pytest.approx(place[2], abs=20.0)
     assert found.clock_shift.best == pytest.approx(0.0, abs=0.5)
+
+
+def test_without_a_zone_it_is_no_error_of_the_clock() -> None:
+    """The same photos: the clock is right by its zone, and UTC's own where no zone is known."""
+    lost = ("utc_time", "utc_offset")
+    found = fit(day(*PLACES[0], lost=lost), "time")
+    assert found.clock_shift is None
+    assert found.utc_minus_clock is not None
+    assert found.utc_minus_clock.best == pytest.approx(0.0, abs=0.5)
+    assert set(found.to_dict()) == {"heading", "day_of_year", "utc_minus_clock"}
+
+
+def test_what_speaks_against_a_photo_is_carried_along() -> None:
+    whole = day(*PLACES[0])
+    facts = [*whole.facts[:-1], replace(whole.facts[-1], latitude=-33.0, longitude=151.0)]
+    odd = replace(whole.predictions[1], light=Light(np.ones(3), np.ones(3), 0.0, 0.0))
+    said = [whole.predictions[0], odd, *whole.predictions[2:]]
+    found = fit(series_of(said, facts, Given(), [0.0] * len(HOURS)), "heading")
+    assert [w.split(":")[0] for w in found.warnings] == ["Photo 2", "Photo 4"]
+    assert "does not look like an ordinary photo" in found.warnings[0]
+    assert "Its own place lies 16" in found.warnings[1]
+    assert found.to_dict()["warnings"] == list(found.warnings)
+
+
+def test_a_latitude_that_is_given_and_fitted_is_said_to_be_unused() -> None:
+    whole = day(*PLACES[1])
+    given = Given(latitude=-33.0, longitude=151.0)
+    at, stated = (series_of(whole.predictions, whole.facts, g, [0.0] * len(HOURS)) for g in (Given(), given))
+    assert fit(at, "latitude").warnings == ()
+    assert fit(stated, "heading").warnings == ()
+    assert fit(stated, "latitude").warnings == (
+        "The latitude that was given was not used, since it is what is fitted.",
+    )
 
 
 @pytest.mark.parametrize(

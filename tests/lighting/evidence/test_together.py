@@ -63,6 +63,15 @@ def test_a_photo_that_no_match_connects_says_so() -> None:
     assert [len(a.warnings) for a in answers] == [0, 0, 1]
 
 
+def test_a_photo_that_lies_on_its_side_says_so() -> None:
+    """Its network takes it for upright, the others show that it is not; one a little askew is no matter."""
+    where = placed((0, 0, 0))
+    askew = [where[0], replace(where[1], camera_roll=89.0), replace(where[2], camera_roll=12.0)]
+    answers = fuse_together(views(60.0, TURNS), [NOTHING] * 3, None, askew)
+    assert [len(a.warnings) for a in answers] == [0, 1, 0]
+    assert "up 89° from where the photos have it together" in answers[1].warnings[0]
+
+
 def placed(groups: tuple[int, ...]) -> list[Placed]:
     """Photos at TURNS, as matches would turn them in these groups."""
     first = {g: TURNS[groups.index(g)] for g in groups}

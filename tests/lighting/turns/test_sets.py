@@ -41,6 +41,16 @@ def test_photos_of_different_places_are_groups_of_their_own() -> None:
     assert placed[0].camera_elevation == pytest.approx(TILTS[0][0])
 
 
+def test_a_zoomed_photo_has_a_lens_of_its_own() -> None:
+    """One that a common lens or a walk would turn by other angles."""
+    sphere, cameras, fovs = texture(0), [(0.0, 2.0, 0.0), (20.0, -3.0, 1.5), (9.0, 1.0, 0.0)], (FOV, FOV, 30.0)
+    seen = [features(picture(sphere, camera, fov)) for camera, fov in zip(cameras, fovs, strict=True)]
+    placed = place([Shot(f, *tilt, guessed_fov=46.0) for f, tilt in zip(seen, TILTS, strict=True)])
+    assert {p.group for p in placed} == {0}
+    assert [p.heading for p in placed] == pytest.approx([0.0, 20.0, 9.0], abs=0.3)
+    assert [p.vertical_fov for p in placed] == pytest.approx(fovs, abs=0.5)
+
+
 def test_identical_photos_look_the_same_way() -> None:
     one = shots(0, CAMERAS[:1])
     placed = place([one[0], one[0]])

@@ -55,3 +55,7 @@ def test_blur_is_no_walk() -> None:
 def test_a_lens_is_told_by_clear_turns_only(fov: float, inliers: int, translates: bool, told: bool) -> None:
     turn = Turn(np.eye(3), np.eye(3), (fov, fov), 2.0, inliers, 100, translates)
     assert tells_lens(turn, 50.0) == told
+
+
+def test_a_lens_is_not_told_by_a_zoom() -> None:
+    assert not tells_lens(Turn(np.eye(3), np.eye(3), (40.0, 30.0), 1.0, 90, 100, zoomed=True), 50.0)
