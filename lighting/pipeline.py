@@ -11,24 +11,22 @@ from lighting.decoding import colour, with_ground
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
 from lighting.errors import PhotoError
 from lighting.evidence import (
-    Fit,
     Given,
     check_heading,
     check_headings,
     estimate_of,
-    fit,
     fuse_photo,
     fuse_together,
     known_alone,
     known_together,
     said_of,
-    series_of,
 )
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo
 from lighting.records import Estimate, Prediction
 
 if TYPE_CHECKING:
+    from lighting.evidence import Fit
     from lighting.turns import Placed
 
 NOTHING_GIVEN = Given()
@@ -55,9 +53,7 @@ class Estimator:
         of night.
         """
         _check_photo(photo)
-        facts = known_alone(photo.facts, given)
-        fused = fuse_photo(self.predict(photo), facts.evidence, photo.pixels)
-        return with_seen_colours([photo], [estimate_of(fused, facts)])[0]
+        return estimate_from(photo, self.predict(photo), given)
 
     def together(
         self,
@@ -91,7 +87,7 @@ class Estimator:
         kind: str,
         given: Given = NOTHING_GIVEN,
         headings: Sequence[float] | None = None,
-    ) -> Fit:
+    ) -> "Fit":
         """The heading, the latitude, or date and clock (`kind` "heading", "latitude" or "time") by the sun's path.
 
         The photos are of one place over hours; without headings they are matched as `together` does. ParameterError
@@ -100,7 +96,19 @@ class Estimator:
         said = [self.predict(photo) for photo in photos]
         fovs = [given.vertical_fov or photo.facts.vertical_fov for photo in photos]
         placed = _placed(photos, said, fovs) if headings is None and len(photos) > 1 else None
+        from lighting.evidence.fit import fit, series_of
+
         return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
+
+
+def estimate_from(photo: Photo, said: Prediction, given: Given = NOTHING_GIVEN) -> Estimate:
+    """A photo's light by what a network says of its pixels, by its metadata and by what the user says of it.
+
+    Raises ParameterError where the user's own time and place are of night.
+    """
+    facts = known_alone(photo.facts, given)
+    fused = fuse_photo(said, facts.evidence, photo.pixels)
+    return with_seen_colours([photo], [estimate_of(fused, facts)])[0]
 
 
 def _check_photo(photo: object) -> None:

@@ -19,6 +19,7 @@ from lighting.geometry import Floats, direction
 from lighting.sky import MODELS
 
 SKY_MODEL = "hosek-wilkie"
+MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
 EVIDENCE = ("pixels", "time+place", "heading", "focal length", "turns", "other photos")  # what an answer may rest on
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 SUITABLE = 0.5  # `suitable` below it earns a warning

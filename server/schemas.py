@@ -17,8 +17,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from lighting.envmap import MIN_HEIGHT
-from lighting.records import COLOUR_RANGES, GROUND_ALBEDO, OPTIONAL_RANGES, RANGES, Lighting
+from lighting.records import COLOUR_RANGES, GROUND_ALBEDO, MIN_HEIGHT, OPTIONAL_RANGES, RANGES, Lighting
 from lighting.sky import Model as SkyModel
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB

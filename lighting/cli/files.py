@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from lighting.envmap import Place
     from lighting.evidence import Given
     from lighting.files import Compression
+    from lighting.model import Model
     from lighting.photo import Photo
     from lighting.pipeline import Estimator
-    from lighting.records import Estimate, Lighting
+    from lighting.records import Estimate, Lighting, Prediction
 
 
 MOST_OF_RECORD = 1_000_000  # bytes; a record with 360 headings has 4,000
@@ -100,11 +101,11 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
     return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
 
 
-def load_estimator(model: str | None, *, for_one_photo: bool = False) -> "Estimator":
+def load_estimator(model: str | None) -> "Estimator":
     from lighting.model import Model
     from lighting.pipeline import Estimator
 
-    return Estimator(Model.load(model, for_one_photo=for_one_photo))
+    return Estimator(Model.load(model))
 
 
 def estimated(
@@ -112,25 +113,40 @@ def estimated(
 ) -> "tuple[Photo, Estimate]":
     """The photo in bytes and its estimate.
 
-    The network is loaded in a thread while the photo is decoded; `meanwhile` is called while it answers.
+    The network is loaded in a thread while the photo is decoded. While it answers, what comes after it is imported, and
+    `meanwhile` is called.
     """
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
-        estimator = pool.submit(load_estimator, model, for_one_photo=True)
+        network = pool.submit(_load_for_one_photo, model)
         from lighting.photo import read_photo
 
         picture = read_photo(photo)
-        estimate = pool.submit(lambda: estimator.result()(picture, given))
+        said = pool.submit(lambda: _said_of(network.result(), picture))
+        from lighting.pipeline import estimate_from
+
         meanwhile()
-    return picture, estimate.result()
+    return picture, estimate_from(picture, said.result(), given)
+
+
+def _load_for_one_photo(model: str | None) -> "Model":
+    from lighting.model import Model
+
+    return Model.load(model, for_one_photo=True)
+
+
+def _said_of(network: "Model", photo: "Photo") -> "Prediction":
+    from lighting.evidence import said_of
+
+    return said_of(network, photo)
 
 
 def rehearse() -> None:
     """Render and pack a small map, so that all it takes is imported and read."""
-    from lighting.envmap import MIN_HEIGHT, render
+    from lighting.envmap import render
     from lighting.files import encode_envmap
-    from lighting.records import Lighting
+    from lighting.records import MIN_HEIGHT, Lighting
 
     light = Lighting(sun_azimuth=0.0, sun_elevation=45.0, turbidity=3.0, exposure=1.0)
     encode_envmap(render(light, MIN_HEIGHT), light)

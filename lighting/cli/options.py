@@ -48,7 +48,7 @@ def _either(words: Sequence[str]) -> str:
 
 
 def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
-    from lighting.envmap import MAX_HEIGHT, MIN_HEIGHT
+    from lighting.records import MAX_HEIGHT, MIN_HEIGHT
 
     if value % 2 or not MIN_HEIGHT <= value <= MAX_HEIGHT:
         raise click.BadParameter(f"{value} is not an even number from {MIN_HEIGHT} to {MAX_HEIGHT}.")

@@ -5,8 +5,6 @@ from lighting.envmap.clear import Image, row_levels
 from lighting.envmap.ground import photo_ground
 from lighting.envmap.lit_ground import lit_ground
 from lighting.envmap.render import (
-    MAX_HEIGHT,
-    MIN_HEIGHT,
     ground_reflectance,
     level_irradiance,
     render,
@@ -20,8 +18,6 @@ from lighting.envmap.turning import brighten, rotate, turn
 from lighting.envmap.views import view
 
 __all__ = [
-    "MAX_HEIGHT",
-    "MIN_HEIGHT",
     "Image",
     "Place",
     "brighten",

@@ -16,9 +16,7 @@ from lighting.envmap.disc import disc_power, paint_disc
 from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
 from lighting.errors import ParameterError
 from lighting.geometry import Floats
-from lighting.records import GROUND_REFLECTANCE, SKY_MODEL, Lighting
-
-MIN_HEIGHT, MAX_HEIGHT = 16, 4096
+from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, SKY_MODEL, Lighting
 
 
 def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:

@@ -1,25 +1,28 @@
 """Evidence about the sun: a photo's pixels, metadata, user, ephemeris and other photos; and its fusion."""
 
-from lighting.evidence.answer import estimate_of
-from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
-from lighting.evidence.declination import magnetic_declination
-from lighting.evidence.ephemeris import SUNSET, sun_position
-from lighting.evidence.facts import zones
-from lighting.evidence.fit import KINDS, Fit, Range, fit, series_of
-from lighting.evidence.frames import check_heading, check_headings
-from lighting.evidence.fusion import Evidence, Fused, fuse
-from lighting.evidence.given import SHORT_NAMES, Given
-from lighting.evidence.metadata import Known, known, known_alone, known_later, known_together
-from lighting.evidence.said import said_of
-from lighting.evidence.seen import fuse_photo
-from lighting.evidence.together import (
-    elevation_density,
-    fuse_together,
-    power,
-    read_headings,
-    ring_of,
-    seen_from,
-)
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lighting.evidence.answer import estimate_of
+    from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
+    from lighting.evidence.declination import magnetic_declination
+    from lighting.evidence.ephemeris import SUNSET, sun_position
+    from lighting.evidence.facts import zones
+    from lighting.evidence.fit import KINDS, Fit, Range, series_of
+    from lighting.evidence.frames import check_heading, check_headings
+    from lighting.evidence.fusion import Evidence, Fused, fuse
+    from lighting.evidence.given import SHORT_NAMES, Given
+    from lighting.evidence.metadata import Known, known, known_alone, known_later, known_together
+    from lighting.evidence.said import said_of
+    from lighting.evidence.seen import fuse_photo
+    from lighting.evidence.together import (
+        elevation_density,
+        fuse_together,
+        power,
+        read_headings,
+        ring_of,
+        seen_from,
+    )
 
 __all__ = [
     "ELEVATION_TAIL",
@@ -38,7 +41,6 @@ __all__ = [
     "check_headings",
     "elevation_density",
     "estimate_of",
-    "fit",
     "fuse",
     "fuse_photo",
     "fuse_together",
@@ -56,3 +58,47 @@ __all__ = [
     "sun_position",
     "zones",
 ]
+
+_HOME = {
+    "ELEVATION_TAIL": "contradiction",
+    "HEADING_TAIL": "contradiction",
+    "KINDS": "fit",
+    "LENS_RATIO": "contradiction",
+    "SHORT_NAMES": "given",
+    "SUNSET": "ephemeris",
+    "Evidence": "fusion",
+    "Fit": "fit",
+    "Fused": "fusion",
+    "Given": "given",
+    "Known": "metadata",
+    "Range": "fit",
+    "check_heading": "frames",
+    "check_headings": "frames",
+    "elevation_density": "together",
+    "estimate_of": "answer",
+    "fuse": "fusion",
+    "fuse_photo": "seen",
+    "fuse_together": "together",
+    "known": "metadata",
+    "known_alone": "metadata",
+    "known_later": "metadata",
+    "known_together": "metadata",
+    "magnetic_declination": "declination",
+    "power": "together",
+    "read_headings": "together",
+    "ring_of": "together",
+    "said_of": "said",
+    "seen_from": "together",
+    "series_of": "fit",
+    "sun_position": "ephemeris",
+    "zones": "facts",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the public names on first use: the command line reads a photo before it weighs evidence."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
