@@ -23,7 +23,7 @@ def change(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lightin
 
     Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were; a sun under 5 deg
     is to the model as one of 5 deg. A `sun_irradiance`, `sky_irradiance` or `sky_cover` among the changes counts as it
-    is. Raises ParameterError for a value out of range.
+    is; the sky's power follows the cover. Raises ParameterError for a value out of range.
     """
     values: dict[str, Any] = dict(changes)
     changed = replace(lighting, **values)

@@ -34,6 +34,7 @@ class Place:
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
     around: NDArray[np.float32] | None = None  # `Estimate.around`; without it bare sky and ground lie beside the photo
     exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
+    light: Lighting | None = None  # that light, where it is known: what it makes of the place stays under another sun
 
     def gain(self, lighting: Lighting) -> float:
         """What brings the place to the exposure of a light that may have been changed since."""
@@ -49,7 +50,9 @@ def known_place(
     """
     if not (estimate.around is not None if wanted is None else wanted):
         return None
-    return Place(photo, estimate.around, estimate.lighting.exposure if exposure is None else exposure)
+    if exposure is not None:
+        return Place(photo, estimate.around, exposure)
+    return Place(photo, estimate.around, estimate.lighting.exposure, estimate.lighting)
 
 
 def place_of(
@@ -101,7 +104,15 @@ def place_factors(lighting: Lighting, place: Place) -> Image:
 
 def _vary(image: Image, lighting: Lighting, place: Place) -> None:
     """Give the map the light of the place, cell by cell; what is finer stays."""
-    _multiply(image, _factors(_pooled(image), lighting, place))
+    if place.light is None or _sky(place.light) == _sky(lighting):
+        _multiply(image, _factors(_pooled(image), lighting, place))
+    else:
+        _multiply(image, place_factors(place.light, place))
+
+
+def _sky(lighting: Lighting) -> tuple[object, ...]:
+    """What the sky's gradation follows from."""
+    return lighting.sun_azimuth, lighting.sun_elevation, lighting.turbidity, lighting.sky_model
 
 
 def _factors(bare: Image, lighting: Lighting, place: Place) -> Image:

@@ -77,10 +77,15 @@ class Clip:
     def frames(self, only: Container[int] | None = None) -> Iterator[Frame]:
         """The frames in the order in which they are shown, or only those of some indices; may be read once."""
         start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
+        jumped = 0.0  # seconds by which times that begin again are shifted
         for index, picture in enumerate(self._decoded()):
             time = float(picture.time) - start if picture.time is not None else max(0.0, last + self._interval())
+            if time > last:
+                jumped = 0.0  # the times before were damaged: those of joined recordings do not return
+            elif picture.time is not None:
+                time += jumped
             if time < last - _BACK * self._interval() and not picture.is_corrupt:
-                start -= last + self._interval() - time
+                jumped += last + self._interval() - time
                 time = last + self._interval()
             if not last < time < _LONGEST or picture.is_corrupt:
                 lost += 1

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lighting.envmap import Place, change, place_factors, place_of, render, surround
+from lighting.envmap import Place, change, known_place, place_factors, place_of, render, surround
 from lighting.envmap.clear import irradiance_of, row_levels
 from lighting.records import Estimate, Lighting, SunDistribution
 from tests.lighting.envmap.test_render import SKY, given_light, lighting
@@ -55,6 +55,18 @@ def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: f
     place = Place(PHOTO, around(light) * np.linspace(0.3, 1.5, 24, dtype=np.float32)[:, None], light.exposure)
     expected = factor * surround(light, place, HEIGHT, disc=False)
     assert surround(brighter, place, HEIGHT, disc=False) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("moved", [180.0, -90.0])
+def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
+    light = replace(given_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0)  # the photo shows ground
+    estimate = Estimate(light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), around(light))
+    place = known_place(estimate, PHOTO)
+    assert place is not None
+    there = (light.sun_azimuth + moved + 180.0) % 360.0 - 180.0
+    sky = surround(change(light, {"sun_azimuth": there}), place, HEIGHT, disc=False)[: HEIGHT // 2, :, 1]
+    brightest = (sky.sum(axis=0).argmax() + 0.5) / (2 * HEIGHT) * 360.0 - 180.0
+    assert abs((brightest - there + 180.0) % 360.0 - 180.0) < 20.0
 
 
 def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:

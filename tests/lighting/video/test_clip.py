@@ -155,6 +155,21 @@ def test_joined_recordings_go_on(tmp_path: Path) -> None:
     np.testing.assert_allclose(times, np.arange(24) / 30.0, atol=1e-3)
 
 
+@pytest.mark.parametrize("damaged", [range(5, 6), range(4, 9)])
+def test_damaged_times_shift_nothing_that_comes_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damaged: range
+) -> None:
+    """The times of a few pictures jump back and return, as one damaged byte of a Matroska file makes them."""
+    with Clip(write_clip(tmp_path / "a.mkv", pan(12), times=[2 + i / 10 for i in range(12)])) as clip:
+        pictures = list(clip._decoded())
+        for index in damaged:
+            pictures[index].pts -= round(1.5 / pictures[index].time_base)
+        monkeypatch.setattr(clip, "_decoded", lambda: iter(pictures))
+        times = [frame.time for frame in clip.frames()]
+    assert times[-1] == pytest.approx(1.1, abs=0.01)
+    assert max(np.diff(times)) < 0.2 + 0.1 * len(damaged)
+
+
 def test_times_that_cannot_be_are_damage(tmp_path: Path) -> None:
     path = write_clip(tmp_path / "a.mkv", pan(6), times=[0.0, 0.1, 0.2, 1e12, 1e12 + 0.1, 1e12 + 0.2])
     with Clip(path) as clip:

@@ -26,7 +26,11 @@ export class SkyRenderer {
       else this.shown(data);
       if (!this.busy) for (const tell of this.idle.splice(0)) tell();
     });
-    this.worker.addEventListener("error", ({ message }) => this.failed(new Error(message)));
+    this.worker.addEventListener("error", ({ message }) => {
+      this.busy = false;
+      this.failed(new Error(message));
+      for (const tell of this.idle.splice(0)) tell();
+    });
   }
 
   /** What stands around the camera from now on. */
