@@ -79,10 +79,10 @@ class Clip:
         start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
         jumped = 0.0  # seconds by which times that begin again are shifted
         for index, picture in enumerate(self._decoded()):
-            time = float(picture.time) - start if picture.time is not None else max(0.0, last + self._interval())
-            if time > last:
-                jumped = 0.0  # the times before were damaged: those of joined recordings do not return
-            elif picture.time is not None:
+            time = max(0.0, last + self._interval())
+            if picture.time is not None:
+                time = float(picture.time) - start
+                jumped = 0.0 if time > last else jumped  # once they return, they were damaged: nothing was joined
                 time += jumped
             if time < last - _BACK * self._interval() and not picture.is_corrupt:
                 jumped += last + self._interval() - time
