@@ -1,7 +1,8 @@
 """Light from one outdoor photo: sun, sky, camera, and an HDR environment map."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from lighting.lazy import from_homes
 from lighting.version import __version__
 
 if TYPE_CHECKING:
@@ -25,13 +26,7 @@ _HOME = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import the public names on first use, so that `lighting --help` stays quick."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"lighting.{_HOME[name]}"), name)
+__getattr__ = from_homes(__name__, _HOME)  # so that `lighting --help` stays quick
 
 
 def __dir__() -> list[str]:

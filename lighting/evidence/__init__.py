@@ -1,6 +1,8 @@
 """Evidence about the sun: a photo's pixels, metadata, user, ephemeris and other photos; and its fusion."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from lighting.lazy import from_homes
 
 if TYPE_CHECKING:
     from lighting.evidence.answer import estimate_of
@@ -59,46 +61,40 @@ __all__ = [
     "zones",
 ]
 
-_HOME = {
-    "ELEVATION_TAIL": "contradiction",
-    "HEADING_TAIL": "contradiction",
-    "KINDS": "fit",
-    "LENS_RATIO": "contradiction",
-    "SHORT_NAMES": "given",
-    "SUNSET": "ephemeris",
-    "Evidence": "fusion",
-    "Fit": "fit",
-    "Fused": "fusion",
-    "Given": "given",
-    "Known": "metadata",
-    "Range": "fit",
-    "check_heading": "frames",
-    "check_headings": "frames",
-    "elevation_density": "together",
-    "estimate_of": "answer",
-    "fuse": "fusion",
-    "fuse_photo": "seen",
-    "fuse_together": "together",
-    "known": "metadata",
-    "known_alone": "metadata",
-    "known_later": "metadata",
-    "known_together": "metadata",
-    "magnetic_declination": "declination",
-    "power": "together",
-    "read_headings": "together",
-    "ring_of": "together",
-    "said_of": "said",
-    "seen_from": "together",
-    "series_of": "fit",
-    "sun_position": "ephemeris",
-    "zones": "facts",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import the public names on first use: the command line reads a photo before it weighs evidence."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__ = from_homes(
+    __name__,
+    {
+        "ELEVATION_TAIL": "contradiction",
+        "HEADING_TAIL": "contradiction",
+        "KINDS": "fit",
+        "LENS_RATIO": "contradiction",
+        "SHORT_NAMES": "given",
+        "SUNSET": "ephemeris",
+        "Evidence": "fusion",
+        "Fit": "fit",
+        "Fused": "fusion",
+        "Given": "given",
+        "Known": "metadata",
+        "Range": "fit",
+        "check_heading": "frames",
+        "check_headings": "frames",
+        "elevation_density": "together",
+        "estimate_of": "answer",
+        "fuse": "fusion",
+        "fuse_photo": "seen",
+        "fuse_together": "together",
+        "known": "metadata",
+        "known_alone": "metadata",
+        "known_later": "metadata",
+        "known_together": "metadata",
+        "magnetic_declination": "declination",
+        "power": "together",
+        "read_headings": "together",
+        "ring_of": "together",
+        "said_of": "said",
+        "seen_from": "together",
+        "series_of": "fit",
+        "sun_position": "ephemeris",
+        "zones": "facts",
+    },
+)

@@ -1,22 +1,27 @@
 """Photos: the pixels, EXIF data and time in a file, and the network's input tensor."""
 
-from lighting.photo.canvas import fit_size, place, to_tensor
-from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
-from lighting.photo.exif import PhotoFacts, vertical_fov
-from lighting.photo.held import checked_pixels, photo_of
-from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
-from lighting.photo.no_photo import is_empty, is_panorama
-from lighting.photo.read import (
-    MAX_BYTES,
-    MAX_PIXELS,
-    MIN_SIDE,
-    MOST_PIXELS,
-    TARGET,
-    Photo,
-    Source,
-    photo_data,
-    read_photo,
-)
+from typing import TYPE_CHECKING
+
+from lighting.lazy import from_homes
+
+if TYPE_CHECKING:
+    from lighting.photo.canvas import fit_size, place, to_tensor
+    from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
+    from lighting.photo.exif import PhotoFacts, vertical_fov
+    from lighting.photo.held import checked_pixels, photo_of
+    from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
+    from lighting.photo.no_photo import is_empty, is_panorama
+    from lighting.photo.read import (
+        MAX_BYTES,
+        MAX_PIXELS,
+        MIN_SIDE,
+        MOST_PIXELS,
+        TARGET,
+        Photo,
+        Source,
+        photo_data,
+        read_photo,
+    )
 
 __all__ = [
     "MAX_BYTES",
@@ -50,3 +55,39 @@ __all__ = [
     "to_tensor",
     "vertical_fov",
 ]
+
+__getattr__ = from_homes(
+    __name__,
+    {
+        "MAX_BYTES": "read",
+        "MAX_PIXELS": "read",
+        "MIN_SIDE": "read",
+        "MOST_PIXELS": "read",
+        "OFFSETS": "clock",
+        "RAW_SUFFIXES": "linear",
+        "TARGET": "read",
+        "YEARS": "clock",
+        "Curve": "linear",
+        "LinearPhoto": "linear",
+        "Photo": "read",
+        "PhotoFacts": "exif",
+        "Source": "read",
+        "checked_pixels": "held",
+        "develop_raw": "linear",
+        "facts_of": "linear",
+        "fit_size": "canvas",
+        "in_utc": "clock",
+        "is_empty": "no_photo",
+        "is_panorama": "no_photo",
+        "of_floats": "linear",
+        "photo_data": "read",
+        "photo_of": "held",
+        "place": "canvas",
+        "read_linear": "linear",
+        "read_offset": "clock",
+        "read_photo": "read",
+        "read_time": "clock",
+        "to_tensor": "canvas",
+        "vertical_fov": "exif",
+    },
+)
