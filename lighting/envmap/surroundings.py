@@ -6,6 +6,7 @@ the same way. Nothing of this changes how much light there is: each half of the 
 that of the bare map, and the sun's disc is painted last, so there is one sun.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -16,13 +17,15 @@ from lighting.envmap.clear import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.continued import RATIO, continued
 from lighting.envmap.photo_view import Shown, shown, shown_size
 from lighting.envmap.render import add_sun, render
-from lighting.geometry import Floats
+from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.records import Estimate, Lighting
 
 _FINER = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
 _ROWS = 24  # of the cells in which the map is changed
 _SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell
+_GLOW = 40.0  # deg around a sun within which the sky's brightness is the sun's
+_MOVED = 20.0  # deg by which a sun was moved for its glow to have gone
 _EXACT = 1e-5  # share by which an irradiance may differ from the one aimed at
 _LEAST = 1e-9
 
@@ -107,7 +110,22 @@ def _vary(image: Image, lighting: Lighting, place: Place) -> None:
     if place.light is None or _sky(place.light) == _sky(lighting):
         _multiply(image, _factors(_pooled(image), lighting, place))
     else:
-        _multiply(image, place_factors(place.light, place))
+        _multiply(image, without_glow(place_factors(place.light, place), place.light, lighting))
+
+
+def without_glow(factors: Image, before: Lighting, now: Lighting) -> Image:
+    """The factors (R, 2R, 3) of a place for a sun that was moved: around where it was they become those of their row.
+
+    There they say how bright the sky is near the sun, and that moves with it.
+    """
+    sun = before.sun_direction
+    moved = 1 - math.exp(-((float(angle_between(sun, now.sun_direction)) / _MOVED) ** 2))
+    sky = factors[: len(factors) // 2]
+    near = np.exp(-((angle_between(latlong_directions(len(factors))[: len(sky)], sun) / _GLOW) ** 2))[..., None]
+    rest = np.log(sky)
+    row = ((1 - near) * rest).sum(axis=1, keepdims=True) / (1 - near).sum(axis=1, keepdims=True)
+    share = moved * near
+    return np.concatenate([f32(np.exp((1 - share) * rest + share * row)), factors[len(sky) :]])
 
 
 def _sky(lighting: Lighting) -> tuple[object, ...]:

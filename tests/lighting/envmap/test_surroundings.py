@@ -4,12 +4,15 @@ import base64
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lighting.envmap import Place, change, known_place, place_factors, place_of, render, surround
 from lighting.envmap.clear import irradiance_of, row_levels
+from lighting.envmap.surroundings import without_glow
+from lighting.geometry import angle_between, latlong_directions
 from lighting.records import Estimate, Lighting, SunDistribution
 from tests.lighting.envmap.test_render import SKY, given_light, lighting
 
@@ -138,19 +141,26 @@ def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
     assert tints[1][1] < 1.5 * tints[0][1]
 
 
-def case() -> dict[str, object]:
+def case() -> dict[str, Any]:
     """A photo in its place, for those who lay it around the camera in another language."""
     light = replace(given_light(sky_cover=0.3), camera_elevation=8.0, camera_roll=-3.0, vertical_fov=50.0)
     y, x = np.mgrid[:48, :64]
     photo = np.stack([120 + x, 200 - 2 * y, np.where(y < 20, 250, 60)], axis=-1).astype(np.uint8)
     cells = around(light) * (1 + 0.6 * np.sin(np.arange(24) / 3)[:, None]).astype(np.float32)
-    place = Place(photo, cells)
+    place = Place(photo, cells, light.exposure, light)
+    moved = change(light, {"sun_azimuth": 150.0, "sun_elevation": 20.0})
     return {
         "camera": {"elevation": 8.0, "roll": -3.0, "vertical_fov": 50.0},
         "photo": base64.b64encode(photo.tobytes()).decode(),
         "factors": base64.b64encode(place_factors(light, place).tobytes()).decode(),
-        "bare": base64.b64encode(render(light, 32, disc=False).tobytes()).decode(),
-        "map": base64.b64encode(surround(light, place, 32, disc=False).tobytes()).decode(),
+        "maps": [
+            {
+                "sun": [one.sun_azimuth, one.sun_elevation],
+                "bare": base64.b64encode(render(one, 32, disc=False).tobytes()).decode(),
+                "map": base64.b64encode(surround(one, place, 32, disc=False).tobytes()).decode(),
+            }
+            for one in (light, moved)
+        ],
     }
 
 
@@ -159,9 +169,28 @@ def test_the_case_that_others_follow_is_up_to_date() -> None:
     said, now = json.loads(CASE.read_text()), case()
     assert said["camera"] == now["camera"]
     assert said["photo"] == now["photo"]
-    for name in ("factors", "bare", "map"):
-        then, today = (np.frombuffer(base64.b64decode(str(one[name])), np.float32) for one in (said, now))
+    assert [one["sun"] for one in said["maps"]] == [one["sun"] for one in now["maps"]]
+    for then, today in zip(floats(said), floats(now), strict=True):
         np.testing.assert_allclose(then, today, rtol=1e-3, atol=1e-4)
+
+
+def floats(found: dict[str, Any]) -> list[np.ndarray]:
+    texts = [found["factors"], *(one[name] for one in found["maps"] for name in ("bare", "map"))]
+    return [np.frombuffer(base64.b64decode(text), np.float32) for text in texts]
+
+
+def test_where_a_sun_was_nothing_is_left_of_its_glow_and_far_off_the_place_stays() -> None:
+    light = given_light()
+    factors = np.full((24, 48, 3), 0.8, np.float32)
+    angle = angle_between(latlong_directions(24), light.sun_direction)
+    factors[angle < 15] = 0.1
+    factors[8:12, :6] = 0.3  # a wall elsewhere
+    assert without_glow(factors, light, light) == pytest.approx(factors)
+    gone = without_glow(factors, light, change(light, {"sun_azimuth": light.sun_azimuth + 120.0}))
+    assert gone[angle < 8].min() > 0.5
+    far = angle > 100
+    assert gone[far] == pytest.approx(factors[far], rel=1e-2)
+    assert gone[12:] == pytest.approx(factors[12:])
 
 
 if __name__ == "__main__":

@@ -4,12 +4,12 @@
  * said of the rest is smooth, so light and dark of the photo's own things texture it, or mirrors would look empty.
  */
 
-import { clamp, radians } from "../pure/angles";
+import { angleBetween, clamp, direction, radians, type Vector } from "../pure/angles";
 import type { Camera } from "../pure/camera";
 import type { Triple } from "../sky/model";
 import type { Latlong } from "../sky/paint";
 import { linear, type Pixels } from "./pixels";
-import { texture } from "./texture";
+import { contrastAround } from "./texture";
 import { pixelAt } from "./view";
 
 /** What the place makes of the bare map, by cells of equal angles, row by row from the zenith. */
@@ -19,10 +19,17 @@ export interface Factors {
   factors: Triple[];
 }
 
-/** Maps of equal size: what the photo shows, linear, with its weight (0 to 1) as the fourth float; and factors. */
+/** What the photo shows, linear, with its weight (0 to 1) as the fourth float; the place, and what textures it. */
 export interface Surroundings {
   seen: Latlong;
-  factors: Latlong | undefined;
+  factors: Factors | undefined;
+  contrast: Float32Array | undefined; // for each pixel of the map
+}
+
+/** Directions of the sun in the estimate and in the light on show. */
+export interface Suns {
+  before: Vector;
+  now: Vector;
 }
 
 /** The place around the camera, in maps of `height` rows; `textured` with the photo's own things beside it. */
@@ -33,13 +40,14 @@ export function layAround(
   height: number,
   textured = true,
 ): Surroundings {
-  const cells = factors && smooth(factors, height);
-  if (cells && textured) texture(cells, photo, camera);
-  return { seen: layPhoto(photo, camera, height), factors: cells };
+  const contrast = factors && textured ? contrastAround(photo, camera, height) : undefined;
+  return { seen: layPhoto(photo, camera, height), factors, contrast };
 }
 
 const CLIPPED = 0.95; // linear value from which a pixel may have been brighter
 const REST: [number, number] = [0.1, 4]; // how far what the photo does not show is scaled
+const GLOW = 40; // degrees around a sun within which the sky's brightness is the sun's
+const MOVED = 20; // degrees by which a sun was moved for its glow to have gone
 const LEAST = 1e-9;
 const CHANNELS = [0, 1, 2] as const;
 
@@ -90,13 +98,45 @@ function between(place: number, inside: (cell: number) => number): [number, numb
   ];
 }
 
+/** The factors for a sun that was moved: around where it was, they are those of their row. */
+function withoutGlow({ rows, columns, factors }: Factors, { before, now }: Suns): Factors {
+  const moved = 1 - Math.exp(-((angleBetween(before, now) / MOVED) ** 2));
+  const changed = factors.slice();
+  for (let row = 0; row < rows / 2; row++) {
+    const elevation = 90 - ((row + 0.5) * 180) / rows;
+    const cells = Array.from({ length: columns }, (_, column) => {
+      const towards = direction(((column + 0.5) / columns) * 360 - 180, elevation);
+      const near = Math.exp(-((angleBetween(towards, before) / GLOW) ** 2));
+      return { near, at: row * columns + column };
+    });
+    const far = cells.reduce((sum, { near }) => sum + 1 - near, 0);
+    const mean = CHANNELS.map(
+      (c) => cells.reduce((sum, { near, at }) => sum + (1 - near) * Math.log((factors[at] as Triple)[c]), 0) / far,
+    );
+    for (const { near, at } of cells) {
+      const share = moved * near;
+      const cell = factors[at] as Triple;
+      changed[at] = CHANNELS.map((c) =>
+        Math.exp((1 - share) * Math.log(cell[c]) + share * (mean[c] as number)),
+      ) as Triple;
+    }
+  }
+  return { rows, columns, factors: changed };
+}
+
 /**
  * A map of sky and ground with the place in it; `gain` takes the photo to the light on show. Each half of the map gives
  * level ground as much light as before. What is clipped in the photo leaves the map's own value where that is brighter.
  */
-export function withSurroundings(map: Latlong, { seen, factors }: Surroundings, gain: number): Latlong {
+export function withSurroundings(map: Latlong, around: Surroundings, gain: number, suns: Suns): Latlong {
+  const { seen, factors, contrast } = around;
   const data = map.data.slice();
-  if (factors) for (let i = 0; i < data.length; i++) if (i % 4 < 3) (data[i] as number) *= factors.data[i] as number;
+  if (factors) {
+    const place = smooth(withoutGlow(factors, suns), map.height).data;
+    for (let i = 0; i < data.length; i++) {
+      if (i % 4 < 3) (data[i] as number) *= (place[i] as number) * (contrast?.[i >> 2] ?? 1);
+    }
+  }
   const middle = data.length / 2;
   for (const [start, end] of [
     [0, middle],

@@ -2,7 +2,6 @@
 
 import { clamp, radians } from "../pure/angles";
 import type { Camera } from "../pure/camera";
-import type { Latlong } from "../sky/paint";
 import { luminance, type Pixels } from "./pixels";
 import { pixelAt } from "./view";
 
@@ -10,18 +9,19 @@ const NEARBY = 12; // degrees within which the photo is light or dark against it
 const CONTRAST: [number, number] = [0.25, 1.5]; // the brightest is no second sun
 const LEAST = 1e-9;
 
-/** Multiplies factors by how light or dark the photo is there when it is folded around, against what surrounds it. */
-export function texture(factors: Latlong, photo: Pixels, camera: Camera): void {
-  const { width, height, data } = factors;
+/** For each pixel of a map how light or dark the photo is there when it is folded around, against what surrounds it. */
+export function contrastAround(photo: Pixels, camera: Camera, height: number): Float32Array {
+  const width = 2 * height;
+  const found = new Float32Array(width * height).fill(1);
   const reach = halfWidth(photo, camera);
   const [light, known] = [new Float32Array(width * height), new Float32Array(width * height)];
   for (let y = 0; y < height; y++) {
     const elevation = 90 - ((y + 0.5) * 180) / height;
     for (let x = 0; x < width; x++) {
-      const found = pixelAt(photo, camera, fold(((x + 0.5) / width) * 360 - 180, reach), elevation);
-      if (!found) continue;
-      known[y * width + x] = found.weight;
-      light[y * width + x] = found.weight * luminance(photo.data, found.pixel);
+      const there = pixelAt(photo, camera, fold(((x + 0.5) / width) * 360 - 180, reach), elevation);
+      if (!there) continue;
+      known[y * width + x] = there.weight;
+      light[y * width + x] = there.weight * luminance(photo.data, there.pixel);
     }
   }
   const radius = Math.round((NEARBY / 180) * height);
@@ -31,8 +31,9 @@ export function texture(factors: Latlong, photo: Pixels, camera: Camera): void {
     if (here === 0) continue;
     const usual = (mean[i] as number) / (weight[i] as number);
     const contrast = clamp((light[i] as number) / here / Math.max(usual, LEAST), ...CONTRAST);
-    for (const c of [0, 1, 2]) (data[4 * i + c] as number) *= contrast ** here;
+    found[i] = contrast ** here;
   }
+  return found;
 }
 
 /** Degrees from the photo's middle to its side, a little inside it. */

@@ -31,6 +31,9 @@ export function wrapAzimuth(azimuth: number): number {
 
 export const dot = (a: Vector, b: Vector): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
+/** Degrees between two unit vectors. */
+export const angleBetween = (a: Vector, b: Vector): number => degrees(Math.acos(clamp(dot(a, b), -1, 1)));
+
 export const cross = (a: Vector, b: Vector): Vector => [
   a[1] * b[2] - a[2] * b[1],
   a[2] * b[0] - a[0] * b[2],

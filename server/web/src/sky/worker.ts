@@ -1,8 +1,10 @@
 /** The worker that renders skies, so that sliders need no request and the page stays quick. */
 
 import tableUrl from "../../../../lighting/data/hosek_wilkie.npz?url";
+import type { Parameters } from "../api";
 import type { Pixels } from "../picture/pixels";
 import { type Factors, layAround, type Surroundings, withSurroundings } from "../picture/surroundings";
+import { direction, type Vector } from "../pure/angles";
 import type { Camera } from "../pure/camera";
 import { readNpz } from "../pure/npz";
 import { type Light, lightOf, type Question } from "./light";
@@ -37,13 +39,16 @@ async function answer(question: Question, id: number): Promise<void> {
     const light = lightOf(sky, question, LIGHT_ROWS);
     const picture = pictureOf(lightOf(sky, question, PICTURE_ROWS), question.parameters);
     const gain = question.parameters.exposure / question.asked.exposure;
-    const map = around ? withSurroundings(light.map, around, gain) : light.map;
+    const suns = { before: sunOf(question.asked), now: sunOf(question.parameters) };
+    const map = around ? withSurroundings(light.map, around, gain, suns) : light.map;
     postMessage({ id, light: { ...light, map }, picture } satisfies Answer);
   } catch (error) {
     table = undefined;
     postMessage({ id, error: String(error) });
   }
 }
+
+const sunOf = ({ sun_azimuth, sun_elevation }: Parameters): Vector => direction(sun_azimuth, sun_elevation);
 
 async function load(): Promise<SkyTable> {
   const response = await fetch(tableUrl);
