@@ -40,3 +40,6 @@ class TrainConfig:
     photos_share: float = 0.0  # of the crops, of the folder's ordinary photos
     workers: int = 2
     checkpoint_minutes: float = 4.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "teachers", tuple(self.teachers))  # JSON has them as a list

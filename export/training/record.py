@@ -37,9 +37,8 @@ def earlier_commits(config: TrainConfig) -> list[str]:
     Settings that the run's record is too old to have count as their defaults.
     """
     record = read_record(Path(config.out))
-    then, now = TrainConfig(**record["config"]), json.loads(json.dumps(asdict(config)))
-    before = json.loads(json.dumps(asdict(then)))
-    changed = [name for name in now if name not in MAY_CHANGE and before[name] != now[name]]
+    then, now = asdict(TrainConfig(**record["config"])), asdict(config)
+    changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
     if changed:
         raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")
     return str(record["commit"]).split(", ")
