@@ -29,7 +29,6 @@ from server.queries import (
 )
 from server.service import Answer, Service
 
-Map = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
 MID_GREY = 128  # sRGB

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from PIL import Image
 from torch import Tensor, nn
 
 from export.crops import (
@@ -34,7 +33,7 @@ from export.networks.outdoor import Outdoor
 from export.training.sources import split_places
 from lighting.files import replacing
 from lighting.geometry import Floats
-from lighting.photo import fit_size, place, read_photo
+from lighting.photo import fitted, place, read_photo
 from lighting.records import ModelSpec
 
 FALSE_ALARMS = 0.005
@@ -103,11 +102,10 @@ def _photos(data: Path, spec: ModelSpec) -> list[Picture]:
 
 def _on_photos(head: Head, networks: Sequence[Outdoor], data: Path, spec: ModelSpec) -> str:
     """What the head says of the photos of `photos.csv`, which no run learnt from, and of the same photos turned."""
-    if not (data / PHOTOS_TABLE).exists():
+    table = data / PHOTOS_TABLE
+    if not table.exists():
         return ""
-    photos = [
-        _fitted(read_photo(data / row["file"]).pixels, spec) for row in read_table(data / PHOTOS_TABLE, ("file",))
-    ]
+    photos = [fitted(read_photo(data / row["file"]), spec) for row in read_table(table, ("file",))]
     shares = [
         100 * float((head.suits(features(networks, spec, (np.rot90(p, turn) for p in photos))) < 0).float().mean())
         for turn in range(4)
@@ -116,11 +114,6 @@ def _on_photos(head: Head, networks: Sequence[Outdoor], data: Path, spec: ModelS
     return (
         f"Of {len(photos)} photos {upright} % are doubted; turned left, right, upside down: {left}, {right}, {down} %."
     )
-
-
-def _fitted(pixels: Picture, spec: ModelSpec) -> Picture:
-    size = fit_size(pixels.shape[1], pixels.shape[0], spec)
-    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING))
 
 
 def crops(sources: Sequence[Source], count: int, spec: ModelSpec) -> Iterator[tuple[Picture, Source]]:

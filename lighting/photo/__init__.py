@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from lighting.lazy import from_homes
 
 if TYPE_CHECKING:
-    from lighting.photo.canvas import fit_size, place, to_tensor
+    from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
     from lighting.photo.exif import PhotoFacts, vertical_fov
     from lighting.photo.held import checked_pixels, photo_of
@@ -41,6 +41,7 @@ __all__ = [
     "develop_raw",
     "facts_of",
     "fit_size",
+    "fitted",
     "in_utc",
     "is_empty",
     "is_panorama",
@@ -76,6 +77,7 @@ __getattr__ = from_homes(
         "develop_raw": "linear",
         "facts_of": "linear",
         "fit_size": "canvas",
+        "fitted": "canvas",
         "in_utc": "clock",
         "is_empty": "no_photo",
         "is_panorama": "no_photo",

@@ -31,8 +31,12 @@ def place(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:
     return canvas
 
 
-def to_tensor(photo: Photo, spec: ModelSpec) -> NDArray[np.float32]:
-    """The network's input (1, 3, H, W): the photo resized without aliasing, on its canvas."""
+def fitted(photo: Photo, spec: ModelSpec) -> NDArray[np.uint8]:
+    """The photo's pixels (h, w, 3) resized without aliasing to `fit_size`."""
     size = fit_size(photo.width, photo.height, spec)
-    resized = Image.fromarray(photo.pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0)
-    return place(np.asarray(resized), spec)[None]
+    return np.asarray(Image.fromarray(photo.pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
+
+
+def to_tensor(photo: Photo, spec: ModelSpec) -> NDArray[np.float32]:
+    """The network's input (1, 3, H, W): the fitted photo on its canvas."""
+    return place(fitted(photo, spec), spec)[None]

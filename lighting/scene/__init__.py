@@ -3,8 +3,9 @@
 `make_scene` computes a Scene once; `write_scene` and `zip_scene` have a tool's module write it.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from lighting.lazy import from_homes
 from lighting.scene.tools import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
 
 if TYPE_CHECKING:
@@ -27,13 +28,13 @@ __all__ = [
     "zip_scene",
 ]
 
-_IN_COMMON = ("PLATE_SIDE", "Scene", "make_scene")
+_HOME = {
+    "PLATE_SIDE": "common",
+    "Scene": "common",
+    "check_target": "files",
+    "make_scene": "common",
+    "write_scene": "files",
+    "zip_scene": "files",
+}
 
-
-def __getattr__(name: str) -> Any:
-    """Import what needs numpy on first use, so that the command line's help stays quick."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{'common' if name in _IN_COMMON else 'files'}"), name)
+__getattr__ = from_homes(__name__, _HOME)  # what needs numpy, so that the command line's help stays quick

@@ -3,7 +3,9 @@
 It needs the extra `video` (PyAV and OpenCV), which is imported when it is used.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from lighting.lazy import from_homes
 
 if TYPE_CHECKING:
     from lighting.video.clip import Clip, Frame
@@ -26,11 +28,4 @@ _HOME = {
     "Tracker": "tracker",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import the public names on first use."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"lighting.video.{_HOME[name]}"), name)
+__getattr__ = from_homes(__name__, _HOME)

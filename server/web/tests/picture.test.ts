@@ -149,6 +149,13 @@ interface OneMap {
 }
 
 describe("what stands around", () => {
+  const evenly = (byte: number) =>
+    layAround(
+      photo(() => byte),
+      LEVEL,
+      undefined,
+      32,
+    );
   const plain = (value: number): Latlong => ({
     width: 64,
     height: 32,
@@ -224,12 +231,7 @@ describe("what stands around", () => {
   });
 
   it("is the photo in its view alone where nothing is said of the rest", () => {
-    const grey = layAround(
-      photo(() => 100),
-      LEVEL,
-      undefined,
-      32,
-    );
+    const grey = evenly(100);
     const { data } = withSurroundings(plain(linear(100)), grey, 1, STILL);
     expect(new Set([...data].filter((_, i) => i % 4 < 3).map((value) => value.toFixed(4)))).toEqual(
       new Set([linear(100).toFixed(4)]),
@@ -237,20 +239,10 @@ describe("what stands around", () => {
   });
 
   it("becomes brighter with the light on show, and what is clipped stays sky", () => {
-    const white = layAround(
-      photo(() => 255),
-      LEVEL,
-      undefined,
-      32,
-    );
+    const white = evenly(255);
     const ahead = 4 * (15 * 64 + 32);
     expect(withSurroundings(plain(3), white, 1, STILL).data[ahead]).toBeCloseTo(3, 2);
-    const grey = layAround(
-      photo(() => 128),
-      LEVEL,
-      undefined,
-      32,
-    );
+    const grey = evenly(128);
     const [once, twice] = [1, 2].map((gain) => withSurroundings(plain(gain), grey, gain, STILL).data[ahead] as number);
     expect(twice).toBeCloseTo(2 * (once as number), 3);
   });

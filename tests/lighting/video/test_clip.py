@@ -104,6 +104,15 @@ def test_garbage_inside_is_left_out_and_told(tmp_path: Path) -> None:
         assert len(list(clip.frames())) >= 20
 
 
+def mux_silence(film: Any, stream: Any, seconds: float, form: str = "s16") -> None:
+    """Mono silence at the stream's rate, in a format of FFmpeg's."""
+    samples = np.zeros((1, round(seconds * stream.rate)), {"s16": np.int16, "fltp": np.float32}[form])
+    frame = av.AudioFrame.from_ndarray(samples, format=form, layout="mono")
+    frame.rate = stream.rate
+    film.mux(stream.encode(frame))
+    film.mux(stream.encode())
+
+
 def make_with_long_sound(path: Path) -> Path:
     """Half a second of pictures beside three of sound."""
     with av.open(str(path), "w") as film:
@@ -113,10 +122,7 @@ def make_with_long_sound(path: Path) -> Path:
         for picture in [TOP_RED] * 15:
             film.mux(pictures.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
         film.mux(pictures.encode())
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 24000), np.int16), format="s16", layout="mono")
-        frame.rate = 8000
-        film.mux(sound.encode(frame))
-        film.mux(sound.encode())
+        mux_silence(film, sound, seconds=3.0)
     return path
 
 
@@ -180,10 +186,7 @@ def test_times_that_cannot_be_are_damage(tmp_path: Path) -> None:
 def make_sound(path: Path) -> Path:
     with av.open(str(path), "w") as film:
         stream = film.add_stream("pcm_s16le", rate=8000)
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
-        frame.rate = 8000
-        film.mux(stream.encode(frame))
-        film.mux(stream.encode())
+        mux_silence(film, stream, seconds=0.1)
     return path
 
 
@@ -194,10 +197,7 @@ def make_song(path: Path, cover: Pixels) -> Path:
         picture.disposition = av.stream.Disposition.attached_pic
         film.mux(picture.encode(av.VideoFrame.from_ndarray(cover, format="rgb24")))
         film.mux(picture.encode())
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 44100), np.float32), format="fltp", layout="mono")
-        frame.rate = 44100
-        film.mux(sound.encode(frame))
-        film.mux(sound.encode())
+        mux_silence(film, sound, seconds=1.0, form="fltp")
     return path
 
 

@@ -24,13 +24,18 @@ export class SkyRenderer {
       if (next) this.ask(next);
       if ("error" in data) this.failed(new Error(data.error));
       else this.shown(data);
-      if (!this.busy) for (const tell of this.idle.splice(0)) tell();
+      this.release();
     });
     this.worker.addEventListener("error", ({ message }) => {
       this.busy = false;
       this.failed(new Error(message));
-      for (const tell of this.idle.splice(0)) tell();
+      this.release();
     });
+  }
+
+  /** Tells those who wait that nothing is being answered any more. */
+  private release(): void {
+    if (!this.busy) for (const tell of this.idle.splice(0)) tell();
   }
 
   /** What stands around the camera from now on. */
