@@ -3,7 +3,8 @@
     python benchmarks/latency.py [--runs 15] [--cpu]
 
 A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the
-same graph, a copy of the map, Pillow's resizing of the photo to the map's scale, OpenEXR's writing of the same array.
+same graph, a copy of the map, Pillow's resizing of the photo and of the coarse panorama to the map's scale, OpenEXR's
+writing of the same array into memory. Every EXR is a new file: replacing one costs the file system milliseconds.
 The whole is what `lighting envmap` does: the photo's own sky and ground in the answer, and a map with the place. The
 map stands beside Mitsuba's `sunsky` in the same directions as well, where mitsuba is installed, in LLVM mode where
 LLVM 15 or newer is found. Then the command as a process of its own, its peak memory, and what it imports.
@@ -18,6 +19,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +65,13 @@ def write_alone(image: NDArray[np.float32]) -> None:
     packing, pixels = packed_with(image, "zip")
     header = {"compression": packing, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"RGB": pixels}).write(io.BytesIO())
+
+
+def enlarge_alone(photo: NDArray[np.uint8], size: tuple[int, int], cells: NDArray[np.float32], height: int) -> None:
+    """Pillow's resizing of the photo (h, w, 3), and of cells (R, 2R, 3) to a map of `height` rows."""
+    Image.fromarray(photo).resize(size)
+    for channel in np.moveaxis(cells, 2, 0):
+        Image.fromarray(channel).resize((2 * height, height), Image.Resampling.BILINEAR)
 
 
 def mitsuba_sky(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callable[[], Any]] | None:
@@ -120,7 +129,7 @@ def import_profile(command: list[str]) -> Counter[str]:
 
 
 def measure_parts(
-    jpeg: Path, exr: Path, height: int, runs: int, clock: Callable[[], float]
+    jpeg: Path, folder: Path, height: int, runs: int, clock: Callable[[], float]
 ) -> tuple[dict[str, float], str | None]:
     """Milliseconds of the whole, of each part, of its floor as "PART floor", and Mitsuba's variant."""
     estimator = Estimator()
@@ -130,13 +139,16 @@ def measure_parts(
     light = estimate.lighting
     there = Place(photo.pixels, estimate.around)
     image = surround(light, there, height, sun=True)
+    assert estimate.around is not None
+    around, size = estimate.around, shown_size(photo.pixels, light.vertical_fov, height)
+    exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:
         seen = read_photo(jpeg)
         found = estimator(seen)
         place = place_of(found, seen.pixels, height, lambda side: read_photo(jpeg, side).pixels, wanted=True)
         assert place is not None
-        write_exr(exr, surround(found.lighting, place, height, sun=True), found.lighting)
+        write_exr(next(exr), surround(found.lighting, place, height, sun=True), found.lighting)
 
     directions = latlong_directions(height)
     mitsuba, above = mitsuba_sky(light, directions), mitsuba_sky(light, directions[: height // 2])
@@ -151,10 +163,8 @@ def measure_parts(
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,
         "place": lambda: surround(light, there, height, sun=True),
-        "place floor": lambda: Image.fromarray(photo.pixels).resize(
-            shown_size(photo.pixels, light.vertical_fov, height)
-        ),
-        "EXR": lambda: write_exr(exr, image, light),
+        "place floor": lambda: enlarge_alone(photo.pixels, size, around, height),
+        "EXR": lambda: write_exr(next(exr), image, light),
         "EXR floor": lambda: write_alone(image),
     }
     if mitsuba and above:
@@ -195,7 +205,7 @@ def main() -> None:
         size = f"{width} x {rows} ({jpeg.stat().st_size / 1e6:.1f} MB)"
         print(f"JPEG of {size} to a map of {2 * options.height} x {options.height}")
         print(f"fastest of {options.runs} runs, {'processor' if options.cpu else 'wall'} time; {machine()}\n")
-        print_parts(*measure_parts(jpeg, exr, options.height, options.runs, clock))
+        print_parts(*measure_parts(jpeg, Path(folder), options.height, options.runs, clock))
         command = ["envmap", str(jpeg), "-o", str(exr), "--height", str(options.height)]
         print_process(command, options.runs)
 
