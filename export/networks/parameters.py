@@ -5,9 +5,11 @@ import math
 import torch
 from torch import Tensor
 
+ROLL_SCALE = 5.0  # deg that one raw value of the roll stands for
+
 _LOGARITHMIC = torch.tensor([True, True, False, False, False])
 _CENTRE = torch.tensor([math.log(4.0), math.log(5.0), 0.0, 0.0, 55.0])
-_SCALE = torch.tensor([0.5, 0.6, 15.0, 5.0, 15.0])
+_SCALE = torch.tensor([0.5, 0.6, 15.0, ROLL_SCALE, 15.0])
 
 
 def encode(parameters: Tensor) -> Tensor:
@@ -42,6 +44,14 @@ def expected(logits: Tensor) -> Tensor:
     """Raw values (B, 3) of the camera: the means of its bins' probabilities, from logits (B, 3, BINS)."""
     chances = logits.float().softmax(dim=2)
     return (chances * _bins(chances)).sum(dim=2)
+
+
+def roll_spread(logits: Tensor) -> Tensor:
+    """Standard deviation (B, 1) of the roll's raw value by its bins, less their targets', from logits (B, 3, BINS)."""
+    chances, centres = logits[:, 1].float().softmax(dim=1), _bins(logits)[1].float()
+    mean = (chances * centres).sum(dim=1, keepdim=True)
+    variance = (chances * (centres - mean) ** 2).sum(dim=1, keepdim=True)
+    return (variance - (_SPREAD * (centres[1] - centres[0])) ** 2).clamp_min(0.0).sqrt()
 
 
 def binned(raw: Tensor) -> Tensor:

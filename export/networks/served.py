@@ -9,7 +9,8 @@ from torch import Tensor, nn
 
 from export.crops.surroundings import COLUMNS, DARKEST, ROWS
 from export.networks.layers import Said
-from export.networks.parameters import decode, expected
+from export.networks.level import levelled
+from export.networks.parameters import ROLL_SCALE, decode, expected, roll_spread
 from export.networks.seen_sun import seen_probability, towards, with_the_seen
 from lighting.geometry import angles
 from lighting.model import MORE_OUTPUTS, OUTPUTS
@@ -21,6 +22,7 @@ class Served(nn.Module):
 
     Further networks, `cameras`, answer for the camera instead of the others. With an `elevation_scale` [deg], the sun's
     probabilities are multiplied by exp(-elevation / scale): suns are lower in photographs than in the training crops.
+    In the same way the camera is taken to be held level, as photographs are, by networks with bins.
     A sun that the networks see in the picture enters the probabilities. Networks that learnt it also say the light
     (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3).
     """
@@ -65,9 +67,16 @@ class Served(nn.Module):
 
 
 def _camera(said: Said) -> Tensor:
-    """The camera's raw values (B, 3); the mean of those of its bins and of the head of values, where both are."""
+    """The camera's raw values (B, 3): the mean of those of its bins and of the head of values, where both are.
+
+    The bins also say how sure they are of the roll, which is then that of photographs.
+    """
     values = said.raw[:, 2:5].float()
-    return 0.5 * (values + expected(said.camera)) if said.camera.shape[1] else values
+    if not said.camera.shape[1]:
+        return values
+    camera = 0.5 * (values + expected(said.camera))
+    roll = levelled(camera[:, 1:2] * ROLL_SCALE, roll_spread(said.camera) * ROLL_SCALE) / ROLL_SCALE
+    return torch.cat([camera[:, :1], roll, camera[:, 2:]], dim=1)
 
 
 def _light(said: Sequence[Said]) -> tuple[Tensor, ...]:
