@@ -15,7 +15,7 @@ from lighting.model import Model
 
 PARTS = ("pairs", "zooms", "walks", "sets", "overlap", "days")
 WALKS, SETS, DAYS = 24, 36, 6  # rendered places walked through, places with a set, rendered days
-PER_PLACE = 1  # panoramas for the correlation
+PER_PLACE = 3  # panoramas for the correlation, at most
 
 
 @dataclass(frozen=True)
