@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from lighting.evidence.facts import zones
     from lighting.evidence.fit import KINDS, Fit, Range, series_of
     from lighting.evidence.frames import check_heading, check_headings
-    from lighting.evidence.fusion import Evidence, Fused, fuse
+    from lighting.evidence.fusion import Evidence, Fused, fuse, stand
     from lighting.evidence.given import SHORT_NAMES, Given
-    from lighting.evidence.metadata import Known, known, known_alone, known_later, known_together
+    from lighting.evidence.gravity import Gravity, tilt_spread
+    from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.said import said_of
     from lighting.evidence.seen import fuse_photo
     from lighting.evidence.together import (
@@ -37,8 +38,10 @@ __all__ = [
     "Fit",
     "Fused",
     "Given",
+    "Gravity",
     "Known",
     "Range",
+    "camera_evidence",
     "check_heading",
     "check_headings",
     "elevation_density",
@@ -57,7 +60,9 @@ __all__ = [
     "said_of",
     "seen_from",
     "series_of",
+    "stand",
     "sun_position",
+    "tilt_spread",
     "zones",
 ]
 
@@ -74,8 +79,10 @@ __getattr__ = from_homes(
         "Fit": "fit",
         "Fused": "fusion",
         "Given": "given",
+        "Gravity": "gravity",
         "Known": "metadata",
         "Range": "fit",
+        "camera_evidence": "metadata",
         "check_heading": "frames",
         "check_headings": "frames",
         "elevation_density": "together",
@@ -94,7 +101,9 @@ __getattr__ = from_homes(
         "said_of": "said",
         "seen_from": "together",
         "series_of": "fit",
+        "stand": "fusion",
         "sun_position": "ephemeris",
+        "tilt_spread": "gravity",
         "zones": "facts",
     },
 )
