@@ -13,9 +13,19 @@ from export.evaluation.records import Truth, select
 from export.evaluation.records import answers as answers_of
 from export.evaluation.simulated_metadata import COMPASS_MEDIAN, GROSS, Taken, only
 from export.evaluation.tables import figures_table, interval
-from lighting.evidence import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO, Evidence, Fused, Given, fuse_photo, known
+from lighting.evidence import (
+    ELEVATION_TAIL,
+    HEADING_TAIL,
+    LENS_RATIO,
+    Evidence,
+    Fused,
+    Given,
+    Gravity,
+    fuse_photo,
+    known,
+)
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.photo import PhotoFacts
+from lighting.photo import SENSOR_SPREAD, PhotoFacts
 from lighting.records import Prediction
 
 PARTS = ("time+place", "heading", "focal length")
@@ -67,15 +77,18 @@ def _fuse(prediction: Prediction, taken: Taken, parts: tuple[str, ...]) -> Fused
 
 
 def in_view_evidence(truth: Truth, said: Sequence[Prediction], pictures: Sequence[NDArray[np.uint8]]) -> str:
-    """What the lens, and the sun's elevation by time and place, add for crops that show the sun: sun and camera.
+    """What lens, time and place, and gravity add for crops that show the sun: errors of the sun and of the camera.
 
-    `pictures` are the crops' own pixels (h, w, 3), sRGB.
+    `pictures` are the crops' own pixels (h, w, 3), sRGB. Gravity is simulated with a phone's error of 1 deg.
     """
     _, elevation = angles(truth.sun)
     lens = truth.camera[:, 2].tolist()
     sun = [((height, 0.0),) for height in elevation.tolist()]
+    noise = np.random.default_rng(0).normal(0.0, SENSOR_SPREAD, (len(said), 2))
+    gravity = [Gravity(float(e), float(r), SENSOR_SPREAD) for e, r in truth.camera[:, :2] + noise]
     known_parts = {
         "pixels": [Evidence()] * len(said),
+        "pixels + gravity": [Evidence(gravity=g) for g in gravity],
         "pixels + focal length": [Evidence(vertical_fov=fov) for fov in lens],
         "pixels + time+place": [Evidence(candidates) for candidates in sun],
         "pixels + time+place + focal length": [Evidence(c, vertical_fov=fov) for c, fov in zip(sun, lens, strict=True)],

@@ -47,8 +47,7 @@ def held(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
         return elevation, 0.0
     if gravity.roll is None:
         return elevation, prediction.camera_roll
-    in_picture = gravity.spread / math.cos(math.radians(gravity.elevation))  # the steeper, the shorter up's image is
-    return elevation, float(wrap_azimuth(gravity.roll + aside * _share(in_picture, ROLL_SPREAD)))
+    return elevation, float(wrap_azimuth(gravity.roll + aside * _share(gravity.spread, ROLL_SPREAD)))
 
 
 def tilt_spread(gravity: Gravity | None) -> float:
