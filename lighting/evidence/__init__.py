@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from lighting.evidence.frames import check_heading, check_headings
     from lighting.evidence.fusion import Evidence, Fused, fuse, stand
     from lighting.evidence.given import SHORT_NAMES, Given
-    from lighting.evidence.gravity import Gravity, tilt_spread
+    from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.said import said_of
     from lighting.evidence.seen import fuse_photo
@@ -32,6 +32,7 @@ __all__ = [
     "HEADING_TAIL",
     "KINDS",
     "LENS_RATIO",
+    "MOST_APART",
     "SHORT_NAMES",
     "SUNSET",
     "Evidence",
@@ -73,6 +74,7 @@ __getattr__ = from_homes(
         "HEADING_TAIL": "contradiction",
         "KINDS": "fit",
         "LENS_RATIO": "contradiction",
+        "MOST_APART": "gravity",
         "SHORT_NAMES": "given",
         "SUNSET": "ephemeris",
         "Evidence": "fusion",

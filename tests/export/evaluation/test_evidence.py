@@ -43,8 +43,8 @@ def test_sharp_pixels_find_out_false_records_and_pass_true_ones() -> None:
     high = np.arange(len(truth.sun)) % (2 * EACH) < EACH
     truth.sun[high] = truth_of(4, 75.0).sun[high]
     shares = warning_shares(truth, seeing(truth, concentration=300.0), take_metadata(truth, EACH))
-    assert [row["true"] for row in shares.values()] == [0.0, 0.0, 0.0]
-    assert [row["false"] for row in shares.values()] == pytest.approx([100.0, 100.0, 100.0], abs=10.0)
+    assert [row["true"] for row in shares.values()] == [0.0, 0.0, 0.0, 0.0]
+    assert [row["false"] for row in shares.values()] == pytest.approx([100.0, 100.0, 100.0, 100.0], abs=10.0)
 
 
 def test_a_seen_sun_moves_with_the_lens_only_where_the_picture_is_white() -> None:
