@@ -49,11 +49,11 @@ def by_accelerometer(tags: Mapping[int, Any], orientation: int | None, size: tup
     if not _is_back(str(tags.get(ExifTags.Base.LensModel, "")), note):
         return None
     x, y, z = note[_ACCELERATION]
-    size_of = math.hypot(x, y, z)
-    if not _AT_REST[0] <= size_of <= _AT_REST[1]:
+    norm = math.hypot(x, y, z)
+    if not _AT_REST[0] <= norm <= _AT_REST[1]:
         return None
-    in_sensor = (y / size_of, -x / size_of, z / size_of)
-    spread = math.hypot(SENSOR_SPREAD, math.degrees(abs(size_of - 1.0)))  # an acceleration aside is about as large
+    in_sensor = (y / norm, -x / norm, z / norm)
+    spread = math.hypot(SENSOR_SPREAD, math.degrees(abs(norm - 1.0)))  # an acceleration aside is about as large
     return _held(_most_upright(in_sensor, orientation, size), spread, "accelerometer")
 
 
