@@ -11,7 +11,9 @@ from lighting.decoding import colour, with_ground
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
 from lighting.errors import PhotoError
 from lighting.evidence import (
+    Evidence,
     Given,
+    camera_evidence,
     check_heading,
     check_headings,
     estimate_of,
@@ -20,6 +22,8 @@ from lighting.evidence import (
     known_alone,
     known_together,
     said_of,
+    stand,
+    tilt_spread,
 )
 from lighting.model import Model
 from lighting.photo import Photo, Source, read_photo
@@ -27,7 +31,7 @@ from lighting.records import Estimate, Prediction
 
 if TYPE_CHECKING:
     from lighting.evidence import Fit
-    from lighting.turns import Placed
+    from lighting.turns import Placed, Shot
 
 NOTHING_GIVEN = Given()
 
@@ -77,7 +81,7 @@ class Estimator:
             _check_photo(photo)
         facts = known_together([photo.facts for photo in photos], given)
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
-        placed = _placed(photos, said, [e.vertical_fov for e in evidence]) if match and headings is None else None
+        placed = _placed(photos, said, evidence) if match and headings is None else None
         fused = fuse_together(said, evidence, headings, placed)
         return with_seen_colours(photos, [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)])
 
@@ -94,8 +98,8 @@ class Estimator:
         where they do not say what it needs; MissingExtraError without OpenCV.
         """
         said = [self.predict(photo) for photo in photos]
-        fovs = [given.vertical_fov or photo.facts.vertical_fov for photo in photos]
-        placed = _placed(photos, said, fovs) if headings is None and len(photos) > 1 else None
+        evidence = [camera_evidence(photo.facts, given) for photo in photos]
+        placed = _placed(photos, said, evidence) if headings is None and len(photos) > 1 else None
         from lighting.evidence.fit import fit, series_of
 
         return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
@@ -134,15 +138,27 @@ def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) ->
     ]
 
 
-def _placed(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> "tuple[Placed, ...]":
+def _placed(photos: Sequence[Photo], said: Sequence[Prediction], evidence: Sequence[Evidence]) -> "tuple[Placed, ...]":
     """Where the photos look, by what they show in common."""
-    from lighting.turns import Shot, features, place
+    from lighting.turns import place
 
-    shots = [
-        Shot(features(photo.pixels), p.camera_elevation, p.camera_roll, p.vertical_fov, fov)
-        for photo, p, fov in zip(photos, said, fovs, strict=True)
-    ]
-    return place(shots)
+    return place([_shot(*photo) for photo in zip(photos, said, evidence, strict=True)])
+
+
+def _shot(photo: Photo, said: Prediction, evidence: Evidence) -> "Shot":
+    from lighting.turns import UP_SIGMA, Shot, features
+
+    stood = stand(said, evidence)
+    camera, gravity = stood.prediction, stood.evidence.gravity
+    sigma = UP_SIGMA if gravity is None else min(UP_SIGMA, tilt_spread(gravity))
+    return Shot(
+        features(photo.pixels),
+        camera.camera_elevation,
+        camera.camera_roll,
+        said.vertical_fov,
+        evidence.vertical_fov,
+        sigma,
+    )
 
 
 def estimate(source: Source, given: Given = NOTHING_GIVEN) -> Estimate:

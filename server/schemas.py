@@ -188,7 +188,7 @@ class LightingRecord(Part):
     evidence: list[str] = Field(
         [],
         description="the sources that the estimate uses",
-        examples=[["pixels", "time+place", "heading", "focal length"]],
+        examples=[["pixels", "time+place", "heading", "focal length", "gravity"]],
     )
     warnings: list[str] = Field([], description="sentences, mostly about metadata that contradict the pixels")
     place: PlacePart | None = None

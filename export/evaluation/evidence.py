@@ -13,9 +13,20 @@ from export.evaluation.records import Truth, select
 from export.evaluation.records import answers as answers_of
 from export.evaluation.simulated_metadata import COMPASS_MEDIAN, GROSS, Taken, only
 from export.evaluation.tables import figures_table, interval
-from lighting.evidence import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO, Evidence, Fused, Given, fuse_photo, known
+from lighting.evidence import (
+    ELEVATION_TAIL,
+    HEADING_TAIL,
+    LENS_RATIO,
+    MOST_APART,
+    Evidence,
+    Fused,
+    Given,
+    Gravity,
+    fuse_photo,
+    known,
+)
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.photo import PhotoFacts
+from lighting.photo import SENSOR_SPREAD, PhotoFacts
 from lighting.records import Prediction
 
 PARTS = ("time+place", "heading", "focal length")
@@ -37,10 +48,11 @@ WARNED = fill(
     "Share of photos [%] with a warning of a contradiction, for true records (compass noise, no gross errors) and for "
     f"false ones. A warning is given if the pixels leave the record's sun elevation a tail probability under "
     f"{ELEVATION_TAIL:.1%}, or its heading one under {HEADING_TAIL:.1%}, or if focal lengths differ by a factor over "
-    f"{LENS_RATIO:g}.",
+    f"{LENS_RATIO:g}, or if gravity lies more than {MOST_APART:g}° from where the network has it.",
     120,
 )
 WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
+WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
 
 
 def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> str:
@@ -67,15 +79,16 @@ def _fuse(prediction: Prediction, taken: Taken, parts: tuple[str, ...]) -> Fused
 
 
 def in_view_evidence(truth: Truth, said: Sequence[Prediction], pictures: Sequence[NDArray[np.uint8]]) -> str:
-    """What the lens, and the sun's elevation by time and place, add for crops that show the sun: sun and camera.
+    """What lens, time and place, and gravity add for crops that show the sun: errors of the sun and of the camera.
 
-    `pictures` are the crops' own pixels (h, w, 3), sRGB.
+    `pictures` are the crops' own pixels (h, w, 3), sRGB. Gravity is simulated with a phone's error of 1 deg.
     """
     _, elevation = angles(truth.sun)
     lens = truth.camera[:, 2].tolist()
     sun = [((height, 0.0),) for height in elevation.tolist()]
     known_parts = {
         "pixels": [Evidence()] * len(said),
+        "pixels + gravity": _gravity(truth),
         "pixels + focal length": [Evidence(vertical_fov=fov) for fov in lens],
         "pixels + time+place": [Evidence(candidates) for candidates in sun],
         "pixels + time+place + focal length": [Evidence(c, vertical_fov=fov) for c, fov in zip(sun, lens, strict=True)],
@@ -89,6 +102,13 @@ def in_view_evidence(truth: Truth, said: Sequence[Prediction], pictures: Sequenc
         tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
         rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": share(tilt < 5)}
     return figures_table(rows)
+
+
+def _gravity(truth: Truth, off: float = 0.0) -> list[Evidence]:
+    """What phones note of gravity, and `off` [deg] that their elevation is wrong besides."""
+    noise = np.random.default_rng(0).normal(0.0, SENSOR_SPREAD, (len(truth.camera), 2))
+    held = (truth.camera[:, :2] + noise + [off, 0.0]).tolist()
+    return [Evidence(gravity=Gravity(elevation, roll, SENSOR_SPREAD)) for elevation, roll in held]
 
 
 def _name(parts: tuple[str, ...]) -> str:
@@ -145,6 +165,10 @@ def warning_shares(truth: Truth, said: Sequence[Prediction], taken: Sequence[Tak
             "false": _share(said, turned, ("time+place", "heading"), "heading"),
         },
         "picture cropped to half": _shares(said, true, cropped, ("focal length",)),
+        f"camera off by {WRONG_GRAVITY:g}°": {
+            "true": _warned(said, _gravity(truth)),
+            "false": _warned(said, _gravity(truth, WRONG_GRAVITY)),
+        },
     }
 
 
@@ -166,6 +190,9 @@ def _shares(
 
 def _share(said: Sequence[Prediction], facts: Sequence[PhotoFacts], parts: tuple[str, ...], word: str = "") -> float:
     """Percentage of photos with a warning that contains a word."""
-    evidence = [known(only(f, parts), Given()).evidence for f in facts]
+    return _warned(said, [known(only(f, parts), Given()).evidence for f in facts], word)
+
+
+def _warned(said: Sequence[Prediction], evidence: Sequence[Evidence], word: str = "") -> float:
     warned = [any(word in w for w in fuse_photo(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
     return share(np.array(warned))

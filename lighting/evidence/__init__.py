@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from lighting.evidence.facts import zones
     from lighting.evidence.fit import KINDS, Fit, Range, series_of
     from lighting.evidence.frames import check_heading, check_headings
-    from lighting.evidence.fusion import Evidence, Fused, fuse
+    from lighting.evidence.fusion import Evidence, Fused, fuse, stand
     from lighting.evidence.given import SHORT_NAMES, Given
-    from lighting.evidence.metadata import Known, known, known_alone, known_later, known_together
+    from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
+    from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.said import said_of
     from lighting.evidence.seen import fuse_photo
     from lighting.evidence.together import (
@@ -31,14 +32,17 @@ __all__ = [
     "HEADING_TAIL",
     "KINDS",
     "LENS_RATIO",
+    "MOST_APART",
     "SHORT_NAMES",
     "SUNSET",
     "Evidence",
     "Fit",
     "Fused",
     "Given",
+    "Gravity",
     "Known",
     "Range",
+    "camera_evidence",
     "check_heading",
     "check_headings",
     "elevation_density",
@@ -57,7 +61,9 @@ __all__ = [
     "said_of",
     "seen_from",
     "series_of",
+    "stand",
     "sun_position",
+    "tilt_spread",
     "zones",
 ]
 
@@ -68,14 +74,17 @@ __getattr__ = from_homes(
         "HEADING_TAIL": "contradiction",
         "KINDS": "fit",
         "LENS_RATIO": "contradiction",
+        "MOST_APART": "gravity",
         "SHORT_NAMES": "given",
         "SUNSET": "ephemeris",
         "Evidence": "fusion",
         "Fit": "fit",
         "Fused": "fusion",
         "Given": "given",
+        "Gravity": "gravity",
         "Known": "metadata",
         "Range": "fit",
+        "camera_evidence": "metadata",
         "check_heading": "frames",
         "check_headings": "frames",
         "elevation_density": "together",
@@ -94,7 +103,9 @@ __getattr__ = from_homes(
         "said_of": "said",
         "seen_from": "together",
         "series_of": "fit",
+        "stand": "fusion",
         "sun_position": "ephemeris",
+        "tilt_spread": "gravity",
         "zones": "facts",
     },
 )

@@ -13,6 +13,7 @@ from lighting.circular import HEADINGS, Heading, heading, von_mises
 from lighting.decoding import sun_of, sun_on_rings
 from lighting.errors import ParameterError
 from lighting.evidence.contradiction import contradictions
+from lighting.evidence.gravity import Gravity, contrary, held
 from lighting.geometry import Floats, direction
 from lighting.records import Prediction, SunDistribution, SunEstimate
 from lighting.sun_grid import grid_directions, over_cells, smooth_density
@@ -29,13 +30,14 @@ class Evidence:
     heading: float | None = None  # deg clockwise from true north, where the camera points
     heading_spread: float = COMPASS_SPREAD  # deg, one standard deviation of that
     vertical_fov: float | None = None  # deg, of the upright photo
+    gravity: Gravity | None = None  # how the camera was held
 
 
 @dataclass(frozen=True, eq=False)
 class Fused:
     """The fused distribution and parameters of one photo; `estimate_of` makes an Estimate of it."""
 
-    prediction: Prediction  # with the best known field of view, turbidity and exposure
+    prediction: Prediction  # with the best known camera, turbidity and exposure
     sun: SunEstimate
     directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
     probability: Floats  # (M,) of each, sums to 1
@@ -51,8 +53,33 @@ class Fused:
         return SunDistribution(grid, over_cells(self.probability, self.directions, grid).astype(np.float32))
 
 
+@dataclass(frozen=True, eq=False)
+class Stood:
+    """What is known of one photo after its camera was put as gravity has it."""
+
+    prediction: Prediction
+    evidence: Evidence  # without a gravity that contradicts the pixels
+    warnings: tuple[str, ...] = ()  # the sentence about that
+
+
+def stand(prediction: Prediction, evidence: Evidence) -> Stood:
+    """The prediction with the camera's elevation and roll by pixels and gravity; its sun stays where it is."""
+    if evidence.gravity is None:
+        return Stood(prediction, evidence)
+    if (warning := contrary(prediction, evidence.gravity)) is not None:
+        return Stood(prediction, replace(evidence, gravity=None), (warning,))
+    elevation, roll = held(prediction, evidence.gravity)
+    return Stood(replace(prediction, camera_elevation=elevation, camera_roll=roll), evidence)
+
+
 def fuse(prediction: Prediction, evidence: Evidence) -> Fused:
     """Fuse a prediction with its evidence; raises ParameterError where every candidate sun is below the horizon."""
+    return fuse_stood(stand(prediction, evidence))
+
+
+def fuse_stood(stood: Stood) -> Fused:
+    """The same where the camera already stands as gravity has it."""
+    prediction, evidence = stood.prediction, stood.evidence
     candidates = daylight(evidence)
     density = ring_density(prediction, candidates)
     if len(candidates):
@@ -61,7 +88,7 @@ def fuse(prediction: Prediction, evidence: Evidence) -> Fused:
         fused = on_grid(prediction, evidence, prediction.sun_probability)
     compass = None if evidence.heading is None else (evidence.heading, evidence.heading_spread)
     against = contradictions(prediction, candidates, density, compass, evidence.vertical_fov)
-    return replace(fused, warnings=tuple(against))
+    return replace(fused, warnings=(*against, *stood.warnings))
 
 
 def daylight(evidence: Evidence) -> Floats:
@@ -117,5 +144,6 @@ def used(evidence: Evidence) -> tuple[str, ...]:
         "time+place": bool(evidence.candidates),
         "heading": bool(evidence.candidates) and evidence.heading is not None,
         "focal length": evidence.vertical_fov is not None,
+        "gravity": evidence.gravity is not None,
     }
     return tuple(name for name, there in parts.items() if there)

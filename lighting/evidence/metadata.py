@@ -11,6 +11,7 @@ from lighting.evidence.ephemeris import CIVIL_TWILIGHT
 from lighting.evidence.facts import by_one_clock, merge, of_one_place, place_of
 from lighting.evidence.fusion import COMPASS_SPREAD, Evidence
 from lighting.evidence.given import Given
+from lighting.evidence.gravity import Gravity
 from lighting.evidence.sun import below_horizon, suns
 from lighting.geometry import SUN_RADIUS, angle_between, direction
 from lighting.photo import PhotoFacts
@@ -63,14 +64,25 @@ def _known(merged: PhotoFacts, candidates: Suns, given: Given) -> Known:
     if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, below_horizon(merged, highest) + consequence)
-    evidence = Evidence(
+    evidence = replace(
+        _of_camera(merged),
         candidates=_in_twilight_on_the_horizon(candidates) if highest >= CIVIL_TWILIGHT else (),
-        vertical_fov=merged.vertical_fov,
         **_compass(merged, given),
     )
     sun_is_up = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS
     location = place_of(merged) if given.keep_location else None
     return Known(evidence, warnings, sun_is_up, bool(candidates) and highest < CIVIL_TWILIGHT, location)
+
+
+def camera_evidence(facts: PhotoFacts, given: Given) -> Evidence:
+    """What of the evidence is about the camera alone: its lens, and how it was held."""
+    return _of_camera(merge(facts, given))
+
+
+def _of_camera(merged: PhotoFacts) -> Evidence:
+    elevation, spread = merged.camera_elevation, merged.gravity_spread
+    gravity = None if elevation is None or spread is None else Gravity(elevation, merged.camera_roll, spread)
+    return Evidence(vertical_fov=merged.vertical_fov, gravity=gravity)
 
 
 def known_alone(facts: PhotoFacts, given: Given) -> Known:

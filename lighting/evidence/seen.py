@@ -1,8 +1,9 @@
 """A sun that the picture shows stays on its pixel when more is known of the camera.
 
 The network's distribution is in directions, by the camera that the network estimates. Where the picture shows the sun,
-the evidence is a pixel: another field of view moves its direction, and the ephemeris's elevation says how the camera is
-tilted.
+the evidence is a pixel: another field of view, elevation or roll of the camera moves its direction, and the ephemeris's
+elevation says how the camera is tilted. A sun outside the picture is known by shadows and shading, whose directions
+are the world's: it stays where it is.
 """
 
 import math
@@ -13,18 +14,18 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.decoding import best_guess
-from lighting.evidence.fusion import Evidence, Fused, fuse
+from lighting.evidence.fusion import Evidence, Fused, Stood, fuse_stood, stand
+from lighting.evidence.gravity import tilt_spread
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_pixel, wrap_azimuth
 from lighting.records import RANGES, Prediction
 from lighting.sun_grid import grid_directions, over_cells
 
-CAMERA_SPREAD = 3.5  # deg, of the network's camera elevation: 87 % lie within 5 deg
 PIXEL_SPREAD = 2.0  # deg, of the seen sun's pixel: the network says its cell, 16 of 224 pixels
 _SHOWN = 0.6  # least share of the probability near the answer from which the picture counts as showing the sun
 _NEAR = 12.0  # deg around the answer
 _MOVED = 25.0  # deg around the answer in which the probability moves with the pixels
 _WIDEST = 16 / 9  # aspect ratio of the widest picture; the prediction does not know the photo's own
-_SAME = 0.02  # share by which two focal lengths may differ and count as one
+_SAME = 0.02  # share by which two focal lengths may differ and count as one, and rad by which two axes may
 _GLARE = 3.0  # deg around its pixel in which a seen sun makes the picture white
 _WHITE = 245  # of 255, coded luminance
 _WHITE_SHARE = 0.03  # least share of the pixels there; 97 % of the crops that show the sun have more
@@ -37,11 +38,12 @@ def fuse_photo(prediction: Prediction, evidence: Evidence, pixels: NDArray[np.ui
     With its `pixels` (h, w, 3), a photo that is not white where the network has the sun counts as not showing it: then
     the network knows the direction by more than a pixel.
     """
-    sun = shown_sun(prediction)
+    stood, sun = stand(prediction, evidence), shown_sun(prediction)
     if sun is None or (pixels is not None and not _glares(pixels, prediction, sun)):
-        return fuse(prediction, evidence)
-    moved = _through_lens(prediction, evidence.vertical_fov or prediction.vertical_fov, sun)
-    return _levelled(fuse(moved, evidence), moved)
+        return fuse_stood(stood)
+    moved = _through_camera(prediction, stood, sun)
+    fused = fuse_stood(replace(stood, prediction=moved))
+    return _levelled(fused, moved, tilt_spread(stood.evidence.gravity))
 
 
 def shown_sun(prediction: Prediction) -> Floats | None:
@@ -66,27 +68,28 @@ def _glares(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> b
     return around.size > 0 and float(np.mean(luminance(around) >= _WHITE)) >= _WHITE_SHARE
 
 
-def _through_lens(prediction: Prediction, vertical_fov: float, sun: Floats) -> Prediction:
-    """The prediction with the seen sun (3,) and what lies around it where their pixels look with that field of view."""
+def _through_camera(prediction: Prediction, stood: Stood, sun: Floats) -> Prediction:
+    """What `stood` says, with the seen sun (3,) and what lies around it where their pixels look by its camera."""
+    vertical_fov = stood.evidence.vertical_fov or prediction.vertical_fov
     ratio = math.tan(math.radians(vertical_fov) / 2) / math.tan(math.radians(prediction.vertical_fov) / 2)
-    if abs(math.log(ratio)) < _SAME:
-        return prediction
+    said, known = (camera_axes(0.0, p.camera_elevation, p.camera_roll) for p in (prediction, stood.prediction))
+    if abs(math.log(ratio)) < _SAME and float(np.abs(said - known).max()) < _SAME:
+        return stood.prediction
     cells = grid_directions(prediction.spec.sun_grid)
-    axes = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll)
-    right, up, forward = (cells @ axes.T).T
+    right, up, forward = (cells @ said.T).T
     there = (cells @ sun >= math.cos(math.radians(_MOVED))) & (forward > 0)
-    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[there] @ axes
+    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[there] @ known
     rays[:, 1] = np.maximum(rays[:, 1], 0.0)  # no sun stands below the horizon
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     p = np.asarray(prediction.sun_probability, dtype=np.float64)
     moved = np.where(there, 0.0, p) + over_cells(p[there], rays, prediction.spec.sun_grid)
-    return replace(prediction, sun_probability=moved.astype(np.float32))
+    return replace(stood.prediction, sun_probability=moved.astype(np.float32))
 
 
-def _levelled(fused: Fused, prediction: Prediction) -> Fused:
+def _levelled(fused: Fused, prediction: Prediction, spread: float) -> Fused:
     """The answer with the camera tilted so that the seen sun stands at the elevation of time and place.
 
-    The network's tilt and the pixel's are weighted by their errors (Kalman's gain).
+    The tilt, known to `spread` [deg], and the pixel's are weighted by their errors (Kalman's gain).
     """
     if fused.camera_heading is None:
         return fused
@@ -96,6 +99,6 @@ def _levelled(fused: Fused, prediction: Prediction) -> Fused:
     if abs(aside) > _FAR[0] or abs(above) > _FAR[1]:
         return fused
     turn = math.cos(math.radians(azimuth))  # deg of the sun's elevation for each deg of tilt
-    gain = turn * CAMERA_SPREAD**2 / (turn**2 * CAMERA_SPREAD**2 + PIXEL_SPREAD**2)
+    gain = turn * spread**2 / (turn**2 * spread**2 + PIXEL_SPREAD**2)
     tilt = float(np.clip(fused.prediction.camera_elevation + gain * above, *RANGES["camera_elevation"]))
     return replace(fused, prediction=replace(fused.prediction, camera_elevation=tilt))

@@ -19,10 +19,11 @@ from lighting.evidence.fusion import (
     Fused,
     compass_prior,
     daylight,
-    fuse,
+    fuse_stood,
     on_grid,
     on_rings,
     ring_density,
+    stand,
 )
 from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts, multiplied
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
@@ -54,7 +55,9 @@ def fuse_together(
     takes the candidates of the first that has one. Times may differ (a time-lapse): then candidate k of each photo is
     the sun in the same zone k.
     """
-    alone = [fuse(p, e) for p, e in zip(predictions, evidence, strict=True)]
+    stood = [stand(p, e) for p, e in zip(predictions, evidence, strict=True)]
+    alone = [fuse_stood(s) for s in stood]
+    predictions, evidence = [s.prediction for s in stood], [s.evidence for s in stood]
     turns = frames(evidence, headings, placed)
     shared = _share_sky(_as_matched(predictions, placed) if placed else predictions)
     known = _share_time(evidence)

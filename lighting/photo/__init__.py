@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
     from lighting.photo.exif import PhotoFacts, vertical_fov
+    from lighting.photo.gravity import SENSOR_SPREAD, STEEP
     from lighting.photo.held import checked_pixels, photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
@@ -30,6 +31,8 @@ __all__ = [
     "MOST_PIXELS",
     "OFFSETS",
     "RAW_SUFFIXES",
+    "SENSOR_SPREAD",
+    "STEEP",
     "TARGET",
     "YEARS",
     "Curve",
@@ -66,6 +69,8 @@ __getattr__ = from_homes(
         "MOST_PIXELS": "read",
         "OFFSETS": "clock",
         "RAW_SUFFIXES": "linear",
+        "SENSOR_SPREAD": "gravity",
+        "STEEP": "gravity",
         "TARGET": "read",
         "YEARS": "clock",
         "Curve": "linear",

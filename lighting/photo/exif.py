@@ -1,10 +1,11 @@
-"""What a photo's EXIF block says of when, where, which way and through which lens.
+"""What a photo's EXIF block and XMP packet say of when, where, which way, how held and through which lens.
 
-The block is hostile input: whatever cannot be read, or cannot be true, counts as absent.
+Both are hostile input: whatever cannot be read, or cannot be true, counts as absent.
 """
 
 import math
 import re
+import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -14,6 +15,8 @@ from typing import Any, Literal, TypeVar
 from PIL import ExifTags, Image
 
 from lighting.photo.clock import YEARS, in_utc, read_offset
+from lighting.photo.gravity import Held, by_accelerometer, by_elevation_angle, by_gimbal, gimbal_heading
+from lighting.photo.xmp import properties
 
 Tags = Mapping[int, Any]
 Fact = TypeVar("Fact")
@@ -40,15 +43,22 @@ class PhotoFacts:
     heading_reference: Literal["true", "magnetic"] | None = None
     focal_length: float | None = None  # mm, of the 36 x 24 mm camera with the same diagonal field of view
     vertical_fov: float | None = None  # deg, of the upright photo
+    camera_elevation: float | None = None  # deg, positive looks up, of the upright photo
+    camera_roll: float | None = None  # deg, positive turns the camera clockwise; steep cameras have none
+    gravity_source: str | None = None  # of the two: "accelerometer", "gimbal" or "elevation angle"
+    gravity_spread: float | None = None  # deg, one standard deviation of the two
 
 
 def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
-    """The facts in an image's EXIF block; `width` and `height` are those of the upright photo. Never raises."""
+    """The facts in an image's EXIF and XMP; `width` and `height` are those of the upright photo. Never raises."""
     camera, position = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
+    xmp = properties(image.info.get("xmp"))
     local_time, utc_offset = _clock(camera)
     place = _fact(_place, position)
     focal_length = _fact(_focal_length, camera)
     whole = _fact(lambda tags: _is_whole(tags, width / height), camera)
+    compass, gimbal = _fact(_heading, position), gimbal_heading(xmp)
+    held = _held(camera, xmp, read_orientation(image), (width, height)) if whole else None
     return PhotoFacts(
         local_time=local_time,
         utc_offset=utc_offset,
@@ -57,10 +67,14 @@ def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
         else in_utc(local_time, utc_offset),
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
-        heading=_fact(_heading, position),
-        heading_reference=_fact(_heading_reference, position),
+        heading=gimbal if compass is None else compass,
+        heading_reference="true" if compass is None and gimbal is not None else _fact(_heading_reference, position),
         focal_length=focal_length,
         vertical_fov=None if focal_length is None or not whole else vertical_fov(focal_length, width, height),
+        camera_elevation=None if held is None else held.elevation,
+        camera_roll=None if held is None else held.roll,
+        gravity_source=None if held is None else held.source,
+        gravity_spread=None if held is None else held.spread,
     )
 
 
@@ -71,6 +85,15 @@ def read_exposure(image: Image.Image) -> float | None:
     ISO 100 and f/1, for lenses without contacts note none.
     """
     return _fact(_exposure, _directory(image, ExifTags.IFD.Exif))
+
+
+def read_orientation(image: Image.Image) -> int | None:
+    """How the picture is to be turned, 1 to 8, by EXIF or else by XMP, which Pillow reads for it. Never raises."""
+    try:
+        value = image.getexif().get(ExifTags.Base.Orientation)
+    except Exception:  # EXIF is hostile input
+        return None
+    return value if isinstance(value, int) else None
 
 
 def vertical_fov(focal_length: float, width: int, height: int) -> float:
@@ -90,10 +113,19 @@ def _directory(image: Image.Image, ifd: int) -> Tags:
         return {}
 
 
+def _held(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> Held | None:
+    """How the camera was held, by the first source that says it."""
+    return (
+        _fact(lambda t: by_accelerometer(t, orientation, size), tags)
+        or by_gimbal(xmp, orientation)
+        or _fact(by_elevation_angle, tags)
+    )
+
+
 def _fact(read: Callable[[Tags], Fact | None], tags: Tags) -> Fact | None:
     try:
         return read(tags)
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error):
         return None
 
 

@@ -19,10 +19,10 @@ from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 
 from lighting.errors import PhotoError, PhotoTooLargeError
-from lighting.photo.exif import PhotoFacts, read_facts
+from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import NAMES, admitted, most
 from lighting.photo.pixels import decode, upright_pixels
@@ -53,7 +53,7 @@ class Photo:
     width: int  # of the upright photo in the file, pixels
     height: int
     format: str  # as Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", ...; "RAW", "PIXELS"
-    facts: PhotoFacts = field(default_factory=PhotoFacts)  # what its EXIF block says
+    facts: PhotoFacts = field(default_factory=PhotoFacts)  # what its EXIF block and XMP packet say
 
 
 def read_photo(
@@ -76,7 +76,8 @@ def read_photo(
         told = described(data, image) if raw else image
         side = target or max(image.size)
         decode(image, side)
-        orientation = _orientation(told)
+        with _no_warnings():
+            orientation = read_orientation(told)
         pixels = upright_pixels(image, side, orientation)
     except PhotoError:
         raise
@@ -160,15 +161,6 @@ def check_size(width: int, height: int, limit: int, kind: str) -> None:
         raise PhotoError(f"The photo is {width} x {height} pixels; each side must have at least {MIN_SIDE}.")
     if max(width, height) > MAX_ASPECT * min(width, height):
         raise PhotoError(f"The photo is {width} x {height} pixels; one side may be {MAX_ASPECT} times the other.")
-
-
-def _orientation(image: Image.Image) -> int | None:
-    try:
-        with _no_warnings():
-            value = image.getexif().get(ExifTags.Base.Orientation)
-            return value if isinstance(value, int) else None
-    except Exception:  # EXIF is hostile input
-        return None
 
 
 def _reason(error: Exception) -> str:

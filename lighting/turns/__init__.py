@@ -2,10 +2,11 @@
 
 from lighting.turns.match import MAX_SIDE, Features, Matches, features, has_opencv, match
 from lighting.turns.rotation import Turn, relative_rotation, rotation_of
-from lighting.turns.sets import Placed, Shot, place
+from lighting.turns.sets import UP_SIGMA, Placed, Shot, place
 
 __all__ = [
     "MAX_SIDE",
+    "UP_SIGMA",
     "Features",
     "Matches",
     "Placed",

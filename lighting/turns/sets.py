@@ -2,7 +2,8 @@
 
 One lens serves all photos, but for those that show things larger than others do from the same point: zoomed ones.
 
-The vertical is the median of what the network says of each camera's elevation and roll, carried into one frame.
+The vertical is the median of what is known of each camera's elevation and roll, carried into one frame; a photo whose
+metadata say how it was held counts for more than one of which only the network does.
 """
 
 from collections.abc import Sequence
@@ -34,10 +35,11 @@ class Shot:
     """One photo of a set as far as it is known alone."""
 
     features: Features
-    camera_elevation: float  # deg, by the network
+    camera_elevation: float  # deg, by the network and the photo's metadata
     camera_roll: float
     guessed_fov: float  # deg, vertical, by the network
     noted_fov: float | None = None  # by its metadata or its user
+    up_sigma: float = UP_SIGMA  # deg, of the vertical that elevation and roll mean, about each horizontal axis
 
     @property
     def size(self) -> tuple[int, int]:
@@ -170,9 +172,11 @@ def _scale(shot: Shot, lens: Lens, fov: float) -> float:
 def _levelled(number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence[Lens]) -> list[Placed]:
     """The photos of one group about their common vertical."""
     own = [shots[i] for i in group.members]
-    up = common_up(group.rotations, np.stack([up_in_camera(s.camera_elevation, s.camera_roll) for s in own]))
+    ups = np.stack([up_in_camera(s.camera_elevation, s.camera_roll) for s in own])
+    up_sigma = np.array([s.up_sigma for s in own])
+    up = common_up(group.rotations, ups, up_sigma**-2.0)
     heading, elevation, roll = about(up, group.rotations)
-    sigma = np.hypot(_turn_sigma(group, up), _tilt_sigma(group.rotations, up, len(own)))
+    sigma = np.hypot(_turn_sigma(group, up), _tilt_sigma(group.rotations, up, up_sigma))
     alone = len(own) == 1
     return [
         Placed(
@@ -194,9 +198,9 @@ def _turn_sigma(group: Oriented, up: Floats) -> Floats:
     return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", own, group.covariance, own)))
 
 
-def _tilt_sigma(rotations: Floats, up: Floats, count: int) -> Floats:
-    """Standard deviations (n,) [deg] of the headings by the vertical's uncertainty, shared by `count` cameras."""
-    spread = UP_SIGMA / np.sqrt(min(count, 4))  # cameras of one place err alike
+def _tilt_sigma(rotations: Floats, up: Floats, up_sigma: Floats) -> Floats:
+    """Standard deviations (n,) [deg] of the headings by the vertical's uncertainty, with those of all cameras (n,)."""
+    spread = min(UP_SIGMA / np.sqrt(min(len(up_sigma), 4)), up_sigma.min())  # cameras of one place err alike
     straight = about(up, rotations)[0]
     across = np.linalg.svd(up[None])[2][1:]
     tilted = [about(up + np.tan(np.radians(spread)) * side, rotations)[0] for side in across]

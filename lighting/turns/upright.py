@@ -20,15 +20,16 @@ def up_in_camera(elevation: float, roll: float) -> Floats:
     return own_axes(0.0, elevation, roll)[:, 1]
 
 
-def common_up(orientations: Floats, ups: Floats) -> Floats:
-    """Up (3,) in the common frame, of what each camera (K, 3, 3) takes for it (K, 3).
+def common_up(orientations: Floats, ups: Floats, weights: Floats | float = 1.0) -> Floats:
+    """Up (3,) in the common frame, of what each camera (K, 3, 3) takes for it (K, 3) with some weight (K,).
 
     The direction with the least sum of distances, by re-weighted means (Weiszfeld), so that a few far off count little.
     """
     there = np.einsum("kji,kj->ki", orientations, ups)
-    mean = _unit(there.mean(axis=0))
+    own = np.broadcast_to(weights, len(there))
+    mean = _unit(own @ there)
     for _ in range(20):
-        weight = 1.0 / np.maximum(np.linalg.norm(there - mean, axis=1), np.radians(0.5))
+        weight = own / np.maximum(np.linalg.norm(there - mean, axis=1), np.radians(0.5))
         mean = _unit(weight @ there)
     return mean
 

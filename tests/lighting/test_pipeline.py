@@ -14,15 +14,16 @@ from lighting import model as model_module
 from lighting import pipeline
 from lighting.decoding import lighting_from
 from lighting.errors import ModelError, ParameterError, PhotoError
-from lighting.evidence import Given
+from lighting.evidence import Evidence, Given, Gravity
 from lighting.evidence.answer import UNSUITABLE
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
 from lighting.photo import Photo, photo_of
 from lighting.photo.read import read_photo
-from lighting.pipeline import Estimator, estimate, with_seen_colours
+from lighting.pipeline import Estimator, _shot, estimate, with_seen_colours
 from lighting.records import Lighting
 from tests.conftest import AROUND, encode, scene, write_network
+from tests.lighting.evidence.test_fusion import UNIFORM, prediction
 
 
 @pytest.fixture
@@ -195,3 +196,17 @@ def test_photos_together_share_the_strength_of_the_light(lit_network: Path) -> N
     assert one.lighting.sky_irradiance == pytest.approx(LIFTED, rel=1e-4)
     assert one.lighting.ground_color == two.lighting.ground_color is not None
     assert two.around == pytest.approx(AROUND)
+
+
+@pytest.mark.parametrize(("elevation", "sigma"), [(None, 2.5), (-6.0, 0.96), (60.0, 2.5)])
+def test_a_photo_that_is_matched_is_levelled_by_its_gravity(elevation: float | None, sigma: float) -> None:
+    """Unless the pixels contradict it."""
+    pytest.importorskip("cv2")
+    photo, said = Photo(scene(320, 240), 320, 240, "JPEG"), prediction(UNIFORM)
+    gravity = None if elevation is None else Gravity(elevation, 5.0, 1.0)
+    shot = _shot(photo, said, Evidence(vertical_fov=53.0, gravity=gravity))
+    assert shot.up_sigma == pytest.approx(sigma, abs=0.01)
+    used = sigma < 2.0
+    assert shot.camera_elevation == pytest.approx(-5.4 if used else said.camera_elevation, abs=0.1)
+    assert shot.camera_roll == pytest.approx(4.1 if used else said.camera_roll, abs=0.1)
+    assert (shot.guessed_fov, shot.noted_fov) == (50.0, 53.0)

@@ -61,6 +61,7 @@ describe("what a photo says", () => {
     expect(evidenceWords(["pixels", "time+place", "heading"])).toBe(
       "Used: the picture itself, time and place (where the sun stood then), the compass heading.",
     );
+    expect(evidenceWords(["pixels", "gravity"])).toBe("Used: the picture itself, how the camera was held.");
     expect(evidenceWords(["something new"])).toBe("Used: something new.");
   });
 

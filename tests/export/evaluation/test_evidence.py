@@ -43,8 +43,8 @@ def test_sharp_pixels_find_out_false_records_and_pass_true_ones() -> None:
     high = np.arange(len(truth.sun)) % (2 * EACH) < EACH
     truth.sun[high] = truth_of(4, 75.0).sun[high]
     shares = warning_shares(truth, seeing(truth, concentration=300.0), take_metadata(truth, EACH))
-    assert [row["true"] for row in shares.values()] == [0.0, 0.0, 0.0]
-    assert [row["false"] for row in shares.values()] == pytest.approx([100.0, 100.0, 100.0], abs=10.0)
+    assert [row["true"] for row in shares.values()] == [0.0, 0.0, 0.0, 0.0]
+    assert [row["false"] for row in shares.values()] == pytest.approx([100.0, 100.0, 100.0, 100.0], abs=10.0)
 
 
 def test_a_seen_sun_moves_with_the_lens_only_where_the_picture_is_white() -> None:
@@ -59,3 +59,13 @@ def test_a_seen_sun_moves_with_the_lens_only_where_the_picture_is_white() -> Non
         table = in_view_evidence(truth, said, pictures)
         rows[name] = [float(line.split("|")[2]) for line in table.splitlines() if "focal length" in line]
     assert rows["grey"][0] < 1.0 < 3.0 < rows["white"][0]
+
+
+def test_gravity_tells_the_camera_of_crops_that_show_the_sun() -> None:
+    truth = truth_of(2, 15.0)
+    truth.camera[:] = (9.0, 0.0, 50.0)  # the networks say 2 deg
+    white = [np.full((300, 400, 3), 255, np.uint8)] * len(truth.sun)
+    table = in_view_evidence(truth, [lobe(20.0, 15.0, 300.0)] * len(truth.sun), white)
+    tilt = {cells[1].strip(): float(cells[3]) for line in table.splitlines()[2:] if (cells := line.split("|"))}
+    assert tilt["pixels"] > 4.0
+    assert tilt["pixels + gravity"] < 2.0

@@ -16,6 +16,8 @@ from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from tests.conftest import encode, munich, scene
 from tests.lighting.cli.runners import error_of, run
+from tests.lighting.photo.held import drone as gimbal
+from tests.lighting.photo.held import phone as phone_held
 
 COORDINATES = re.compile(r"48[.:]1|11[.:]5|latitude|longitude")
 MORNING = ["--time", "2024-06-01T09:10+02:00", "--lat", "48.1375", "--lon", "11.575"]
@@ -55,6 +57,38 @@ def test_info_says_what_a_photo_knows_but_not_where(phone: Path) -> None:
     assert (known["local_time"], known["utc_offset"]) == ("2024-06-01T09:10:00", 2.0)
     assert (known["heading"], known["location"]) == (60.0, True)
     assert not COORDINATES.search(result.stdout)
+
+
+def held(folder: Path, name: str, kind: str, **options: Any) -> Path:
+    path = folder / name
+    path.write_bytes(encode(scene(320, 240), kind, **options))
+    return path
+
+
+def test_how_the_camera_was_held_counts_unless_turned_off(network: Path, tmp_path: Path) -> None:
+    upright = held(tmp_path, "phone.jpg", "JPEG", exif=phone_held(0.0, -0.98, 0.17, 6).tobytes())
+    drone = held(tmp_path, "drone.jpg", "JPEG", xmp=gimbal("-8.00"))
+    for photo, elevation, source in ((upright, 9.8, "accelerometer"), (drone, -8.0, "gimbal")):
+        facts = json.loads(run("info", photo).stdout)["metadata"]
+        assert (facts["camera_elevation"], facts["camera_roll"]) == pytest.approx((elevation, 0.0), abs=0.1)
+        assert facts["gravity_source"] == source
+        pixels, known = (
+            records(run("estimate", "--json", *how, "--model", network, photo))[0] for how in (["--no-exif"], [])
+        )
+        assert (pixels["evidence"], known["evidence"]) == (["pixels"], ["pixels", "gravity"])
+        said, both = pixels["camera"]["elevation"], known["camera"]["elevation"]
+        assert abs(both - elevation) < 0.2 * abs(said - elevation)
+    (heading,) = records(run("estimate", "--json", *MORNING, "--model", network, drone))
+    assert heading["evidence"] == ["pixels", "time+place", "heading", "gravity"]
+
+
+def test_a_camera_that_contradicts_the_picture_is_a_warning(network: Path, tmp_path: Path) -> None:
+    on_its_side = held(tmp_path, "turned.jpg", "JPEG", exif=phone_held(0.0, -1.0, 0.0, 1).tobytes())
+    result = run("estimate", "--model", network, on_its_side)
+    assert result.exit_code == 0
+    assert "with a roll of 90°" in result.stderr
+    assert "the photo may be cropped, turned or edited" in result.stderr
+    assert "gravity" not in result.stdout
 
 
 def test_the_library_gives_the_same(phone: Path, network: Path) -> None:

@@ -131,7 +131,8 @@ def test_a_bad_tag_is_an_absent_one(name: str, value: object, lost: str) -> None
     facts = read_facts(image, 160, 120)
     assert getattr(good, lost) is not None
     assert getattr(facts, lost) is None
-    assert sum(getattr(facts, field) is None for field in vars(good)) <= 3
+    told = [field for field, value in vars(good).items() if value is not None]
+    assert sum(getattr(facts, field) is None for field in told) <= 3
 
 
 def test_zero_north_zero_east_is_nowhere() -> None:

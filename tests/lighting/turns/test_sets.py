@@ -1,10 +1,12 @@
 """Sets: headings, one lens, groups."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lighting.geometry import wrap_azimuth
-from lighting.turns import Shot, features, place
+from lighting.turns import UP_SIGMA, Shot, features, place
 from lighting.turns.sets import about
 from lighting.turns.upright import own_axes
 from tests.lighting.turns.cameras import Camera, picture, texture
@@ -31,6 +33,19 @@ def test_overlapping_photos_get_their_headings_and_their_lens() -> None:
     assert [p.camera_roll for p in placed] == pytest.approx([c[2] for c in CAMERAS], abs=1.0)
     assert placed[0].heading_sigma == 0.0
     assert all(0.0 < p.heading_sigma < 1.0 for p in placed[1:])
+
+
+def test_a_photo_that_notes_gravity_levels_the_others() -> None:
+    noted = [
+        replace(shot, camera_elevation=e, camera_roll=r)
+        for shot, (_, e, r) in zip(shots(0, CAMERAS), CAMERAS, strict=True)
+    ]
+    wrong = [replace(shot, camera_elevation=shot.camera_elevation + 7.0) for shot in noted[1:]]
+    guessed, known = (place([replace(noted[0], up_sigma=sigma), *wrong]) for sigma in (UP_SIGMA, 0.9))
+    true = [c[1] for c in CAMERAS]
+    assert [p.camera_elevation for p in known] == pytest.approx(true, abs=1.0)
+    assert np.abs(np.subtract([p.camera_elevation for p in guessed], true)).max() > 3.0
+    assert all(k.heading_sigma <= g.heading_sigma for k, g in zip(known, guessed, strict=True))
 
 
 def test_photos_of_different_places_are_groups_of_their_own() -> None:

@@ -16,6 +16,13 @@ def test_the_vertical_outvotes_one_wrong_camera() -> None:
     assert np.degrees(np.arccos(up @ own_axes(*CAMERAS[0])[:, 1])) < 1.0
 
 
+def test_a_surer_camera_outvotes_two_that_agree() -> None:
+    true = own_axes(*CAMERAS[0])[:, 1]
+    ups = np.stack([up_in_camera(*tilt) for tilt in ((2.0, 0.0), (4.0, 1.5), (11.0, -2.0))])  # the first is right
+    assert np.degrees(np.arccos(common_up(TURNED, ups) @ true)) > 2.0
+    assert np.degrees(np.arccos(common_up(TURNED, ups, np.array([6.0, 1.0, 1.0])) @ true)) < 0.5
+
+
 def test_a_few_wrong_levels_do_not_tilt_the_rest() -> None:
     elevation, roll = np.linspace(-20, 30, 60), np.linspace(-5, 8, 60)
     axes = np.stack([own_axes(4.0 * i, e, r) for i, (e, r) in enumerate(zip(elevation, roll, strict=True))])

@@ -67,6 +67,7 @@ const USED: Record<string, string> = {
   "time+place": "time and place (where the sun stood then)",
   heading: "the compass heading",
   "focal length": "the lens's focal length",
+  gravity: "how the camera was held",
   turns: "the turns between the photos",
   "other photos": "the other photos",
 };
