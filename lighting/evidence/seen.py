@@ -113,4 +113,4 @@ def _width(prediction: Prediction) -> float:
     sun = best_guess(probability, prediction.spec.sun_grid)
     near = cells @ sun >= math.cos(math.radians(_NEAR))
     aside = cells[near] @ direction(float(angles(sun)[0]) + 90.0, 0.0)
-    return math.sqrt(float(np.average(aside**2, weights=probability[near])))
+    return max(math.sqrt(float(np.average(aside**2, weights=probability[near]))), math.radians(PIXEL_SPREAD))
