@@ -26,7 +26,7 @@ _FADING = 4.0  # power of the fall below it; chosen on `val`, since skies seen i
 _LOW = (3.0, 12.0)  # deg of elevation between which the sun's colour follows its known elevation
 _TINT = 0.5  # power of the ratio of clear suns' colours; fitted to the HDR panoramas of `train`
 _CLEAR = 3.0  # turbidity of those suns
-_HIDDEN_SKY = 0.85  # stops by which an overcast sky is understated, by the overcast HDR panoramas of `train`
+_HIDDEN_SKY = 0.7  # stops by which an overcast sky is understated, by the overcast HDR panoramas of `train`
 
 
 def sun_of(prediction: Prediction) -> SunEstimate:
