@@ -82,7 +82,7 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @option("--batch", "Crops per step.", click.IntRange(2), 32)
 @option("--learning-rate", "Highest learning rate.", click.FloatRange(0, 1), 8e-4)
 @option("--version", "Version of the network, for its metadata.", str, "1.0.0")
-@flag("--licensed-only", "Train on permissively licensed panoramas only.")
+@flag("--licensed-only", "Train on permissively licensed panoramas and photos only.")
 @flag("--scratch", "Start from random weights instead of ImageNet's.")
 @option("--start", "Folder of an earlier run to start from. [default: ImageNet's weights]")
 @option("--teacher", "Folder of a finished run to learn from as well; repeatable.", multiple=True)

@@ -53,5 +53,7 @@ def describe_data(record: dict[str, Any]) -> str:
     free = all(run["licensed_only"] for run in runs)
     which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
     start = "from ImageNet weights, " if runs[0]["pretrained"] else ""
-    rendered = ", a share of them of rendered places" if any(run.get("synthetic") for run in runs) else ""
-    return f"{start}{sum(run['crops'] for run in runs)} crops of {len(names)} outdoor {which}{rendered}"
+    shares = {"rendered places": "synthetic", "ordinary photos": "photos_share"}
+    others = " and ".join(words for words, setting in shares.items() if any(run.get(setting) for run in runs))
+    mixed_in = f", a share of them of {others}" if others else ""
+    return f"{start}{sum(run['crops'] for run in runs)} crops of {len(names)} outdoor {which}{mixed_in}"

@@ -36,6 +36,13 @@ def test_the_training_data_are_one_sentence() -> None:
     assert describe_data(record(10, before=history(record(5)))) == (
         "from ImageNet weights, 15 crops of 2 outdoor panoramas, most with no stated licence"
     )
+    mixed = record(10)
+    mixed["config"] |= {"photos_share": 0.2, "licensed_only": True, "pretrained": False}
+    assert describe_data(mixed) == (
+        "10 crops of 2 outdoor permissively licensed panoramas, a share of them of ordinary photos"
+    )
+    mixed["config"]["synthetic"] = "towns"
+    assert describe_data(mixed).endswith(", a share of them of rendered places and ordinary photos")
 
 
 def test_versions_alone_make_no_difference(tmp_path: Path) -> None:
