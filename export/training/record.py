@@ -32,11 +32,14 @@ def write_record(run: Run, commits: Iterable[str], kept: Sequence[Panorama], hel
 
 
 def earlier_commits(config: TrainConfig) -> list[str]:
-    """The commits that trained the run in `config.out` so far; DataError if it has other settings.
+    """The commits that trained the run in `config.out` so far; DataError if it has other settings or cannot go on.
 
     Settings that the run's record is too old to have count as their defaults.
     """
     record = read_record(Path(config.out))
+    if "merged" in record:
+        made = "was read back from a file" if "file" in record else "is the mean of several runs"
+        raise DataError(f"{config.out} holds a network that {made}; give it as --start and choose another --out.")
     then, now = asdict(TrainConfig(**record["config"])), asdict(config)
     changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
     if changed:

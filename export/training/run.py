@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader
 
-from export.networks import CHECKPOINT, averaged_weights, build, load_weights, specs
+from export.networks import CHECKPOINT, averaged_weights, build, load_weights, read_checkpoint, specs
 from export.training.batches import Batch, TrainingCrops
 from export.training.config import TrainConfig
 from export.training.losses import losses
@@ -63,9 +63,9 @@ class Run:
             self.network.get_submodule("seen").train()
 
     def resume(self) -> None:
-        """Continue from the folder's checkpoint if it has one."""
+        """Continue from the folder's checkpoint if it has one; DataError if that is damaged."""
         if self.checkpoint.exists():
-            state = torch.load(self.checkpoint, map_location=self.device, weights_only=True)
+            state = read_checkpoint(self.checkpoint.parent, self.device)
             self.network.load_state_dict(state["network"])
             self.average.load_state_dict(state["average"])
             self.optimizer.load_state_dict(state["optimizer"])

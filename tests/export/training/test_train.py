@@ -5,11 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import onnx
+import pytest
 import torch
 
 from export.crops.sources import load_sources
 from export.crops.surroundings import CELLS
 from export.data.panoramas import read_index
+from export.data.tables import DataError
 from export.networks.checkpoints import averaged_weights
 from export.networks.onnx import write_onnx
 from export.networks.runs import history, read_record
@@ -50,3 +52,12 @@ def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: Trai
     write_onnx([Path(both.out)], tmp_path / "x.onnx")
     assert {"light", "around"} < {output.name for output in onnx.load(tmp_path / "x.onnx").graph.output}
     train(replace(both, out=str(tmp_path / "next"), start=both.out, joined=0.0, surroundings=False, only_seen=True))
+
+
+def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: TrainConfig, tmp_path: Path) -> None:
+    asked = replace(config, out=str(tmp_path / "run"), crops=8)
+    with pytest.raises(DataError, match=r"8 crops do not fill one step of 32, so nothing would be trained\.$"):
+        train(replace(asked, batch=32))
+    with pytest.raises(DataError, match="no photo to learn from"):
+        train(replace(asked, photos_share=0.5))
+    assert not (tmp_path / "run").exists()
