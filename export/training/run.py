@@ -15,7 +15,7 @@ from export.training.batches import Batch, TrainingCrops
 from export.training.config import TrainConfig
 from export.training.losses import losses
 from export.training.teaching import Teachers, blended
-from lighting.files import replacing
+from lighting.files import leftovers, replacing
 
 CLIPPED = 5.0  # largest norm of the gradient
 CAMERA = ("parameters", "camera")  # losses that the camera's angles enter
@@ -63,7 +63,12 @@ class Run:
             self.network.get_submodule("seen").train()
 
     def resume(self) -> None:
-        """Continue from the folder's checkpoint if it has one; DataError if that is damaged."""
+        """Continue from the folder's checkpoint if it has one; DataError if that is damaged.
+
+        What killed processes left of checkpoints is deleted.
+        """
+        for path in leftovers(self.checkpoint):
+            path.unlink(missing_ok=True)
         if self.checkpoint.exists():
             state = read_checkpoint(self.checkpoint.parent, self.device)
             self.network.load_state_dict(state["network"])
