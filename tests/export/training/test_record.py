@@ -16,6 +16,7 @@ from export.networks.checkpoints import CHECKPOINT
 from export.networks.runs import RECORD
 from export.networks.unpack import read_shipped, write_run
 from export.training.config import TrainConfig
+from export.training.record import earlier_commits
 from export.training.train import train
 
 
@@ -67,3 +68,18 @@ def test_a_damaged_checkpoint_is_one_sentence(config: TrainConfig, trained: Path
         for work in (partial(train, again), partial(merge, [run, trained], tmp_path / "mean")):
             with pytest.raises(DataError, match=r"checkpoint\.pt is cut short or damaged\.$"):
                 work()
+
+
+def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
+    config: TrainConfig, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = replace(config, out=str(trained))
+    folder = Path(config.data)
+    monkeypatch.chdir(folder.parent)
+    relative = replace(own, data=folder.name, labels=f"{folder.name}/../{folder.name}/labels.csv")
+    assert earlier_commits(relative) == earlier_commits(own)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DataError, match="another data and labels"):
+        earlier_commits(relative)
+    with pytest.raises(DataError, match="another teachers and start and synthetic"):
+        earlier_commits(replace(own, start=".", synthetic=".", teachers=(".",)))

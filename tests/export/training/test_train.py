@@ -15,6 +15,7 @@ from export.data.tables import DataError
 from export.networks.checkpoints import averaged_weights
 from export.networks.onnx import write_onnx
 from export.networks.runs import history, read_record
+from export.networks.specs import specs
 from export.training.batches import TrainingCrops
 from export.training.config import TrainConfig
 from export.training.run import Run
@@ -61,3 +62,14 @@ def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: 
     with pytest.raises(DataError, match="no photo to learn from"):
         train(replace(asked, photos_share=0.5))
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_s_crops_depend_on_the_name_of_its_start_and_not_on_where_that_lies(config: TrainConfig) -> None:
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    spec = specs("1.0.0")["outdoor"]
+    photos = [
+        TrainingCrops(sources, spec, replace(config, start=start))[0].photo
+        for start in ("/home/me/runs/first", "runs/first/", "runs/second")
+    ]
+    assert torch.equal(photos[0], photos[1])
+    assert not torch.equal(photos[0], photos[2])
