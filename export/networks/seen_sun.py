@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from export.crops import CELL
 
-RARER = 1.5  # nats; the sun is rarer in photos than in the crops, most of them aimed at it, that teach to see it
+RARER = 1.0  # nats; the sun is rarer in photos than in the crops that teach to see it; 0.5 to 1 on crops of `train`
 DIRECTION_SPREAD = 5.0  # deg per axis of the directions that a cell stands for: the error of the estimated camera
 
 

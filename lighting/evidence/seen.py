@@ -16,9 +16,9 @@ from lighting.colour import luminance
 from lighting.decoding import best_guess
 from lighting.evidence.fusion import Evidence, Fused, Stood, fuse_stood, stand
 from lighting.evidence.gravity import tilt_spread
-from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_pixel, wrap_azimuth
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_pixel, direction, wrap_azimuth
 from lighting.records import RANGES, Prediction
-from lighting.sun_grid import grid_directions, over_cells
+from lighting.sun_grid import grid_directions, over_cells, soft_label
 
 PIXEL_SPREAD = 2.0  # deg, of the seen sun's pixel: the network says its cell, 16 of 224 pixels
 _SHOWN = 0.6  # least share of the probability near the answer from which the picture counts as showing the sun
@@ -89,16 +89,28 @@ def _through_camera(prediction: Prediction, stood: Stood, sun: Floats) -> Predic
 def _levelled(fused: Fused, prediction: Prediction, spread: float) -> Fused:
     """The answer with the camera tilted so that the seen sun stands at the elevation of time and place.
 
-    The tilt, known to `spread` [deg], and the pixel's are weighted by their errors (Kalman's gain).
+    The tilt, known to `spread` [deg], and the pixel's are weighted by their errors (Kalman's gain). The sun is looked
+    for where its probability would be seen to stand: on the horizon half of that is cut off, so it seems higher.
     """
     if fused.camera_heading is None:
         return fused
-    seen = best_guess(prediction.sun_probability, prediction.spec.sun_grid)
-    azimuth, elevation = (float(angle) for angle in angles(seen))
-    aside, above = float(wrap_azimuth(fused.sun.azimuth - azimuth)), fused.sun.elevation - elevation
+    grid = prediction.spec.sun_grid
+    sun = direction(fused.sun.azimuth, fused.sun.elevation)
+    known = soft_label(sun, _width(prediction) ** -2, grid)
+    (azimuth, elevation), (there, height) = (angles(best_guess(p, grid)) for p in (prediction.sun_probability, known))
+    aside, above = float(wrap_azimuth(there - azimuth)), float(height - elevation)
     if abs(aside) > _FAR[0] or abs(above) > _FAR[1]:
         return fused
-    turn = math.cos(math.radians(azimuth))  # deg of the sun's elevation for each deg of tilt
+    turn = float(np.cos(np.radians(azimuth)))  # deg of the sun's elevation for each deg of tilt
     gain = turn * spread**2 / (turn**2 * spread**2 + PIXEL_SPREAD**2)
     tilt = float(np.clip(fused.prediction.camera_elevation + gain * above, *RANGES["camera_elevation"]))
     return replace(fused, prediction=replace(fused.prediction, camera_elevation=tilt))
+
+
+def _width(prediction: Prediction) -> float:
+    """How wide [rad] the probability of the seen sun is to its sides, where no horizon cuts it off."""
+    probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
+    sun = best_guess(probability, prediction.spec.sun_grid)
+    near = cells @ sun >= math.cos(math.radians(_NEAR))
+    aside = cells[near] @ direction(float(angles(sun)[0]) + 90.0, 0.0)
+    return max(math.sqrt(float(np.average(aside**2, weights=probability[near]))), math.radians(PIXEL_SPREAD))

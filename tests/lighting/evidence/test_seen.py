@@ -51,6 +51,13 @@ def test_the_camera_is_tilted_towards_the_elevation_of_time_and_place() -> None:
     assert higher.prediction.camera_elevation > said.camera_elevation + 4.0
 
 
+@pytest.mark.parametrize("elevation", [0.5, 2.0, 5.0, 9.0])
+def test_a_camera_that_is_right_stays_so_where_the_horizon_cuts_the_sun_s_probability(elevation: float) -> None:
+    said = seen(elevation=elevation)
+    fused = fuse_photo(said, Evidence(((elevation, 200.0),)))
+    assert fused.prediction.camera_elevation == pytest.approx(said.camera_elevation, abs=1.0)
+
+
 def test_the_mark_then_stands_near_the_seen_sun() -> None:
     """Both together: the focal length and the ephemeris."""
     said = seen()
