@@ -65,7 +65,8 @@ def describe_data(record: dict[str, Any]) -> str:
     runs, names = history(record), record["panoramas"]["train"]
     free = all(run["licensed_only"] for run in runs)
     which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
-    start = "from ImageNet weights, " if runs[0]["pretrained"] else ""
+    pretrained = runs[0]["pretrained"] and record["spec"]["name"] != "cvpr2017"  # which has no such weights
+    start = "from ImageNet weights, " if pretrained else ""
     shares = {"rendered places": "synthetic", "ordinary photos": "photos_share"}
     others = " and ".join(words for words, setting in shares.items() if any(run.get(setting) for run in runs))
     mixed_in = f", a share of them of {others}" if others else ""

@@ -53,6 +53,9 @@ def test_the_training_data_are_one_sentence() -> None:
     )
     mixed["config"]["synthetic"] = "towns"
     assert describe_data(mixed).endswith(", a share of them of rendered places and ordinary photos")
+    baseline = record(10)
+    baseline["spec"]["name"] = "cvpr2017"
+    assert describe_data(baseline) == "10 crops of 2 outdoor panoramas, most with no stated licence"
 
 
 def test_versions_alone_make_no_difference(tmp_path: Path) -> None:
