@@ -48,7 +48,8 @@ def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     network = build(spec, bins=bins, around=around)
     assert isinstance(network, Outdoor)
     missing, _ = network.load_state_dict(_weights(network, tensors, prefix), strict=False)
-    assert all(name.startswith((*HEADS, "sun.", "values.")) for name in missing), missing
+    if lost := [name for name in missing if not name.startswith((*HEADS, "sun.", "values."))]:
+        raise DataError(f"{file} does not hold all weights of network number {number}: {lost[0]} is missing.")
     return network, metadata
 
 

@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import onnx
 import pytest
 import torch
-from onnx import helper
+from onnx import helper, numpy_helper
 from PIL import Image
 from torch import nn
 
@@ -83,15 +84,19 @@ def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -
     picture = tmp_path / "photo.onnx"
     Image.new("RGB", (40, 30)).save(picture, "JPEG")
     model = helper.make_model(helper.make_graph([], "none", [], []))
-    other, baseline = tmp_path / "other.onnx", tmp_path / "baseline.onnx"
+    other, baseline, bare = (tmp_path / f"{name}.onnx" for name in ("other", "baseline", "bare"))
     onnx.save(model, str(other))
     entry = model.metadata_props.add()
     entry.key, entry.value = "spec", specs("1.0.0")["cvpr2017"].to_json()
     onnx.save(model, str(baseline))
+    entry.value = specs("1.0.0")["outdoor"].to_json()
+    model.graph.initializer.append(numpy_helper.from_array(np.zeros(2, np.float32), "networks.0.x.weight"))
+    onnx.save(model, str(bare))
     for file, words in (
         (picture, "is not an ONNX file, or damaged"),
         (other, "is not a lighting network: its metadata has no 'spec'"),
         (baseline, "holds the network cvpr2017; only the network outdoor can be read back"),
+        (bare, r"does not hold all weights of network number 0: backbone\.\S+ is missing"),
     ):
         with pytest.raises(DataError, match=words):
             read_shipped(file, 0)
