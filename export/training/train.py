@@ -33,8 +33,6 @@ def train(config: TrainConfig) -> Path:
     photos = training_photos(config)
     run = Run(config)
     run.resume()
-    Path(config.out).mkdir(parents=True, exist_ok=True)
-    write_record(run, [*before, commit()], kept, held_out)
     dataset = TrainingCrops(
         load_sources(kept, config.labels),
         run.spec,
@@ -43,6 +41,8 @@ def train(config: TrainConfig) -> Path:
         photos=photos,
     )
     tune = TrainingCrops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
+    Path(config.out).mkdir(parents=True, exist_ok=True)
+    write_record(run, [*before, commit()], kept, held_out)
     print(
         f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out, "
         f"from step {run.step} of {run.steps}",

@@ -61,6 +61,8 @@ def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: 
         train(replace(asked, batch=32))
     with pytest.raises(DataError, match="no photo to learn from"):
         train(replace(asked, photos_share=0.5))
+    with pytest.raises(DataError, match="cannot be read"):
+        train(replace(asked, labels=str(tmp_path / "none.csv")))
     assert not (tmp_path / "run").exists()
 
 
