@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from export.stereo.normals_commands import stereo
+from export.video import KINDS
 from lighting.errors import LightingError
 
 FOLDER = click.Path(path_type=Path)
@@ -82,7 +83,7 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @option("--batch", "Crops per step.", click.IntRange(2), 32)
 @option("--learning-rate", "Highest learning rate.", click.FloatRange(0, 1), 8e-4)
 @option("--version", "Version of the network, for its metadata.", str, "1.0.0")
-@flag("--licensed-only", "Train on permissively licensed panoramas only.")
+@flag("--licensed-only", "Train on permissively licensed panoramas and photos only.")
 @flag("--scratch", "Start from random weights instead of ImageNet's.")
 @option("--start", "Folder of an earlier run to start from. [default: ImageNet's weights]")
 @option("--teacher", "Folder of a finished run to learn from as well; repeatable.", multiple=True)
@@ -265,12 +266,12 @@ def shade(count: int, model: Path | None) -> None:
 @cli.command()
 @data
 @click.option("--count", type=click.IntRange(1), default=8, show_default=True, help="Clips of each kind.")
-@click.option("--kind", "kinds", multiple=True, help="Only clips of these kinds. [all]")
+@click.option("--kind", "kinds", type=click.Choice(KINDS), multiple=True, help="Only clips of these kinds. [all]")
 @click.option("--only", type=click.Choice(("clips", "streams", "speed")), help="One part of the report. [all]")
 @network
 def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
     """Print how well clips are followed, and how fast, by cameras moved in `val` panoramas and rendered places."""
-    from export.video.evaluate import KINDS, evaluate
+    from export.video.evaluate import evaluate
     from lighting.model import Model
 
     for part in evaluate(data, count, kinds or KINDS, Model.load(model), only):

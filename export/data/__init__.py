@@ -6,7 +6,7 @@ imported from their modules.
 
 from export.data.labels import Label, labels_of, read_labels, write_labels
 from export.data.panoramas import INDEX, Panorama, is_permissive, read_index, write_index
-from export.data.photos import PHOTOS, PhotoRow, read_photo_rows
+from export.data.photos import PHOTOS, PhotoRow, needed_photo_rows, read_photo_rows
 from export.data.pictures import decode, linear_of, read_picture
 from export.data.tables import DataError, read_table, write_table
 
@@ -21,6 +21,7 @@ __all__ = [
     "is_permissive",
     "labels_of",
     "linear_of",
+    "needed_photo_rows",
     "read_index",
     "read_labels",
     "read_photo_rows",

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from export.data.panoramas import is_permissive
 from export.data.tables import DataError, read_table
 
 PHOTOS = "photos_train.csv"
@@ -21,6 +22,7 @@ class PhotoRow:
     azimuth_error: float  # one standard deviation of the azimuth
     direct: str  # "yes", "partly", "no", or "" where not known
     horizontal_fov: float
+    licence: str = ""
 
 
 def read_photo_rows(folder: str | Path) -> list[PhotoRow]:
@@ -29,6 +31,18 @@ def read_photo_rows(folder: str | Path) -> list[PhotoRow]:
     if not table.exists():
         return []
     return [_row(row, table, line) for line, row in enumerate(read_table(table, COLUMNS), start=2)]
+
+
+def needed_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[PhotoRow]:
+    """As `read_photo_rows`, for those who cannot do without photos; DataError if there is none.
+
+    `licensed_only` keeps the rows that `is_permissive` accepts.
+    """
+    rows = [row for row in read_photo_rows(folder) if not licensed_only or is_permissive(row.licence)]
+    if not rows:
+        which = "photo with a permissive licence" if licensed_only else "photo"
+        raise DataError(f"There is no {which} to learn from in {Path(folder) / PHOTOS}.")
+    return rows
 
 
 def _row(row: dict[str, str], table: Path, line: int) -> PhotoRow:
@@ -50,4 +64,5 @@ def _row(row: dict[str, str], table: Path, line: int) -> PhotoRow:
         azimuth_error=numbers["expected_azimuth_error"],
         direct=direct,
         horizontal_fov=numbers["hfov"],
+        licence=row.get("licence", ""),
     )

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from export.data.panoramas import Panorama
 from export.data.tables import DataError
@@ -24,6 +24,10 @@ def read_picture(panorama: Panorama) -> NDArray[Any]:
         pixels = _read_ldr(panorama.path) if panorama.kind == "ldr" else _read_hdr(panorama.path)
     except DataError:
         raise
+    except UnidentifiedImageError as error:  # its text names the file once more
+        raise DataError(f"The panorama {panorama.path} cannot be read: it is no JPEG, PNG or WebP.") from error
+    except OSError as error:
+        raise DataError(f"The panorama {panorama.path} cannot be read: {error.strerror or error}.") from error
     except Exception as error:  # the EXR reader raises bare RuntimeErrors, Pillow half a dozen kinds
         raise DataError(f"The panorama {panorama.path} cannot be read: {error}.") from error
     height, width = pixels.shape[:2]

@@ -21,7 +21,9 @@ def read_table(path: str | Path, required: Iterable[str] = ()) -> list[dict[str,
             if missing:
                 raise DataError(f"{path} has no column {', '.join(missing)}.")
             return list(reader)
-    except (OSError, ValueError, csv.Error) as error:
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except (ValueError, csv.Error) as error:
         raise DataError(f"{path} cannot be read: {error}.") from error
 
 
@@ -34,4 +36,4 @@ def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Iterable
             writer.writerow(header)
             writer.writerows(rows)
     except OSError as error:
-        raise DataError(f"{path} cannot be written: {error}.") from error
+        raise DataError(f"{path} cannot be written: {error.strerror or error}.") from error

@@ -1,7 +1,7 @@
 """The networks in torch, the runs that trained them, and the ONNX file that ships."""
 
 from export.networks.averaging import merge
-from export.networks.checkpoints import CHECKPOINT, averaged_weights, read_network
+from export.networks.checkpoints import CHECKPOINT, averaged_weights, read_checkpoint, read_network
 from export.networks.layers import Said
 from export.networks.network import build, load_weights
 from export.networks.onnx import write_onnx
@@ -24,6 +24,7 @@ __all__ = [
     "history",
     "load_weights",
     "merge",
+    "read_checkpoint",
     "read_network",
     "read_record",
     "read_spec",

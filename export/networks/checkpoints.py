@@ -1,6 +1,8 @@
 """The weights that a training folder holds."""
 
 from pathlib import Path
+from pickle import UnpicklingError
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -13,11 +15,24 @@ CHECKPOINT = "checkpoint.pt"
 LEARNT = {"sees": "seen.", "bins": "camera.", "around": "light."}  # parts of a network, and a head of each
 
 
-def averaged_weights(folder: Path) -> dict[str, Tensor]:
-    """The averaged weights of a run, by the network's own names; DataError if the folder holds none."""
-    if not (folder / CHECKPOINT).is_file():
+def read_checkpoint(folder: Path, device: torch.device | str = "cpu") -> dict[str, Any]:
+    """What the checkpoint of a run holds: at least `average`, the state of the averaged network.
+
+    DataError if the folder holds no checkpoint or a damaged one.
+    """
+    path = folder / CHECKPOINT
+    if not path.is_file():
         raise DataError(f"{folder} is not the folder of a training run: it holds no {CHECKPOINT}.")
-    average = torch.load(folder / CHECKPOINT, map_location="cpu", weights_only=True)["average"]
+    try:
+        state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
+    except (RuntimeError, ValueError, EOFError, UnpicklingError) as error:
+        raise DataError(f"{path} is cut short or damaged.") from error
+    return state
+
+
+def averaged_weights(folder: Path) -> dict[str, Tensor]:
+    """The averaged weights of a run, by the network's own names; DataError as of `read_checkpoint`."""
+    average = read_checkpoint(folder)["average"]
     return {name.removeprefix("module."): value for name, value in average.items() if name.startswith("module.")}
 
 

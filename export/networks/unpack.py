@@ -28,13 +28,17 @@ GROUPS = ("networks", "cameras")  # those of `Served`, in the order in which a f
 def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     """Network `number` (from 0) of a file, and the file's metadata; heads that did not ship have random weights.
 
-    DataError if the file holds no such network.
+    DataError if the file is none of `write_onnx`, or holds no such network.
     """
     import onnx
 
-    model = onnx.load(str(file))
+    model = _loaded(file)
     metadata = {entry.key: entry.value for entry in model.metadata_props}
+    if "spec" not in metadata:
+        raise DataError(f"{file} is not a lighting network: its metadata has no 'spec'.")
     spec = ModelSpec.from_json(metadata["spec"])
+    if spec.name != "outdoor":
+        raise DataError(f"{file} holds the network {spec.name}; only the network outdoor can be read back.")
     tensors = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
     prefixes = _prefixes(tensors)
     if number >= len(prefixes):
@@ -44,8 +48,20 @@ def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     network = build(spec, bins=bins, around=around)
     assert isinstance(network, Outdoor)
     missing, _ = network.load_state_dict(_weights(network, tensors, prefix), strict=False)
-    assert all(name.startswith((*HEADS, "sun.", "values.")) for name in missing), missing
+    if lost := [name for name in missing if not name.startswith((*HEADS, "sun.", "values."))]:
+        raise DataError(f"{file} does not hold all weights of network number {number}: {lost[0]} is missing.")
     return network, metadata
+
+
+def _loaded(file: Path) -> Any:
+    """The ONNX model in a file; DataError if it is of another kind or damaged."""
+    import onnx
+    from google.protobuf.message import DecodeError
+
+    try:
+        return onnx.load(str(file))
+    except DecodeError as error:
+        raise DataError(f"{file} is not an ONNX file, or damaged.") from error
 
 
 def _prefixes(tensors: Iterable[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -83,7 +84,7 @@ class TrainingCrops(Dataset[Batch]):
         self.photo_chances = np.cumsum(photo_weights(photos)) if self.photos else np.zeros(0)
         self.light = {s.panorama.path: irradiance_of(s) for s in self.sources} if config.surroundings else {}
         self.around = {s.panorama.path: light_around(s) for s in self.sources} if config.surroundings else {}
-        self.purpose = f"train from {config.start}" if config.start else "train"
+        self.purpose = f"train from {Path(config.start).name}" if config.start else "train"
 
     def __len__(self) -> int:
         return TUNE_EACH * len(self.sources) if self.tune else self.config.crops

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from export.networks import TARGET_WIDTH
 
+PLACES = ("data", "labels", "start", "synthetic", "teachers")  # settings that are paths, however written
 MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # when a run is resumed: its folder may have moved
 
 
@@ -28,7 +29,7 @@ class TrainConfig:
     joined: float = 0.0  # of the crops, divided by a line between two places under the same sun
     surroundings: bool = False  # also learn the light all around the camera and its power
     sharpness: float = 0.45  # least share of the canvas's resolution that a crop keeps
-    licensed_only: bool = False  # train on permissively licensed panoramas alone
+    licensed_only: bool = False  # train on permissively licensed panoramas and photos alone
     pretrained: bool = True
     only_seen: bool = False  # train only the head that says where in the picture the sun is seen
     only_camera: bool = False  # train for the camera's angles alone, all layers

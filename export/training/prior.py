@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from export.crops import load_sources, sampling_weights
-from export.data import read_index, read_photo_rows
+from export.data import needed_photo_rows, read_index
 from lighting.geometry import Floats
 
 SCALES = np.arange(20.0, 301.0, 5.0)  # deg, those tried
@@ -17,11 +17,11 @@ SCALES = np.arange(20.0, 301.0, 5.0)  # deg, those tried
 
 def describe_prior(data: Path, labels: Path) -> str:
     """The fitted scale in words, over places of the photos of `photos_train.csv`; DataError for data without any."""
+    rows = needed_photo_rows(data)
     sources = [s for s in load_sources(read_index(data, "train"), labels) if s.label.sun_elevation is not None]
     weights = sampling_weights(sources)
     crops = np.array([s.label.sun_elevation for s in sources], dtype=np.float64)
     seen = np.isfinite(crops)
-    rows = read_photo_rows(data)
     groups = np.array([row.group for row in rows])
     elevation = np.array([row.sun_elevation for row in rows])
     photos = np.array([elevation[groups == group].mean() for group in np.unique(groups)])

@@ -5,12 +5,13 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from export.data import DataError, Panorama
 from export.networks import RECORD, history, read_record
-from export.training.config import MAY_CHANGE, TrainConfig
+from export.training.config import MAY_CHANGE, PLACES, TrainConfig
 from export.training.run import Run
 from lighting.files import replacing
 
@@ -32,16 +33,32 @@ def write_record(run: Run, commits: Iterable[str], kept: Sequence[Panorama], hel
 
 
 def earlier_commits(config: TrainConfig) -> list[str]:
-    """The commits that trained the run in `config.out` so far; DataError if it has other settings.
+    """The commits that trained the run in `config.out` so far; DataError if it has other settings or cannot go on.
 
     Settings that the run's record is too old to have count as their defaults.
     """
     record = read_record(Path(config.out))
-    then, now = asdict(TrainConfig(**record["config"])), asdict(config)
+    if "merged" in record:
+        made = "was read back from a file" if "file" in record else "is the mean of several runs"
+        raise DataError(f"{config.out} holds a network that {made}; give it as --start and choose another --out.")
+    then, now = _settings(TrainConfig(**record["config"])), _settings(config)
     changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
     if changed:
         raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")
     return str(record["commit"]).split(", ")
+
+
+def _settings(config: TrainConfig) -> dict[str, Any]:
+    """A run's settings by name, its paths absolute."""
+    settings = asdict(config)
+    for name in PLACES:
+        value = settings[name]
+        settings[name] = _absolute(value) if isinstance(value, str) else [_absolute(path) for path in value]
+    return settings
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).resolve()) if path else ""
 
 
 def commit() -> str:

@@ -10,12 +10,12 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader
 
-from export.networks import CHECKPOINT, averaged_weights, build, load_weights, specs
+from export.networks import CHECKPOINT, averaged_weights, build, load_weights, read_checkpoint, specs
 from export.training.batches import Batch, TrainingCrops
 from export.training.config import TrainConfig
 from export.training.losses import losses
 from export.training.teaching import Teachers, blended
-from lighting.files import replacing
+from lighting.files import leftovers, replacing
 
 CLIPPED = 5.0  # largest norm of the gradient
 CAMERA = ("parameters", "camera")  # losses that the camera's angles enter
@@ -63,9 +63,14 @@ class Run:
             self.network.get_submodule("seen").train()
 
     def resume(self) -> None:
-        """Continue from the folder's checkpoint if it has one."""
+        """Continue from the folder's checkpoint if it has one; DataError if that is damaged.
+
+        What killed processes left of checkpoints is deleted.
+        """
+        for path in leftovers(self.checkpoint):
+            path.unlink(missing_ok=True)
         if self.checkpoint.exists():
-            state = torch.load(self.checkpoint, map_location=self.device, weights_only=True)
+            state = read_checkpoint(self.checkpoint.parent, self.device)
             self.network.load_state_dict(state["network"])
             self.average.load_state_dict(state["average"])
             self.optimizer.load_state_dict(state["optimizer"])

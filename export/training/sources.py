@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from export.crops import PhotoSource, Source, load_photos, load_sources
-from export.data import DataError, Panorama, read_index, read_photo_rows
+from export.data import DataError, Panorama, needed_photo_rows, read_index
 from export.towns import LABELS
 from export.training.config import TrainConfig
 
@@ -29,8 +29,10 @@ def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Pano
 
 
 def training_photos(config: TrainConfig) -> list[PhotoSource]:
-    """The ordinary photos that the run mixes in, if any."""
-    return load_photos(read_photo_rows(config.data)) if config.photos_share else []
+    """The ordinary photos that the run mixes in, if any; DataError if it asks for a share and there are none."""
+    if not config.photos_share:
+        return []
+    return load_photos(needed_photo_rows(config.data, licensed_only=config.licensed_only))
 
 
 def synthetic_sources(config: TrainConfig) -> list[Source]:

@@ -27,8 +27,8 @@ from export.crops import (
     training_camera,
 )
 from export.crops.unsuitable import Picture, pictures, read_unsuitable
-from export.data import read_index, read_photo_rows, read_table
-from export.networks import CHECKPOINT, read_network, read_spec
+from export.data import DataError, read_index, read_photo_rows, read_table
+from export.networks import CHECKPOINT, read_checkpoint, read_network, read_spec
 from export.networks.outdoor import Outdoor
 from export.training.sources import split_places
 from lighting.files import replacing
@@ -67,7 +67,8 @@ class Head:
 def learn_suitable(runs: Sequence[Path], data: Path, labels: Path) -> str:
     """Fit the head, write each run's part of it into its averaged weights, and return in words what it achieves.
 
-    The runs answer together: the mean of their logits is the head's.
+    The runs answer together: the mean of their logits is the head's. DataError if one has not learnt the light, since
+    only such networks say whether a photo suits.
     """
     networks, spec = [_outdoor(run) for run in runs], read_spec(runs[0])
     kept, held_out = (load_sources(part, labels) for part in split_places(read_index(data, "train"), HELD_OUT))
@@ -88,7 +89,8 @@ def learn_suitable(runs: Sequence[Path], data: Path, labels: Path) -> str:
 
 def _outdoor(run: Path) -> Outdoor:
     network = read_network(run)
-    assert isinstance(network, Outdoor)
+    if not isinstance(network, Outdoor) or network.suitable is None:
+        raise DataError(f"{run} cannot say whether a photo suits: it has not learnt --surroundings.")
     return network
 
 
@@ -204,7 +206,7 @@ def _report(seen: dict[float, Floats], kinds: Names) -> str:
 def write(runs: Sequence[Path], head: Head) -> None:
     """Put each run's part of the head into its averaged weights; the mean of their logits is the head's."""
     for run, weight in zip(runs, head.weight.chunk(len(runs)), strict=True):
-        state = torch.load(run / CHECKPOINT, map_location="cpu", weights_only=True)
+        state = read_checkpoint(run)
         state["average"]["module.suitable.weight"] = len(runs) * weight[None]
         state["average"]["module.suitable.bias"] = torch.tensor([head.bias])
         with replacing(run / CHECKPOINT) as path:

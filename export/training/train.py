@@ -11,6 +11,8 @@ import torch
 from torch import Tensor
 
 from export.crops import load_sources
+from export.data import DataError
+from export.networks import CHECKPOINT
 from export.training.batches import TrainingCrops
 from export.training.config import TrainConfig
 from export.training.record import commit, earlier_commits, write_record
@@ -21,22 +23,26 @@ from export.training.sources import synthetic_sources, training_panoramas, train
 def train(config: TrainConfig) -> Path:
     """Train, or resume what the folder holds; returns the path of the checkpoint.
 
-    Raises DataError if the folder holds a run with other settings, or if there is nothing to train on.
+    Raises DataError if the folder holds a run with other settings or no run that can go on, if there is nothing to
+    train on, or if no step would be trained; the folder is then as before.
     """
-    Path(config.out).mkdir(parents=True, exist_ok=True)
+    if config.crops < config.batch:
+        raise DataError(f"{config.crops} crops do not fill one step of {config.batch}, so nothing would be trained.")
+    before = earlier_commits(config) if (Path(config.out) / CHECKPOINT).exists() else []
     kept, held_out = training_panoramas(config)
+    photos = training_photos(config)
     run = Run(config)
-    before = earlier_commits(config) if run.checkpoint.exists() else []
     run.resume()
-    write_record(run, [*before, commit()], kept, held_out)
     dataset = TrainingCrops(
         load_sources(kept, config.labels),
         run.spec,
         config,
         synthetic=synthetic_sources(config),
-        photos=training_photos(config),
+        photos=photos,
     )
     tune = TrainingCrops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
+    Path(config.out).mkdir(parents=True, exist_ok=True)
+    write_record(run, [*before, commit()], kept, held_out)
     print(
         f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out, "
         f"from step {run.step} of {run.steps}",

@@ -1,1 +1,3 @@
 """What `python -m export video` measures of clips: accuracy, trembling, drift and speed, with exact truth."""
+
+KINDS = ("pan", "tilt", "hand", "moving things", "motion blur", "exposure", "walk")  # of clips, by what is hard in them

@@ -7,7 +7,7 @@ import numpy as np
 
 from export.data import Panorama, read_index
 from export.evaluation.tables import table
-from export.video.sequences import KINDS, Sequenced, sequences
+from export.video.sequences import Sequenced, sequences
 from export.video.speed import speed_report
 from export.video.streams import stream_report
 from lighting.colour import luminance
@@ -153,6 +153,3 @@ def figures(clips: Iterable[dict[str, float]]) -> dict[str, float]:
     worst = {f"{name}, worst": float(every[name].max()) for name in ("trembling", "to best")}
     means = {name: float(every[name].mean()) for name in ("in 50 %", "in 90 %", "bridged")}
     return {**found, **worst, **means, "split": float(every["split"].sum())}
-
-
-__all__ = ["KINDS", "PARTS", "evaluate"]

@@ -25,7 +25,6 @@ FOVS = (35.0, 60.0)  # deg, vertical
 SHAKE = 0.4  # deg, of a hand
 BLURRED = 8  # instants averaged in a frame that is exposed for half of its time
 PACE = 1.4  # m/s
-KINDS = ("pan", "tilt", "hand", "moving things", "motion blur", "exposure", "walk")
 
 Pixels = NDArray[np.uint8]
 Angles = tuple[Floats, Floats, Floats]  # azimuth, elevation and roll (N,) [deg]; the azimuth is continuous

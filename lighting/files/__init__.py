@@ -1,6 +1,6 @@
 """What is written and read again: environment maps, pictures and records. A file appears only when it is whole."""
 
-from lighting.files.atomic import replacing
+from lighting.files.atomic import leftovers, replacing
 from lighting.files.compression import COMPRESSIONS, Compression
 from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attributes, read_exr, write_exr
 from lighting.files.folders import objection_to
@@ -20,6 +20,7 @@ __all__ = [
     "encode_png",
     "full_record",
     "json_line",
+    "leftovers",
     "objection_to",
     "read_attributes",
     "read_exr",

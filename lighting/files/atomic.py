@@ -1,9 +1,12 @@
 """Files that appear under their final name only when they are whole."""
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_RANDOM = 8  # bytes in a temporary name
 
 
 @contextmanager
@@ -25,9 +28,19 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def leftovers(target: str | os.PathLike[str]) -> list[Path]:
+    """Temporary files of `replacing` with the suffix of `target` in its folder.
+
+    While nobody writes there, they are what killed processes left.
+    """
+    final = Path(target)
+    name = re.compile(rf"\.[0-9a-f]{{{2 * _RANDOM}}}{re.escape(final.suffix)}")
+    return [path for path in final.parent.iterdir() if name.fullmatch(path.name)] if final.parent.is_dir() else []
+
+
 def _empty(final: Path) -> Path:
     """A new file beside another, with the permissions of any file that the process makes."""
-    path = final.parent / f".{os.urandom(8).hex()}{final.suffix}"
+    path = final.parent / f".{os.urandom(_RANDOM).hex()}{final.suffix}"
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:

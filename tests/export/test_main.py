@@ -40,3 +40,9 @@ def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path
         result = runner.invoke(cli, arguments)
         assert isinstance(result.exception, DataError | LightingError), (arguments, result.output)
         assert "\n" not in str(result.exception)
+
+
+def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:
+    result = CliRunner().invoke(cli, ["video", "--data", str(data), "--kind", "nosuch"])
+    assert result.exit_code == 2
+    assert "'nosuch' is not one of 'pan', 'tilt'" in result.output

@@ -34,3 +34,13 @@ def test_a_table_that_fails_midway_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         write_table(tmp_path / "table.csv", ["x"], ([1 / x] for x in (1, 0)))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_missing_or_in_the_way_is_named_once(tmp_path: Path) -> None:
+    missing = tmp_path / "none.csv"
+    with pytest.raises(DataError) as refused:
+        read_table(missing)
+    assert str(refused.value) == f"{missing} cannot be read: No such file or directory."
+    with pytest.raises(DataError) as refused:
+        write_table(tmp_path, ["x"], [])
+    assert str(refused.value).count(str(tmp_path)) == 1

@@ -32,10 +32,30 @@ def test_history_lists_each_run_once_and_no_paths() -> None:
     assert [run["crops"] for run in history(record(30, merged=history(later)))] == [10, 20]
 
 
+def test_of_the_runs_and_places_that_a_run_learnt_from_the_names_alone_are_listed() -> None:
+    one = record(10)
+    one["config"] |= {"start": "/home/me/runs/first", "synthetic": "runs/towns/", "teachers": ["/a/b", "c"]}
+    (told,) = history(one)
+    assert (told["start"], told["synthetic"], told["teachers"]) == ("first", "towns", ["b", "c"])
+    older = {**told, "start": "/work/first", "synthetic": "", "teachers": []}  # as runs listed them before
+    assert [run["start"] for run in history(record(20, before=[older]))[:1]] == ["first"]
+    assert len(history(one, record(30, merged=[{**told, "start": "/home/me/runs/first"}]))) == 1
+
+
 def test_the_training_data_are_one_sentence() -> None:
     assert describe_data(record(10, before=history(record(5)))) == (
         "from ImageNet weights, 15 crops of 2 outdoor panoramas, most with no stated licence"
     )
+    mixed = record(10)
+    mixed["config"] |= {"photos_share": 0.2, "licensed_only": True, "pretrained": False}
+    assert describe_data(mixed) == (
+        "10 crops of 2 outdoor permissively licensed panoramas, a share of them of ordinary photos"
+    )
+    mixed["config"]["synthetic"] = "towns"
+    assert describe_data(mixed).endswith(", a share of them of rendered places and ordinary photos")
+    baseline = record(10)
+    baseline["spec"]["name"] = "cvpr2017"
+    assert describe_data(baseline) == "10 crops of 2 outdoor panoramas, most with no stated licence"
 
 
 def test_versions_alone_make_no_difference(tmp_path: Path) -> None:
@@ -52,3 +72,6 @@ def test_versions_alone_make_no_difference(tmp_path: Path) -> None:
 def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="is not the folder of a training run"):
         read_record(tmp_path)
+    with pytest.raises(DataError) as refused:
+        read_record(tmp_path)
+    assert str(refused.value).count(str(tmp_path)) == 1

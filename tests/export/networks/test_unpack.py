@@ -2,8 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
+import onnx
 import pytest
 import torch
+from onnx import helper, numpy_helper
+from PIL import Image
 from torch import nn
 
 from export.data import DataError
@@ -11,6 +15,7 @@ from export.networks.checkpoints import CHECKPOINT, read_network
 from export.networks.onnx import write_onnx
 from export.networks.outdoor import Outdoor
 from export.networks.runs import RECORD, history, read_record
+from export.networks.specs import specs
 from export.networks.unpack import read_shipped, recalibrate, write_run
 from lighting.model import packaged_model
 
@@ -73,3 +78,25 @@ def test_a_network_read_back_answers_as_before(trained: Path, trained_network: P
         write_run(network, metadata, trained_network, 0, tmp_path / "run")
     with pytest.raises(DataError, match="no network number 1"):
         read_shipped(trained_network, 1)
+
+
+def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    picture = tmp_path / "photo.onnx"
+    Image.new("RGB", (40, 30)).save(picture, "JPEG")
+    model = helper.make_model(helper.make_graph([], "none", [], []))
+    other, baseline, bare = (tmp_path / f"{name}.onnx" for name in ("other", "baseline", "bare"))
+    onnx.save(model, str(other))
+    entry = model.metadata_props.add()
+    entry.key, entry.value = "spec", specs("1.0.0")["cvpr2017"].to_json()
+    onnx.save(model, str(baseline))
+    entry.value = specs("1.0.0")["outdoor"].to_json()
+    model.graph.initializer.append(numpy_helper.from_array(np.zeros(2, np.float32), "networks.0.x.weight"))
+    onnx.save(model, str(bare))
+    for file, words in (
+        (picture, "is not an ONNX file, or damaged"),
+        (other, "is not a lighting network: its metadata has no 'spec'"),
+        (baseline, "holds the network cvpr2017; only the network outdoor can be read back"),
+        (bare, r"does not hold all weights of network number 0: backbone\.\S+ is missing"),
+    ):
+        with pytest.raises(DataError, match=words):
+            read_shipped(file, 0)

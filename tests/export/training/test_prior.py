@@ -1,9 +1,12 @@
 """How much lower suns stand in photos than in crops."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from export.training.prior import fit_scale
+from export.data.tables import DataError
+from export.training.prior import describe_prior, fit_scale
 
 
 @pytest.mark.parametrize("scale", [30.0, 75.0, 150.0])
@@ -20,3 +23,8 @@ def test_the_scale_that_made_the_photos_is_found(scale: float) -> None:
 def test_photos_like_the_crops_need_the_widest_scale() -> None:
     crops = np.linspace(0, 80, 500)
     assert fit_scale(crops, np.ones(500), crops)[0] == 300.0
+
+
+def test_data_without_photos_are_refused(data: Path) -> None:
+    with pytest.raises(DataError, match=r"no photo to learn from in .*photos_train\.csv"):
+        describe_prior(data, data / "labels.csv")

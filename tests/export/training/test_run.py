@@ -55,3 +55,11 @@ def test_the_learning_rate_rises_and_falls_to_zero() -> None:
     assert factors[9] == 1.0
     assert factors == sorted(factors[:10]) + sorted(factors[10:], reverse=True)
     assert factors[-1] < 1e-3
+
+
+def test_what_a_killed_save_left_is_deleted(config: TrainConfig, tmp_path: Path) -> None:
+    left, other = tmp_path / ".0123456789abcdef.pt", tmp_path / "other.pt"
+    left.write_bytes(b"half")
+    other.write_bytes(b"whole")
+    Run(replace(config, out=str(tmp_path))).resume()
+    assert [*tmp_path.iterdir()] == [other]

@@ -1,15 +1,18 @@
 """The head that says whether a photo suits."""
 
+import json
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from export.networks import CHECKPOINT, read_network, specs
+from export.data import DataError
+from export.networks import CHECKPOINT, RECORD, build, read_network, specs
 from export.networks.outdoor import Outdoor
-from export.training.suitable import FALSE_ALARMS, RATES, _folds, caught, fit, write
+from export.training.suitable import FALSE_ALARMS, RATES, _folds, caught, fit, learn_suitable, write
 
 
 def network_with_light() -> Outdoor:
@@ -66,3 +69,18 @@ def test_the_head_is_written_where_networks_are_read(trained: Path, tmp_path: Pa
                 said.append(network.suitable(part)[:, 0])
         expected = head.suits(pooled[:, :count])
         np.testing.assert_allclose(torch.stack(said).mean(dim=0), expected, rtol=1e-4, atol=1e-4)
+
+
+def test_networks_without_light_are_refused_and_left_alone(trained: Path, data: Path) -> None:
+    before = (trained / CHECKPOINT).read_bytes()
+    with pytest.raises(DataError, match="cannot say whether a photo suits: it has not learnt --surroundings"):
+        learn_suitable([trained], data, data / "labels.csv")
+    assert (trained / CHECKPOINT).read_bytes() == before
+
+
+def test_the_baseline_has_no_head_for_it(tmp_path: Path, data: Path) -> None:
+    spec = specs("0")["cvpr2017"]
+    (tmp_path / RECORD).write_text(json.dumps({"spec": asdict(spec)}))
+    torch.save({"average": {f"module.{n}": v for n, v in build(spec).state_dict().items()}}, tmp_path / CHECKPOINT)
+    with pytest.raises(DataError, match="cannot say whether a photo suits"):
+        learn_suitable([tmp_path], data, data / "labels.csv")

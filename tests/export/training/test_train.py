@@ -5,14 +5,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import onnx
+import pytest
 import torch
 
 from export.crops.sources import load_sources
 from export.crops.surroundings import CELLS
 from export.data.panoramas import read_index
+from export.data.tables import DataError
 from export.networks.checkpoints import averaged_weights
 from export.networks.onnx import write_onnx
 from export.networks.runs import history, read_record
+from export.networks.specs import specs
 from export.training.batches import TrainingCrops
 from export.training.config import TrainConfig
 from export.training.run import Run
@@ -50,3 +53,25 @@ def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: Trai
     write_onnx([Path(both.out)], tmp_path / "x.onnx")
     assert {"light", "around"} < {output.name for output in onnx.load(tmp_path / "x.onnx").graph.output}
     train(replace(both, out=str(tmp_path / "next"), start=both.out, joined=0.0, surroundings=False, only_seen=True))
+
+
+def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: TrainConfig, tmp_path: Path) -> None:
+    asked = replace(config, out=str(tmp_path / "run"), crops=8)
+    with pytest.raises(DataError, match=r"8 crops do not fill one step of 32, so nothing would be trained\.$"):
+        train(replace(asked, batch=32))
+    with pytest.raises(DataError, match="no photo to learn from"):
+        train(replace(asked, photos_share=0.5))
+    with pytest.raises(DataError, match="cannot be read"):
+        train(replace(asked, labels=str(tmp_path / "none.csv")))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_s_crops_depend_on_the_name_of_its_start_and_not_on_where_that_lies(config: TrainConfig) -> None:
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    spec = specs("1.0.0")["outdoor"]
+    photos = [
+        TrainingCrops(sources, spec, replace(config, start=start))[0].photo
+        for start in ("/home/me/runs/first", "runs/first/", "runs/second")
+    ]
+    assert torch.equal(photos[0], photos[1])
+    assert not torch.equal(photos[0], photos[2])

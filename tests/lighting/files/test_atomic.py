@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lighting.files.atomic import replacing
+from lighting.files.atomic import leftovers, replacing
 
 
 def names(folder: Path) -> list[str]:
@@ -72,3 +72,14 @@ def test_a_folder_in_the_way_is_an_oserror_and_stays(tmp_path: Path) -> None:
     with pytest.raises(OSError), replacing(tmp_path / "map.exr"):  # noqa: PT011 (which one depends on the system)
         pass
     assert names(tmp_path) == ["map.exr"]
+
+
+def test_what_killed_processes_left_is_found_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "checkpoint.pt"
+    assert leftovers(tmp_path / "none" / "checkpoint.pt") == []
+    with replacing(target) as temporary:
+        assert leftovers(target) == [temporary]
+        assert leftovers(tmp_path / "config.json") == []
+    for name in (".notes.pt", "0123456789abcdef.pt", ".0123456789abcdef.pt.txt", ".0123456789abcdef0.pt"):
+        (tmp_path / name).write_bytes(b"")
+    assert leftovers(target) == []
