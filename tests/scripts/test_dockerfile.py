@@ -64,7 +64,7 @@ def test_hadolint_finds_nothing() -> None:
     assert (done.returncode, done.stdout) == (0, "")
 
 
-@pytest.mark.parametrize("extra", ["", "server", "heif"])
+@pytest.mark.parametrize("extra", ["", "server", "heif", "turns"])
 def test_the_lock_file_holds_what_the_project_asks_for(extra: str) -> None:
     """Its first lines say how it is renewed."""
     locked = dict(re.findall(r"^([a-z0-9-]+)==(\S+) \\$", LOCK, re.MULTILINE))
