@@ -1,6 +1,6 @@
 """From a photo to its light: the whole chain, and nothing else."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -27,7 +27,9 @@ from lighting.records import Estimate, Prediction
 
 if TYPE_CHECKING:
     from lighting.evidence import Fit
-    from lighting.turns import Placed
+    from lighting.turns import Placed, View
+
+Placing = Callable[[Sequence["View"]], "Sequence[Placed] | None"]  # as `lighting.turns.place_apart`; None is no answer
 
 NOTHING_GIVEN = Given()
 
@@ -61,13 +63,14 @@ class Estimator:
         given: Given = NOTHING_GIVEN,
         headings: Sequence[float] | None = None,
         *,
-        match: bool = False,
+        match: bool | Placing = False,
     ) -> list[Estimate]:
         """The light of photos of one place and time; one Estimate each, in its own camera's frame.
 
         `headings` [deg, clockwise from any common direction] say where each camera points; without them `match` finds
-        it from what the photos show in common, by OpenCV of the extra `video`. Raises as a call does, ParameterError
-        unless there is one heading for each of several photos, and MissingExtraError without OpenCV.
+        it from what the photos show in common, by OpenCV of the extra `turns`: here, or by a function that does it
+        elsewhere, such as `lighting.turns.place_apart`. Raises as a call does, ParameterError unless there is one
+        heading for each of several photos, and MissingExtraError without OpenCV.
         """
         check_headings(len(photos), headings)
         check_heading(len(photos), given.heading)
@@ -77,7 +80,8 @@ class Estimator:
             _check_photo(photo)
         facts = known_together([photo.facts for photo in photos], given)
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
-        placed = _placed(photos, said, [e.vertical_fov for e in evidence]) if match and headings is None else None
+        placing = None if headings is not None else _placing(match)
+        placed = placing and placing(_views(photos, said, [e.vertical_fov for e in evidence]))
         fused = fuse_together(said, evidence, headings, placed)
         return with_seen_colours(photos, [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)])
 
@@ -95,7 +99,7 @@ class Estimator:
         """
         said = [self.predict(photo) for photo in photos]
         fovs = [given.vertical_fov or photo.facts.vertical_fov for photo in photos]
-        placed = _placed(photos, said, fovs) if headings is None and len(photos) > 1 else None
+        placed = _place(_views(photos, said, fovs)) if headings is None and len(photos) > 1 else None
         from lighting.evidence.fit import fit, series_of
 
         return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
@@ -134,15 +138,28 @@ def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) ->
     ]
 
 
-def _placed(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> "tuple[Placed, ...]":
-    """Where the photos look, by what they show in common."""
-    from lighting.turns import Shot, features, place
+def _placing(match: bool | Placing) -> Placing | None:
+    """What finds where photos look, if anything is to."""
+    if isinstance(match, bool):
+        return _place if match else None
+    return match
 
-    shots = [
-        Shot(features(photo.pixels), p.camera_elevation, p.camera_roll, p.vertical_fov, fov)
+
+def _views(photos: Sequence[Photo], said: Sequence[Prediction], fovs: Sequence[float | None]) -> "list[View]":
+    """The photos as they are matched with each other."""
+    from lighting.turns import View
+
+    return [
+        View(photo.pixels, p.camera_elevation, p.camera_roll, p.vertical_fov, fov)
         for photo, p, fov in zip(photos, said, fovs, strict=True)
     ]
-    return place(shots)
+
+
+def _place(views: "Sequence[View]") -> "tuple[Placed, ...]":
+    """Where the photos look, by what they show in common."""
+    from lighting.turns import place
+
+    return place([view.shot() for view in views])
 
 
 def estimate(source: Source, given: Given = NOTHING_GIVEN) -> Estimate:

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.turns.averaging import Oriented, Pairs, average, components
-from lighting.turns.match import Features, Matches, match
+from lighting.turns.match import Features, Matches, features, match
 from lighting.turns.rays import focal_of, vertical_fov_of
 from lighting.turns.rotation import Turn, rotation_of
 from lighting.turns.upright import angles_of, common_up, level, up_in_camera
@@ -49,6 +50,21 @@ class Shot:
         fov = self.noted_fov or self.guessed_fov
         sigma = GUESSED_FOV_SIGMA if self.noted_fov is None else NOTED_FOV_SIGMA
         return focal_of(fov, *self.size), float(np.radians(sigma) / np.sin(np.radians(fov)))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One photo of a set before features are sought in it."""
+
+    pixels: NDArray[np.uint8]  # (H, W, 3) sRGB, upright
+    camera_elevation: float  # deg, by the network
+    camera_roll: float
+    guessed_fov: float  # deg, vertical, by the network
+    noted_fov: float | None = None  # by its metadata or its user
+
+    def shot(self) -> Shot:
+        """The same with its features; MissingExtraError without OpenCV."""
+        return Shot(features(self.pixels), self.camera_elevation, self.camera_roll, self.guessed_fov, self.noted_fov)
 
 
 @dataclass(frozen=True)
