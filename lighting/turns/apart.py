@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from subprocess import Popen
 
 SECONDS = 10.0  # for a set; eight photos that overlap take half of it on a free CPU
-MEMORY = 450_000_000  # bytes beside those that the process has when it starts
+MEMORY = 400_000_000  # bytes beside those that the process has when it starts
 PER_PHOTO = 2_000_000  # bytes of MAX_FEATURES features, and of their matches
 
 CODE = "from lighting.turns.apart import main; main()"
