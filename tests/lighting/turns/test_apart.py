@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lighting import processes
 from lighting.errors import MissingExtraError, TurnsError
 from lighting.turns import View, apart, place, place_apart
 from tests.lighting.turns.cameras import picture, texture
@@ -41,7 +42,7 @@ def test_it_ends_by_itself_where_nobody_ends_it(monkeypatch: pytest.MonkeyPatch)
     """As where who asked was killed."""
     endless = "import time, lighting.turns.apart as a; a.place = lambda _: time.sleep(1000); "
     monkeypatch.setattr(apart, "CODE", endless + apart.CODE)
-    process = apart.python(apart.CODE)
+    process = processes.python(apart.CODE)
     process.communicate(apart._request(OVERLAPPING, 0.5), timeout=60)
     assert process.returncode != 0
 
