@@ -27,9 +27,10 @@ from starlette.testclient import TestClient
 from lighting import Lighting, read_exr
 from lighting.envmap import place_of, view
 from lighting.files import full_record, read_hdr
-from lighting.photo import read_photo
+from lighting.photo import TARGET, read_photo
 from lighting.pipeline import Estimator
 from lighting.scene import TOOLS
+from lighting.turns import MAX_SIDE, has_opencv
 from server.app import create_app
 from server.page import BUNDLE, page_router
 from server.settings import Settings
@@ -149,9 +150,12 @@ def run(copied: str, folder: Path) -> None:
 
 def together(files: list[Path]) -> NDArray[np.float32]:
     """The map of the last of several photos, by the library."""
-    photos = [read_photo(file) for file in files]
-    estimate = Estimator().together(photos)[-1]
-    place = place_of(estimate, photos[-1].pixels, 512, lambda side: read_photo(files[-1], target=side).pixels)
+    match = has_opencv()
+    photos = [read_photo(file, target=MAX_SIDE if match else TARGET) for file in files]
+    estimate = Estimator().together(photos, match=match)[-1]
+    place = place_of(
+        estimate, read_photo(files[-1]).pixels, 512, lambda side: read_photo(files[-1], target=side).pixels
+    )
     return view(estimate.lighting, 512, sun=estimate.lighting.sun_shines, place=place)[0]
 
 
