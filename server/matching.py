@@ -11,7 +11,7 @@ from lighting.photo import TARGET
 from lighting.records import Estimate
 
 NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
-INFERRED = "How they are turned is inferred from their light alone."
+INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
 
 
 @dataclass

@@ -29,6 +29,7 @@ PER_PHOTO = 2_000_000  # bytes of MAX_FEATURES features, and of their matches
 
 CODE = "from lighting.turns.apart import main; main()"
 
+_LONGEST = 86400.0  # seconds that it goes on where nobody ends it, whatever the limit
 _STEP = 0.1  # seconds after which whoever waits looks up
 
 
@@ -44,7 +45,12 @@ def place_apart(
     `check` is called while the process works, and what it raises ends it. Raises TurnsError where the photos take
     longer than `seconds` or, on Linux, more memory than MEMORY and PER_PHOTO; and MissingExtraError without OpenCV.
     """
-    said = _told(python(CODE), _request(views, seconds), seconds, check)
+    request = _request(views, seconds)
+    try:
+        process = python(CODE)
+    except OSError as error:
+        raise TurnsError("The process that matches photos with each other does not start.") from error
+    said = _told(process, request, seconds, check)
     if said is None:
         raise TurnsError(f"Matching the photos with each other takes longer than {seconds:g} seconds.")
     try:
@@ -91,7 +97,7 @@ def _answer(requests: BinaryIO) -> tuple[Placed, ...] | LightingError:
         opencv().setNumThreads(1)
         seconds, memory = pickle.load(requests), pickle.load(requests)
         if sys.platform != "win32":
-            signal.alarm(ceil(seconds) + 1)
+            signal.alarm(ceil(min(seconds, _LONGEST)) + 1)
         bound(held() + memory)
         return place(list(_shots(requests)))
     except LightingError as error:

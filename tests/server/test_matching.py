@@ -1,5 +1,6 @@
 """Several photos over HTTP are matched with each other; nothing that is sent holds a place for long."""
 
+import re
 import threading
 import time
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from server.service import Service
 from server.settings import Settings
 from tests.conftest import encode
 from tests.lighting.turns.cameras import picture, texture
+from tests.pages import ROOT
 from tests.server.conftest import client_of
 from tests.server.test_limiter import Client, until
 
@@ -156,6 +158,14 @@ def test_the_service_answers_others_while_it_matches(client: TestClient, monkeyp
         assert not answer.done()
         release.set()
         assert answer.result().status_code == 200
+
+
+def test_the_page_knows_the_words_that_a_turn_is_inferred(client: TestClient) -> None:
+    page = (ROOT / "server" / "web" / "src" / "pure" / "turns.ts").read_text(encoding="utf-8")
+    inferred = re.compile(re.search(r"INFERRED = /(.*)/i;", page)[1], re.IGNORECASE)  # type: ignore[index]
+    assert inferred.search(INFERRED)
+    first, _ = records(client, FIRST, STRANGER)
+    assert inferred.search(first["warnings"][0])
 
 
 def test_several_photos_are_matched_unless_their_headings_are_given() -> None:

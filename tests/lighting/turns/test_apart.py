@@ -86,3 +86,9 @@ def test_without_opencv_one_sentence_says_what_to_install(monkeypatch: pytest.Mo
     monkeypatch.setattr(apart, "CODE", "import sys; sys.modules['cv2'] = None; " + apart.CODE)
     with pytest.raises(MissingExtraError, match=r"pip install 'outdoor-lighting\["):
         place_apart(OVERLAPPING, 100.0)
+
+
+def test_where_no_process_starts_one_sentence_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/absent/python")
+    with pytest.raises(TurnsError, match="does not start"):
+        place_apart(OVERLAPPING, 100.0)
