@@ -51,6 +51,10 @@ class MissingExtraError(LightingError):
     """An optional package, which one of this package's extras installs, is missing."""
 
 
+class TurnsError(LightingError):
+    """How photos are turned against each other cannot be found within the time or memory allowed."""
+
+
 class VideoError(LightingError):
     """A file is not a clip that can be read, or nothing in it can be followed."""
 

@@ -1,6 +1,6 @@
 """From a photo to its light: the whole chain, and nothing else."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -31,7 +31,9 @@ from lighting.records import Estimate, Prediction
 
 if TYPE_CHECKING:
     from lighting.evidence import Fit
-    from lighting.turns import Placed, Shot
+    from lighting.turns import Placed, View
+
+Placing = Callable[[Sequence["View"]], "Sequence[Placed] | None"]  # as `lighting.turns.place_apart`; None is no answer
 
 NOTHING_GIVEN = Given()
 
@@ -65,13 +67,14 @@ class Estimator:
         given: Given = NOTHING_GIVEN,
         headings: Sequence[float] | None = None,
         *,
-        match: bool = False,
+        match: bool | Placing = False,
     ) -> list[Estimate]:
         """The light of photos of one place and time; one Estimate each, in its own camera's frame.
 
         `headings` [deg, clockwise from any common direction] say where each camera points; without them `match` finds
-        it from what the photos show in common, by OpenCV of the extra `video`. Raises as a call does, ParameterError
-        unless there is one heading for each of several photos, and MissingExtraError without OpenCV.
+        it from what the photos show in common, by OpenCV of the extra `turns`: here, or by a function that does it
+        elsewhere, such as `lighting.turns.place_apart`. Raises as a call does, ParameterError unless there is one
+        heading for each of several photos, and MissingExtraError without OpenCV.
         """
         check_headings(len(photos), headings)
         check_heading(len(photos), given.heading)
@@ -81,7 +84,8 @@ class Estimator:
             _check_photo(photo)
         facts = known_together([photo.facts for photo in photos], given)
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
-        placed = _placed(photos, said, evidence) if match and headings is None else None
+        placing = None if headings is not None else _placing(match)
+        placed = placing and placing(_views(photos, said, evidence))
         fused = fuse_together(said, evidence, headings, placed)
         return with_seen_colours(photos, [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)])
 
@@ -99,7 +103,7 @@ class Estimator:
         """
         said = [self.predict(photo) for photo in photos]
         evidence = [camera_evidence(photo.facts, given) for photo in photos]
-        placed = _placed(photos, said, evidence) if headings is None and len(photos) > 1 else None
+        placed = _place(_views(photos, said, evidence)) if headings is None and len(photos) > 1 else None
         from lighting.evidence.fit import fit, series_of
 
         return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
@@ -138,27 +142,39 @@ def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) ->
     ]
 
 
-def _placed(photos: Sequence[Photo], said: Sequence[Prediction], evidence: Sequence[Evidence]) -> "tuple[Placed, ...]":
-    """Where the photos look, by what they show in common."""
-    from lighting.turns import place
+def _placing(match: bool | Placing) -> Placing | None:
+    """What finds where photos look, if anything is to."""
+    if isinstance(match, bool):
+        return _place if match else None
+    return match
 
-    return place([_shot(*photo) for photo in zip(photos, said, evidence, strict=True)])
+
+def _views(photos: Sequence[Photo], said: Sequence[Prediction], evidence: Sequence[Evidence]) -> "list[View]":
+    """The photos as they are matched with each other."""
+    return [_view(*photo) for photo in zip(photos, said, evidence, strict=True)]
 
 
-def _shot(photo: Photo, said: Prediction, evidence: Evidence) -> "Shot":
-    from lighting.turns import UP_SIGMA, Shot, features
+def _view(photo: Photo, said: Prediction, evidence: Evidence) -> "View":
+    from lighting.turns import UP_SIGMA, View
 
     stood = stand(said, evidence)
     camera, gravity = stood.prediction, stood.evidence.gravity
     sigma = UP_SIGMA if gravity is None else min(UP_SIGMA, tilt_spread(gravity))
-    return Shot(
-        features(photo.pixels),
+    return View(
+        photo.pixels,
         camera.camera_elevation,
         camera.camera_roll,
         said.vertical_fov,
         evidence.vertical_fov,
         sigma,
     )
+
+
+def _place(views: "Sequence[View]") -> "tuple[Placed, ...]":
+    """Where the photos look, by what they show in common."""
+    from lighting.turns import place
+
+    return place([view.shot() for view in views])
 
 
 def estimate(source: Source, given: Given = NOTHING_GIVEN) -> Estimate:

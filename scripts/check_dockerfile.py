@@ -185,12 +185,18 @@ def check_requests(port: int) -> object:
     expect(image.startswith(b"v/1\x01") and len(image) > 100_000, f"POST /v1/envmap: an EXR of {len(image)} bytes")
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=START) as page:
         expect(b"<script" in page.read(), "the page is in it")
+    several = json.loads(_post(port, "/v1/lighting", photos=2))["lightings"]
+    expect("other photos" in several[1]["evidence"], "several photos are answered together")
     return record["sun"]
 
 
-def _post(port: int, path: str) -> bytes:
-    headers = {"Content-Type": "image/jpeg"}
-    request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", PHOTO.read_bytes(), headers)
+def _post(port: int, path: str, photos: int = 1) -> bytes:
+    """The answer to a form with the example photo, once or more often."""
+    part = (
+        b'--part\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n%b\r\n' % PHOTO.read_bytes()
+    )
+    headers = {"Content-Type": "multipart/form-data; boundary=part"}
+    request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", photos * part + b"--part--\r\n", headers)
     with urllib.request.urlopen(request, timeout=START) as answer:
         return bytes(answer.read())
 

@@ -164,10 +164,17 @@ class LightingQuery(GivenQuery):
     headings: Headings = Field(
         None, description="deg, where each of several photos points, clockwise from any common direction"
     )
+    match: Flag = Field(
+        True, description="find by what several photos show in common how they are turned, unless `headings` say it"
+    )
 
     def turns(self) -> list[float] | None:
         """The headings as numbers."""
         return None if self.headings is None else read_headings(self.headings)
+
+    def matched(self, photos: int) -> bool:
+        """Whether so many photos are to be matched with each other."""
+        return self.match and self.headings is None and photos > 1
 
 
 class MapQuery(Query):

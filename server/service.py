@@ -20,6 +20,7 @@ from lighting.records import Estimate
 from server import problems
 from server.arrivals import Arrivals
 from server.limiter import BusyError, Limiter
+from server.matching import Matching
 from server.metrics import Metrics
 from server.problems import ProblemError
 from server.security import Keys, Rate, client_name
@@ -94,9 +95,9 @@ class Service:
         """Whether the next photo would be refused."""
         return self.limiter.full or self.arrivals.full or self.unsent.full
 
-    def read(self, data: bytes, seconds: float | None = None) -> Photo:
+    def read(self, data: bytes, seconds: float | None = None, target: int = TARGET) -> Photo:
         """The photo in an upload, by default within the time that a request has; raises PhotoError."""
-        photo = self._decoded(data, TARGET, seconds)
+        photo = self._decoded(data, target, seconds)
         self.metrics.photo_bytes.inc(len(data))
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
@@ -116,11 +117,16 @@ class Service:
         )
 
     def estimate(
-        self, photos: Sequence[Photo], given: Given, headings: Sequence[float] | None = None
+        self,
+        photos: Sequence[Photo],
+        given: Given,
+        headings: Sequence[float] | None = None,
+        matching: Matching | None = None,
     ) -> list[Estimate]:
         """What pixels, metadata and client say about photos of one place and light; raises ParameterError."""
         with self.metrics.inference.time():
-            return self.estimator.together(photos, given, headings)
+            found = self.estimator.together(photos, given, headings, match=matching or False)
+        return matching.explained(found) if matching else found
 
 
 def service_of(request: Request) -> Service:

@@ -12,7 +12,8 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from lighting.cpus import available_cpus
 from lighting.errors import LightingError
 from lighting.photo import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
-from lighting.photo.apart import SECONDS
+from lighting.photo import apart as decoding
+from lighting.turns import apart as matching
 
 PREFIX = "LIGHTING_"
 
@@ -80,7 +81,12 @@ class Settings(BaseSettings):
         500_000_000, ge=1, description="bytes of answers that may wait for their clients; 503 for further requests"
     )
     header_seconds: float = Field(10.0, gt=0, description="time limit for receiving a request's headers, in seconds")
-    decode_seconds: float = Field(SECONDS, gt=0, description="time limit for decoding a request's photos, in seconds")
+    decode_seconds: float = Field(
+        decoding.SECONDS, gt=0, description="time limit for decoding a request's photos, in seconds"
+    )
+    match_seconds: float = Field(
+        matching.SECONDS, gt=0, description="time limit for matching a request's photos with each other, in seconds"
+    )
     shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM, in seconds")
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
     api_keys: Keys = Field(

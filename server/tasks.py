@@ -13,10 +13,11 @@ from lighting import stereo
 from lighting.envmap import Place, change, known_place, place_factors, place_of, view
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
-from lighting.photo import Photo
+from lighting.photo import TARGET, Photo
 from lighting.preview import PHOTO_SIDE, preview_png
 from lighting.records import Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
+from server.matching import Matching
 from server.plans import PlanQuery
 from server.queries import (
     EnvmapQuery,
@@ -42,8 +43,9 @@ def estimated_together(service: Service, files: Sequence[bytes], query: Lighting
 
     Where the query asks for it and the network says what lies around, each comes with `place_factors`.
     """
-    photos = _read_together(service, files)
-    found = service.estimate(photos, query.given(), query.turns())
+    matching = Matching(service.settings.match_seconds) if query.matched(len(files)) else None
+    photos = _read_together(service, files, matching.target if matching else TARGET)
+    found = service.estimate(photos, query.given(), query.turns(), matching)
     if not query.surroundings:
         return [Answer(estimate) for estimate in found]
     answers = []
@@ -54,13 +56,13 @@ def estimated_together(service: Service, files: Sequence[bytes], query: Lighting
     return answers
 
 
-def _read_together(service: Service, files: Sequence[bytes]) -> list[Photo]:
+def _read_together(service: Service, files: Sequence[bytes], target: int) -> list[Photo]:
     """The photos of a request; the time that it has for decoding is that of all of them together."""
     photos = []
     until = monotonic() + service.settings.decode_seconds
     for number, data in enumerate(files, 1):
         try:
-            photos.append(service.read(data, max(until - monotonic(), LEAST_SECONDS)))
+            photos.append(service.read(data, max(until - monotonic(), LEAST_SECONDS), target))
         except PhotoError as error:
             raise error if len(files) == 1 else type(error)(f"Photo {number} of {len(files)}: {error}") from error
         check_cancelled()

@@ -7,12 +7,17 @@ import pytest
 
 from lighting.photo.memory import allowance
 from lighting.scene import PLATE_SIDE
+from lighting.turns import MAX_SIDE, apart
 from server.protocol import HEADER_BYTES
 from server.settings import PREFIX, Settings
 from tests.pages import ROOT
 
 yaml = pytest.importorskip("yaml", reason="needs PyYAML, which schemathesis brings")
-IDLE, DECODER = 300_000_000, 50_000_000  # bytes of the process, and of each that decodes
+IDLE, DECODER, MATCHER = (
+    300_000_000,
+    50_000_000,
+    60_000_000,
+)  # bytes of the process, and of each that decodes or matches
 LARGEST = 4 * 3 * 4096 * 2048  # bytes of an answer: a map without compression
 
 
@@ -58,7 +63,11 @@ def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     """The sum that docs/service.md states."""
     s = settings_of(services)
     bodies = (s.places + s.queue + s.uploads) * s.max_bytes
-    decoding = s.places * (DECODER + allowance(s.max_bytes, s.max_pixels, PLATE_SIDE))
+    decoding = allowance(s.max_bytes, s.max_pixels, PLATE_SIDE)
+    kept = s.max_photos * 3 * (2 * MAX_SIDE - 1) ** 2  # photos to be matched, and once more on their way
+    matching = MATCHER + apart.MEMORY + s.max_photos * apart.PER_PHOTO + 2 * kept
+    assert kept + allowance(s.max_bytes, s.max_pixels, MAX_SIDE) < decoding
+    places = s.places * (DECODER + max(decoding, matching))
     answers = s.unsent_bytes + 2 * s.places * LARGEST
     limit = services["lighting"]["deploy"]["resources"]["limits"]["memory"]
-    assert IDLE + decoding + bodies + answers < int(limit.removesuffix("g")) * 2**30
+    assert IDLE + places + bodies + answers < int(limit.removesuffix("g")) * 2**30

@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 
 ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 
+_APART = (
+    "Nothing in the photos that overlap with it was found in the first photo: how it is turned against that one is "
+    "inferred from their light alone."
+)
 _BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # in spreads, over which a noisy heading is averaged on the grid
 _HIDDEN = 1.5  # deg, errors of a heading that do not show beside the 4 deg between cells
 _ELEVATION_SPREAD = 4.0  # deg, kernel of an elevation's density
@@ -87,12 +91,13 @@ def _as_matched(predictions: Sequence[Prediction], placed: "Sequence[Placed]") -
 def _by_matches(
     photo: int, prediction: Prediction, turns: Frames, placed: "Sequence[Placed] | None"
 ) -> tuple[str, ...]:
-    """A warning where matching left this photo alone, or contradicts what is up in it."""
+    """A warning where matching left this photo or its group alone, or contradicts what is up in it."""
     if placed is None:
         return ()
-    if turns.has_company(photo):
-        return contrary_up(prediction, placed[photo])
-    return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
+    if not turns.has_company(photo):
+        return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
+    apart = () if turns.heading_of_first(photo) is not None else (_APART,)
+    return (*apart, *contrary_up(prediction, placed[photo]))
 
 
 def _used(fused: Fused, source: str) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ import numpy as np
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.decoder import READY, Answer, Request
 from lighting.photo.read import MAX_BYTES, MAX_PIXELS, TARGET, Photo, photo_data
+from lighting.processes import python
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -30,13 +31,10 @@ CODE = "from lighting.photo.decoder import main; main()"
 _START_SECONDS = 300.0  # on a machine that is busy with other work
 _PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
 _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more than decoding into it
-    "MALLOC_ARENA_MAX": "1",
     "MALLOC_MMAP_MAX_": str(1 << 16),  # glibc's own, since those of a caller could loosen the bound
     "MALLOC_TOP_PAD_": str(1 << 17),  # the same
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
 }
 
 
@@ -196,12 +194,7 @@ def _alarm(seconds: float, process: "Popen[bytes]") -> Iterator[Event]:
 
 
 def _started() -> "Popen[bytes]":
-    from subprocess import PIPE, Popen
-
-    root = str(Path(__file__).parents[2])
-    path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-    environment = {**os.environ, **_ENVIRONMENT, "PYTHONPATH": path}
-    process = Popen([sys.executable, "-P", "-c", CODE], stdin=PIPE, stdout=PIPE, env=environment)
+    process = python(CODE, _ENVIRONMENT)
     if sys.platform == "linux":
         import fcntl
 

@@ -4,16 +4,15 @@ Requests and answers are pickles on stdin and stdout, each followed by the bytes
 process ends with its stdin. It logs nothing: what decoders print about a photo is nobody's business.
 """
 
-import os
 import pickle
 import signal
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import BinaryIO
 
 from lighting.photo.memory import allowance
 from lighting.photo.read import Photo, Source, read_photo
+from lighting.processes import bound, held, own_stdout
 
 READY = "ready"
 
@@ -40,13 +39,13 @@ class Answer:
 def main() -> None:
     """Answer requests until stdin ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asks
-    requests, answers = sys.stdin.buffer, _own_stdout()
+    requests, answers = sys.stdin.buffer, own_stdout()
     _one_thread()
-    held = _held()
+    own = held()
     pickle.dump(READY, answers)
     answers.flush()
     while request := _next(requests):
-        _answer(request, requests, answers, held)
+        _answer(request, requests, answers, own)
         answers.flush()
 
 
@@ -58,11 +57,11 @@ def _next(requests: BinaryIO) -> Request | None:
     return request
 
 
-def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, held: int) -> None:
+def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
     source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
     try:
         size = len(source) if isinstance(source, bytes) else request.max_bytes
-        _bound(held + allowance(size, request.max_pixels, request.target))
+        bound(own + allowance(size, request.max_pixels, request.target))
         photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
     except Exception as error:
         pickle.dump(Answer(error=error), answers)
@@ -70,15 +69,6 @@ def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, held: int) 
     said = Photo(photo.pixels[:0], photo.width, photo.height, photo.format, photo.facts)
     pickle.dump(Answer(said, photo.pixels.shape), answers)
     answers.write(photo.pixels.data)
-
-
-def _own_stdout() -> BinaryIO:
-    """The stream of answers; what libraries print on the usual one goes nowhere."""
-    answers = os.fdopen(os.dup(1), "wb")
-    with Path(os.devnull).open("wb") as nowhere:
-        os.dup2(nowhere.fileno(), 1)
-        os.dup2(nowhere.fileno(), 2)
-    return answers
 
 
 def _one_thread() -> None:
@@ -91,21 +81,6 @@ def _one_thread() -> None:
     except ImportError:
         return
     options.DECODE_THREADS = 1
-
-
-def _held() -> int:
-    """Bytes of address space that the process has taken; 0 where that cannot be told."""
-    if sys.platform != "linux":
-        return 0
-    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-
-
-def _bound(size: int) -> None:
-    """Let the process take no more address space; the bound is Linux's."""
-    if sys.platform == "linux":
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (size, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Points that two photos share: SIFT features (Lowe 2004, as OpenCV computes them) and their matches.
 
-OpenCV is in the extra `video`; without it every function here that needs it raises MissingExtraError.
+OpenCV is the extra `turns`, which `video` brings along; without it every function here that needs it raises
+MissingExtraError.
 """
 
 from dataclasses import dataclass

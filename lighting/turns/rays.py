@@ -22,8 +22,11 @@ def vertical_fov_of(focal: float, width: float, height: float) -> float:
 
 def rays(points: Floats, focal: float) -> Floats:
     """Unit vectors (N, 3) through points (N, 2) [half diagonals]."""
-    through = np.column_stack([points, np.full(len(points), -focal)])
-    return np.asarray(through / np.linalg.norm(through, axis=1, keepdims=True))
+    x, y = points[:, 0], points[:, 1]
+    length = np.sqrt(x * x + y * y + focal * focal)
+    unit = np.empty((len(points), 3))
+    unit[:, 0], unit[:, 1], unit[:, 2] = x / length, y / length, -focal / length
+    return unit
 
 
 def project(vectors: Floats, focal: float) -> Floats:
@@ -55,9 +58,10 @@ def rotation_about(vector: Floats) -> Floats:
 def cross_matrix(vector: Floats) -> Floats:
     """Matrices (..., 3, 3) that take w to the vector product of `vector` (..., 3) and w."""
     x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
+    matrix = np.zeros((*x.shape, 3, 3))
+    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
+    matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x
+    return matrix
 
 
 def rotation_vector(rotation: Floats) -> Floats:

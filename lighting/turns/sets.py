@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.turns.averaging import Oriented, Pairs, average, components
-from lighting.turns.match import Features, Matches, match
+from lighting.turns.match import Features, Matches, features, match
 from lighting.turns.rays import focal_of, vertical_fov_of
 from lighting.turns.rotation import Turn, rotation_of
 from lighting.turns.upright import angles_of, common_up, level, up_in_camera
@@ -51,6 +52,29 @@ class Shot:
         fov = self.noted_fov or self.guessed_fov
         sigma = GUESSED_FOV_SIGMA if self.noted_fov is None else NOTED_FOV_SIGMA
         return focal_of(fov, *self.size), float(np.radians(sigma) / np.sin(np.radians(fov)))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One photo of a set before features are sought in it."""
+
+    pixels: NDArray[np.uint8]  # (H, W, 3) sRGB, upright
+    camera_elevation: float  # deg; this and what follows as in a Shot
+    camera_roll: float
+    guessed_fov: float
+    noted_fov: float | None = None
+    up_sigma: float = UP_SIGMA
+
+    def shot(self) -> Shot:
+        """The same with its features; MissingExtraError without OpenCV."""
+        return Shot(
+            features(self.pixels),
+            self.camera_elevation,
+            self.camera_roll,
+            self.guessed_fov,
+            self.noted_fov,
+            self.up_sigma,
+        )
 
 
 @dataclass(frozen=True)

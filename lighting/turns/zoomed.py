@@ -18,6 +18,7 @@ from lighting.turns.search import TOLERANCE, search
 
 ONE_LENS = 0.06  # logarithm of the ratio of two focal lengths up to which they may be those of one lens
 
+_FAR = 50.0  # logarithm of a factor on a focal length, beyond any lens
 _FIRST = np.vstack([np.eye(3, 5), [0.0, 0.0, 0.0, 1.0, -1.0]])  # the first logarithm is the mean less half the ratio's
 
 
@@ -50,8 +51,8 @@ def _refined(matches: Matches, focal: tuple[float, float], zoom: float, mean_pri
     started = search(matches, focal, [zoom]).rotation
 
     def parts(at: Floats) -> tuple[Floats, tuple[float, float]]:
-        first, second = zoom * focal[0] * np.exp(at[3] - at[4]), zoom * focal[1] * np.exp(at[3] + at[4])
-        return rotation_about(at[:3]) @ started, (float(first), float(second))
+        first, second = np.exp(np.clip([at[3] - at[4], at[3] + at[4]], -_FAR, _FAR))  # a step may go too far
+        return rotation_about(at[:3]) @ started, (float(zoom * focal[0] * first), float(zoom * focal[1] * second))
 
     def residuals(at: Floats) -> Floats:
         return offsets(matches.a, matches.b, *parts(at)).ravel()

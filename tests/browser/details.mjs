@@ -3,6 +3,7 @@ import { visitAgain } from "./again.mjs";
 import { visitFormats } from "./formats.mjs";
 import { visitStage } from "./stage.mjs";
 import { visitSteps } from "./steps.mjs";
+import { visitTurned } from "./turned.mjs";
 import { report } from "./visit.mjs";
 
-await report([visitFormats, visitAgain, visitSteps, visitStage]);
+await report([visitFormats, visitAgain, visitSteps, visitStage, visitTurned]);

@@ -1,5 +1,6 @@
 """The page in Chromium where things go otherwise: other formats, refusals, slow drags. Driven by details.mjs."""
 
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,8 @@ from typing import Any
 import pytest
 from PIL import ExifTags, Image
 
+from lighting.turns import has_opencv
+from tests.lighting.turns.cameras import picture, texture
 from tests.server import test_page as page
 
 url = page.url  # the fixture
@@ -47,6 +50,15 @@ def in_every_format(folder: Path, orientation: int) -> dict[str, str]:
     return files
 
 
+def overlapping(folder: Path) -> list[str]:
+    """Two photos that overlap, the second turned by 25 deg, and one of another place."""
+    files = []
+    for number, (seed, azimuth) in enumerate([(0, 0.0), (0, 25.0), (1, 0.0)]):
+        files.append(str(folder / f"view{number}.png"))
+        Image.fromarray(picture(texture(seed), (azimuth, 2.0, 0.0), 50.0)).save(files[-1])
+    return files
+
+
 def files_for(folder: Path) -> dict[str, Any]:
     """What the visitor brings along, by name."""
     (folder / "notes.txt").write_text("This is no photo.", encoding="utf-8")
@@ -55,6 +67,7 @@ def files_for(folder: Path) -> dict[str, Any]:
     return {
         "formats": in_every_format(folder, 1),
         "upright": in_every_format(folder, 6),
+        "turned": overlapping(folder),
         **{"photo": str(page.PHOTO), "other": str(page.NOON), "small": str(folder / "small.png")},
         **{"textFile": str(folder / "notes.txt"), "model": str(folder / "wide.glb")},
     }
@@ -137,3 +150,25 @@ def test_an_own_object_is_as_high_as_it_stands(visit: dict[str, Any]) -> None:
 
 def test_the_browser_has_nothing_to_complain_of(visit: dict[str, Any]) -> None:
     assert visit["complaints"] == []
+
+
+@pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
+class TestTurns:
+    def test_overlapping_photos_are_turned_as_they_show(self, visit: dict[str, Any]) -> None:
+        first, second, _ = visit["turned"]
+        assert first["button"].startswith("Photo 1, sun ")
+        assert second["button"].startswith("Photo 2, 25° right of photo 1, sun ")
+        assert first["said"] == "How the photos are turned was found in what they show in common."
+        assert re.search(r"in common: this one (24\.[5-9]|25\.[0-5])° right of photo 1\.$", second["said"])
+        for shown in (first, second):
+            assert 49 <= float(shown["numbers"]["Vertical field of view"].rstrip("°")) <= 51
+        assert first["numbers"]["Sun azimuth"] != second["numbers"]["Sun azimuth"]
+        assert first["numbers"]["Sun elevation"] == second["numbers"]["Sun elevation"]
+
+    def test_a_photo_in_which_nothing_of_the_others_is_found_says_so(self, visit: dict[str, Any]) -> None:
+        stranger = visit["turned"][2]
+        assert re.match(r"Photo 3, perhaps (\d+° (left|right) of|as) photo 1, sun ", stranger["button"])
+        assert stranger["said"].startswith("Nothing in it was found in the other photos")
+
+    def test_one_photo_is_not_turned(self, visit: dict[str, Any]) -> None:
+        assert visit["turnedAlone"] is False

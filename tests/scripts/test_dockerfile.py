@@ -14,7 +14,8 @@ from scripts.dockerfile import Stage, UnsupportedError, context_files, expand, p
 
 ROOT = Path(__file__).parents[2]
 STAGES = read_stages((ROOT / "Dockerfile").read_text(encoding="utf-8"))
-LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+LOCKS = ("requirements.lock", "requirements-turns.lock")
+LOCK = "".join((ROOT / name).read_text(encoding="utf-8") for name in LOCKS)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
@@ -64,7 +65,7 @@ def test_hadolint_finds_nothing() -> None:
     assert (done.returncode, done.stdout) == (0, "")
 
 
-@pytest.mark.parametrize("extra", ["", "server", "heif"])
+@pytest.mark.parametrize("extra", ["", "server", "heif", "turns"])
 def test_the_lock_file_holds_what_the_project_asks_for(extra: str) -> None:
     """Its first lines say how it is renewed."""
     locked = dict(re.findall(r"^([a-z0-9-]+)==(\S+) \\$", LOCK, re.MULTILINE))
@@ -82,9 +83,9 @@ def test_every_locked_requirement_has_its_hashes() -> None:
 
 def test_the_builder_gets_what_it_needs_and_nothing_else() -> None:
     files = set(map(str, context_files(ROOT)))
-    assert {"pyproject.toml", "requirements.lock", "lighting/data/SHA256SUMS", "server/web/package-lock.json"} <= files
+    assert {"pyproject.toml", *LOCKS, "lighting/data/SHA256SUMS", "server/web/package-lock.json"} <= files
     assert {name.split("/")[0] for name in files} == {
-        *("LICENSE", "NOTICE", "README.md", "pyproject.toml", "requirements.lock", "examples", "lighting", "server")
+        *("LICENSE", "NOTICE", "README.md", "pyproject.toml", *LOCKS, "examples", "lighting", "server")
     }
     assert not [name for name in files if "node_modules" in name or "__pycache__" in name or "web/dist" in name]
 

@@ -52,8 +52,9 @@ def held(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> Held:
 class Client:
     """One request with a photo, by hand, so that it can break off."""
 
-    def __init__(self, app: FastAPI, photo: bytes, sent: int | None = None) -> None:
+    def __init__(self, app: FastAPI, photo: bytes, sent: int | None = None, kind: str = "image/jpeg") -> None:
         self.app = app
+        self.kind = kind
         self.gone = anyio.Event()
         self.bodies = [{"type": "http.request", "body": photo[:sent], "more_body": sent is not None}]
         self.sent: list[Message] = []
@@ -68,7 +69,7 @@ class Client:
         self.sent.append(message)
 
     async def ask(self) -> None:
-        headers = [(b"content-type", b"image/jpeg")]
+        headers = [(b"content-type", self.kind.encode())]
         scope = {"type": "http", "method": "POST", "path": "/v1/lighting", "query_string": b"", "headers": headers}
         await self.app(scope, self.receive, self.send)
 

@@ -12,6 +12,7 @@ import time
 import zipfile
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -27,9 +28,10 @@ from starlette.testclient import TestClient
 from lighting import Lighting, read_exr
 from lighting.envmap import place_of, view
 from lighting.files import full_record, read_hdr
-from lighting.photo import read_photo
+from lighting.photo import TARGET, read_photo
 from lighting.pipeline import Estimator
 from lighting.scene import TOOLS
+from lighting.turns import MAX_SIDE, has_opencv
 from server.app import create_app
 from server.page import BUNDLE, page_router
 from server.settings import Settings
@@ -148,11 +150,18 @@ def run(copied: str, folder: Path) -> None:
 
 
 def together(files: list[Path]) -> NDArray[np.float32]:
-    """The map of the last of several photos, by the library."""
-    photos = [read_photo(file) for file in files]
-    estimate = Estimator().together(photos)[-1]
-    place = place_of(estimate, photos[-1].pixels, 512, lambda side: read_photo(files[-1], target=side).pixels)
-    return view(estimate.lighting, 512, sun=estimate.lighting.sun_shines, place=place)[0]
+    """The map of the last of several photos, by the library: their light, and the place as that photo alone has it."""
+    match, estimator = has_opencv(), Estimator()
+    photos = [read_photo(file, target=MAX_SIDE if match else TARGET) for file in files]
+    light, photo = estimator.together(photos, match=match)[-1].lighting, read_photo(files[-1])
+    alone = estimator(photo)
+    camera = {name: getattr(alone.lighting, name) for name in ("camera_elevation", "camera_roll", "vertical_fov")}
+
+    def finer(side: int) -> NDArray[np.uint8]:
+        return read_photo(files[-1], target=side).pixels
+
+    place = place_of(alone, photo.pixels, 512, finer, exposure=light.exposure)
+    return view(replace(light, **camera), 512, sun=light.sun_shines, place=place)[0]
 
 
 def colours(file: Path) -> NDArray[np.float64]:

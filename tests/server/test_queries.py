@@ -18,6 +18,7 @@ from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from lighting.records import OPTIONAL_RANGES, RANGES
+from lighting.turns import has_opencv
 from server.queries import GivenQuery, MapQuery
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import client_of, jpeg_headers
@@ -215,7 +216,7 @@ def test_photos_of_one_form_are_taken_together(
     client: TestClient, estimator: Estimator, headings: list[float] | None
 ) -> None:
     query = {} if headings is None else {"headings": ",".join(map(str, headings))}
-    found = estimator.together([read_photo(PHONE), read_photo(OTHER)], Given(), headings)
+    found = estimator.together([read_photo(PHONE), read_photo(OTHER)], Given(), headings, match=has_opencv())
     answer = together(client, PHONE, OTHER, **query).json()
     assert list(answer) == ["lightings"]
     for record, estimate in zip(answer["lightings"], found, strict=True):

@@ -2,6 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { Estimate, Lighting, Power } from "../src/api";
 import { isSame, parametersOf, recordOf } from "../src/parameters";
 import { headline, sideOf } from "../src/pure/headline";
+import { turnSentence, turnWords } from "../src/pure/turns";
 import { azimuthWords, explained, factor, numbers, percent, short } from "../src/pure/words";
 
 const RECORD: Lighting = {
@@ -107,6 +108,35 @@ describe("the headline", () => {
       "behind the camera, to the right",
       "behind the camera",
     ]);
+  });
+});
+
+describe("the turns of several photos", () => {
+  const turned = (relative_heading: number, evidence: string[], warnings: string[] = []): Lighting => ({
+    ...RECORD,
+    ...{ evidence, warnings, camera: { ...RECORD.camera, relative_heading } },
+  });
+  const found = ["pixels", "turns", "other photos"];
+  const inferred = "Nothing in it was found in the other photos: how it is turned is inferred from its light alone.";
+
+  it("are told as the photos show them", () => {
+    expect(turnWords(turned(32.13, found), 1)).toBe("32° right of photo 1");
+    expect(turnWords(turned(340, found), 1)).toBe("20° left of photo 1");
+    expect(turnWords(turned(359.9, found), 1)).toBe("as photo 1");
+    expect(turnWords(turned(0, found), 0)).toBe("");
+    expect(turnSentence(turned(32.13, found), 1)).toMatch(/in common: this one 32\.1° right of photo 1\.$/);
+    expect(turnSentence(turned(0, found), 0)).toMatch(/in common\.$/);
+  });
+
+  it("are a guess where nothing in common says them", () => {
+    expect(turnWords(turned(57, ["pixels", "other photos"], [inferred]), 1)).toBe("perhaps 57° right of photo 1");
+    expect(turnSentence(turned(57, ["pixels", "other photos"], [inferred]), 1)).toBe(inferred);
+    expect(turnWords(turned(244, found, [inferred]), 2)).toBe("perhaps 116° left of photo 1");
+    expect(turnSentence(turned(244, found, ["Its heading is off.", inferred]), 2)).toBe(inferred);
+  });
+
+  it("are left out where the headings were given", () => {
+    expect([turnWords(RECORD, 1), turnSentence(RECORD, 1)]).toEqual(["", ""]);
   });
 });
 

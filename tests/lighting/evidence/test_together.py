@@ -63,6 +63,15 @@ def test_a_photo_that_no_match_connects_says_so() -> None:
     assert [len(a.warnings) for a in answers] == [0, 0, 1]
 
 
+def test_photos_that_overlap_and_not_with_the_first_say_that_their_turn_from_it_is_inferred() -> None:
+    alone, *others = fuse_together(views(60.0, TURNS), [NOTHING] * 3, None, placed((0, 1, 1)))
+    assert "other photos: how it is turned is inferred" in alone.warnings[0]
+    for answer in others:
+        assert "turns" in answer.used
+        (warning,) = answer.warnings
+        assert "found in the first photo: how it is turned against that one is inferred" in warning
+
+
 def test_a_photo_that_lies_on_its_side_says_so() -> None:
     """Its network takes it for upright, the others show that it is not; one a little askew is no matter."""
     where = placed((0, 0, 0))

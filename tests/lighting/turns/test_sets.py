@@ -11,7 +11,7 @@ from lighting.turns.sets import about
 from lighting.turns.upright import own_axes
 from tests.lighting.turns.cameras import Camera, picture, texture
 
-pytest.importorskip("cv2")
+cv2 = pytest.importorskip("cv2")
 FOV = 52.0
 CAMERAS: list[Camera] = [(-170.0, 2.0, 0.0), (-140.0, -3.0, 1.5), (165.0, 4.0, -2.0)]
 TILTS = [(2.5, 0.5), (-4.0, 1.0), (3.5, -2.5)]  # deg, what a network says of their elevation and roll
@@ -85,3 +85,14 @@ def test_angles_about_a_vertical_are_those_of_geometry() -> None:
     assert heading == pytest.approx([float(wrap_azimuth(c[0] - CAMERAS[0][0])) for c in CAMERAS])
     assert elevation == pytest.approx([c[1] for c in CAMERAS])
     assert roll == pytest.approx([c[2] for c in CAMERAS])
+
+
+def test_a_sheared_copy_takes_no_lens_beyond_all_numbers() -> None:
+    """No camera sees one as the other: the search for two lenses goes far, and gives up without a warning."""
+    noise = np.kron(np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8), np.ones((5, 5), np.uint8))
+    rolled, sheared = (
+        np.roll(noise, 40, axis=1),
+        cv2.warpAffine(noise, np.array([[1, 0.3, 0], [0, 1, 0.0]]), (400, 300)),
+    )
+    placed = place([Shot(features(rolled), 89.0, 0.0, 50.0), Shot(features(sheared), -90.0, 180.0, 3.0)])
+    assert all(np.isfinite([p.heading, p.camera_elevation]).all() for p in placed)

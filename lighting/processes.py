@@ -1,0 +1,46 @@
+"""Processes of this package's own for work that may have to be stopped: nothing in Python interrupts C code."""
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+if TYPE_CHECKING:
+    from subprocess import Popen
+
+_ONE_THREAD = {"MALLOC_ARENA_MAX": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
+    """Start Python on `code`, with this package, one thread for arrays, and pipes to its stdin and from its stdout."""
+    from subprocess import PIPE, Popen
+
+    root = str(Path(__file__).parents[1])
+    path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+    own = {**os.environ, **_ONE_THREAD, **(environment or {}), "PYTHONPATH": path}
+    return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=own)
+
+
+def own_stdout() -> BinaryIO:
+    """The stream of answers; what libraries print on the usual one, and on stderr, goes nowhere from now on."""
+    answers = os.fdopen(os.dup(1), "wb")
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
+    return answers
+
+
+def held() -> int:
+    """Bytes of address space that this process has taken; 0 where that cannot be told."""
+    if sys.platform != "linux":
+        return 0
+    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def bound(size: int) -> None:
+    """Let this process take no more address space than `size` bytes; the bound is Linux's."""
+    if sys.platform == "linux":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (size, resource.getrlimit(resource.RLIMIT_AS)[1]))

@@ -1,0 +1,28 @@
+// Several photos, of which the first two overlap: how they are turned, in words.
+import { open } from "./visit.mjs";
+
+export async function visitTurned(browser, url, seen, { turned }) {
+  const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
+  await page.setInputFiles("#file", turned);
+  await page.waitForSelector("#photos:not([hidden])");
+  seen.turned = [];
+  for (const [index] of turned.entries()) {
+    const button = page.locator("#photos button").nth(index);
+    await button.click();
+    const numbers = Object.fromEntries(
+      await page.locator("#numbers > div").evaluateAll((rows) =>
+        rows.map((row) => [row.querySelector("dt").textContent, row.querySelector("dd").firstChild.textContent]),
+      ),
+    );
+    seen.turned.push({
+      button: await page.locator("#photos button").nth(index).textContent(),
+      said: (await page.isVisible("#turned")) ? await page.textContent("#turned") : "",
+      title: await page.textContent("#title"),
+      numbers,
+    });
+  }
+  await page.setInputFiles("#file", turned[0]);
+  await page.waitForSelector("#photos", { state: "hidden" });
+  seen.turnedAlone = await page.isVisible("#turned");
+  await page.context().close();
+}

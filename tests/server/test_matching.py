@@ -1,0 +1,206 @@
+"""Several photos over HTTP are matched with each other; nothing that is sent holds a place for long."""
+
+import re
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+from urllib.parse import urlencode
+
+import anyio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from starlette.testclient import TestClient
+
+from lighting import turns
+from lighting.photo import TARGET
+from lighting.pipeline import Estimator
+from lighting.turns import apart
+from server.app import create_app
+from server.matching import INFERRED, NO_OPENCV, Matching
+from server.queries import LightingQuery
+from server.service import Service
+from server.settings import Settings
+from tests.conftest import encode
+from tests.lighting.turns.cameras import picture, texture
+from tests.pages import ROOT
+from tests.server.conftest import client_of
+from tests.server.test_limiter import Client, until
+
+pytest.importorskip("cv2")
+FOV = 50.0
+ALONE = "Nothing in it was found in the other photos"
+
+
+def view(azimuth: float, seed: int = 0) -> bytes:
+    return encode(picture(texture(seed), (azimuth, 2.0, 0.0), FOV), quality=95)
+
+
+def noise(seed: int) -> NDArray[np.uint8]:
+    """As many features as are kept, in a picture as large as is kept."""
+    cells = np.random.default_rng(seed).integers(0, 256, (256, 256), dtype=np.uint8)
+    return np.repeat(np.kron(cells, np.ones((4, 4), np.uint8))[..., None], 3, axis=2)
+
+
+FIRST, SECOND, STRANGER = view(0.0), view(25.0), view(0.0, seed=1)
+
+
+def ask(client: TestClient, *files: bytes, **query: Any) -> Any:
+    form = [("photo", (f"{number}.jpg", data, "image/jpeg")) for number, data in enumerate(files)]
+    return client.post(f"/v1/lighting?{urlencode(query)}", files=form)
+
+
+def records(client: TestClient, *files: bytes, **query: Any) -> list[dict[str, Any]]:
+    answer = ask(client, *files, **query)
+    assert answer.status_code == 200, answer.text
+    found: list[dict[str, Any]] = answer.json()["lightings"]
+    return found
+
+
+def never(*_: Any) -> None:
+    raise AssertionError("nothing is to be matched")
+
+
+def test_overlapping_photos_are_turned_as_they_show(client: TestClient) -> None:
+    first, second = records(client, FIRST, SECOND)
+    assert second["camera"]["relative_heading"] == pytest.approx(25.0, abs=0.5)
+    assert (first["sun"]["azimuth"] - second["sun"]["azimuth"]) % 360.0 == pytest.approx(25.0, abs=0.5)
+    for record in (first, second):
+        assert record["evidence"] == ["pixels", "turns", "other photos"]
+        assert record["warnings"] == []
+        assert record["camera"]["vertical_fov"] == pytest.approx(FOV, abs=1.0)
+
+
+def test_a_photo_in_which_nothing_was_found_is_told(client: TestClient) -> None:
+    *joined, stranger = records(client, FIRST, SECOND, STRANGER)
+    assert ["turns" in record["evidence"] for record in (*joined, stranger)] == [True, True, False]
+    assert [len(record["warnings"]) for record in joined] == [0, 0]
+    assert stranger["warnings"][0].startswith(ALONE)
+
+
+def test_photos_without_overlap_are_answered_as_before_and_told_so(client: TestClient) -> None:
+    matched, inferred = (records(client, FIRST, STRANGER, match=match) for match in ("true", "false"))
+    for one, other in zip(matched, inferred, strict=True):
+        assert one["warnings"].pop().startswith(ALONE)
+        assert one == other
+
+
+@pytest.mark.parametrize("query", [{"headings": "0,40"}, {"headings": "0,40", "match": "true"}, {"match": "false"}])
+def test_headings_that_are_given_win_and_matching_can_be_left_out(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, query: dict[str, str]
+) -> None:
+    monkeypatch.setattr(turns, "place_apart", never)
+    first, second = records(client, FIRST, SECOND, **query)
+    assert "turns" not in first["evidence"]
+    assert first["warnings"] == []
+    if "headings" in query:
+        assert (first["sun"]["azimuth"] - second["sun"]["azimuth"]) % 360.0 == pytest.approx(40.0, abs=0.01)
+
+
+def test_one_photo_is_matched_with_nothing(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns, "place_apart", never)
+    assert ask(client, FIRST).json() == ask(client, FIRST, match="false").json()
+    assert ask(client, FIRST, match="yes").json()["errors"][0]["field"] == "match"
+
+
+def test_without_opencv_the_answer_is_as_before_and_says_so(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = records(client, FIRST, SECOND, match="false")
+    monkeypatch.setattr(turns, "has_opencv", lambda: False)
+    for record, before in zip(records(client, FIRST, SECOND), expected, strict=True):
+        assert record["warnings"].pop() == f"{NO_OPENCV} {INFERRED}"
+        assert record == before
+    assert Matching(1.0).target == TARGET
+
+
+def test_what_takes_too_long_is_answered_without(estimator: Estimator) -> None:
+    hurried = client_of(estimator, match_seconds=0.001)
+    for record in records(hurried, *[encode(noise(seed), "PNG") for seed in range(3)]):
+        assert record["warnings"] == [
+            f"Matching the photos with each other takes longer than 0.001 seconds. {INFERRED}"
+        ]
+        assert "turns" not in record["evidence"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "pictures",
+    [
+        [noise(0), noise(1)],
+        [noise(0)] * 3,
+        [np.roll(np.tile(noise(0)[:32, :32], (32, 32, 1)), 7 * shift, axis=1) for shift in range(3)],
+        [np.full((64, 64, 3), 128, np.uint8)] * 2,
+        [noise(0)[:32, :256], noise(0)[:256, :32]],
+    ],
+    ids=["noise", "identical", "repeated", "flat", "slim"],
+)
+def test_hostile_photos_are_answered(client: TestClient, pictures: Sequence[NDArray[np.uint8]]) -> None:
+    found = records(client, *(encode(pixels, "PNG") for pixels in pictures))
+    assert len(found) == len(pictures)
+    assert not any("memory" in warning for record in found for warning in record["warnings"])
+
+
+def test_the_service_answers_others_while_it_matches(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    began, release = threading.Event(), threading.Event()
+
+    def held(*_: Any) -> None:
+        began.set()
+        assert release.wait(60)
+
+    monkeypatch.setattr(turns, "place_apart", held)
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(ask, client, FIRST, SECOND)
+        assert began.wait(60)
+        assert client.get("/livez").status_code == 200
+        assert not answer.done()
+        release.set()
+        assert answer.result().status_code == 200
+
+
+def test_the_page_knows_the_words_that_a_turn_is_inferred(client: TestClient) -> None:
+    page = (ROOT / "server" / "web" / "src" / "pure" / "turns.ts").read_text(encoding="utf-8")
+    inferred = re.compile(re.search(r"INFERRED = /(.*)/i;", page)[1], re.IGNORECASE)  # type: ignore[index]
+    assert inferred.search(INFERRED)
+    first, _ = records(client, FIRST, STRANGER)
+    assert inferred.search(first["warnings"][0])
+
+
+def test_several_photos_are_matched_unless_their_headings_are_given() -> None:
+    assert LightingQuery.model_validate({}).matched(2)
+    assert not LightingQuery.model_validate({}).matched(1)
+    assert not LightingQuery.model_validate({"match": "false"}).matched(2)
+    assert not LightingQuery.model_validate({"headings": "0,45"}).matched(2)
+
+
+def test_it_stops_when_the_client_goes_away(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its photos would be matched for minutes."""
+    endless = "import time, lighting.turns.apart as a; a.place = lambda _: time.sleep(600); "
+    monkeypatch.setattr(apart, "CODE", endless + apart.CODE)
+    began = threading.Event()
+
+    def observed(*arguments: Any) -> Any:
+        began.set()
+        return apart.place_apart(*arguments)
+
+    monkeypatch.setattr(turns, "place_apart", observed)
+    boundary = "photos"
+    part = f'--{boundary}\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n'.encode()
+    body = b"".join(part + data + b"\r\n" for data in (FIRST, SECOND)) + f"--{boundary}--\r\n".encode()
+    app = create_app(Settings(match_seconds=300), estimator)
+    service: Service = app.state.service
+
+    async def scenario() -> None:
+        client = Client(app, body, kind=f"multipart/form-data; boundary={boundary}")
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(client.ask)
+            await until(began.is_set)
+            client.gone.set()
+        assert client.status == 499
+        assert service.limiter.running == 0
+
+    since = time.monotonic()
+    anyio.run(scenario)
+    assert time.monotonic() - since < 100
