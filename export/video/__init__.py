@@ -1,3 +1,12 @@
 """What `python -m export video` measures of clips: accuracy, trembling, drift and speed, with exact truth."""
 
-KINDS = ("pan", "tilt", "hand", "moving things", "motion blur", "exposure", "walk")  # of clips, by what is hard in them
+KINDS = (
+    "pan",
+    "tilt",
+    "hand",
+    "moving things",
+    "motion blur",
+    "exposure",
+    "zoom",
+    "walk",
+)  # of clips, by what is hard in them

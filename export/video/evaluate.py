@@ -20,6 +20,7 @@ from lighting.video.path import smoothed
 from lighting.video.shot import Shot, solve
 from lighting.video.watch import EVERY, see, shots_watched
 from lighting.video.watched import Circumstances
+from lighting.video.zoom import zoomed_fov
 
 PARTS = ("clips", "streams", "speed")
 SMOOTH = 1.0  # s of the smooth curve that trembling is measured against
@@ -86,11 +87,11 @@ def measured(truth: Sequenced, model: Model) -> dict[str, float]:
     longest = max(shots, key=lambda w: len(w.steps))
     shot = solve(longest, Circumstances())
     best, true = best_sun(truth, int(shot.frames[0]), model), _true_sun(truth, shot)
-    sun = toward(shot.fused.sun)
+    sun, fovs = toward(shot.fused.sun), _fovs(shot.vertical_fov, shot.zoom)
     error = float(angle_between(sun, true))
     return {
         **_followed(shot, truth),
-        "field of view": abs(shot.vertical_fov - truth.vertical_fov),
+        "field of view": float(np.median(np.abs(fovs - _fovs(truth.vertical_fov, truth.zoom[shot.frames])))),
         "to best": float(angle_between(sun, toward(best))),
         "sun": error,
         "best's sun": float(angle_between(toward(best), true)),
@@ -98,6 +99,11 @@ def measured(truth: Sequenced, model: Model) -> dict[str, float]:
         "in 90 %": 100.0 * (error <= shot.fused.sun.radius_90),
         "split": float(len(shots) > 1),
     }
+
+
+def _fovs(vertical_fov: float, zoom: Floats) -> Floats:
+    """Of each frame (N,) [deg]."""
+    return np.array([zoomed_fov(vertical_fov, z) for z in zoom.tolist()])
 
 
 def _followed(shot: Shot, truth: Sequenced) -> dict[str, float]:
@@ -134,7 +140,8 @@ def best_sun(truth: Sequenced, first: int, model: Model) -> SunEstimate:
     every = max(1, round(EVERY / float(np.median(np.diff(truth.time)))))
     for frame in truth.frames(every):
         turn = float(azimuth[frame.index] - azimuth[first])
-        light.add(Look(see(model, frame.pixels), turn, truth.vertical_fov))
+        fov = zoomed_fov(truth.vertical_fov, float(truth.zoom[frame.index]))
+        light.add(Look(see(model, frame.pixels), turn, fov))
     return light.answer(Evidence()).sun
 
 

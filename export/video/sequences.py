@@ -17,6 +17,7 @@ from export.turns.walk import Standpoint, Walk
 from lighting.colour import srgb_decode, tone_map
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_directions
 from lighting.video.clip import Frame
+from lighting.video.zoom import zoomed_fov
 
 WIDTH, HEIGHT = 640, 360  # pixels
 RATE, SECONDS = 30.0, 6.0
@@ -25,6 +26,7 @@ FOVS = (35.0, 60.0)  # deg, vertical
 SHAKE = 0.4  # deg, of a hand
 BLURRED = 8  # instants averaged in a frame that is exposed for half of its time
 PACE = 1.4  # m/s
+ZOOM = 2.0  # times, in or out, in the middle two thirds of a clip
 
 Pixels = NDArray[np.uint8]
 Angles = tuple[Floats, Floats, Floats]  # azimuth, elevation and roll (N,) [deg]; the azimuth is continuous
@@ -38,7 +40,8 @@ class Sequenced:
     time: Floats  # (N,) s
     path: Angles  # in the panorama
     gain: Floats  # (N, 3) of linear values
-    vertical_fov: float
+    vertical_fov: float  # of the first frame
+    zoom: Floats  # (N,) focal lengths by the first frame's
     sun: tuple[float, float]  # azimuth in the panorama and elevation, deg
     picture: Callable[[int], Pixels]  # a frame by its index, its gain not yet applied
 
@@ -59,15 +62,18 @@ def turned(panorama: Panorama, kind: str, rng: np.random.Generator) -> Sequenced
     """A camera that stands in a panorama."""
     time, fov = np.arange(round(RATE * SECONDS)) / RATE, float(rng.uniform(*FOVS))
     path, gain = camera_path(time, kind, rng), _gains(time, kind, rng)
+    zoom = (
+        ZOOM ** (rng.choice([-1, 1]) * np.clip(1.5 * time / time[-1] - 0.25, 0, 1)) if kind == "zoom" else 1 + 0 * time
+    )
     picture = displayed(panorama)
     things = _things(rng) if kind == "moving things" else []
 
     def shot(i: int) -> Pixels:
         if kind == "motion blur":
             return _blurred(picture, float(time[i]), time, path, fov)
-        return _crossed(look(picture, held(path, i), fov), things, float(time[i]))
+        return _crossed(look(picture, held(path, i), zoomed_fov(fov, float(zoom[i]))), things, float(time[i]))
 
-    return Sequenced(panorama.name, time, path, gain, fov, sun_of(panorama), shot)
+    return Sequenced(panorama.name, time, path, gain, fov, zoom, sun_of(panorama), shot)
 
 
 def sun_of(panorama: Panorama) -> tuple[float, float]:
@@ -201,7 +207,7 @@ def walked(number: int, rng: np.random.Generator) -> Sequenced:
 
     azimuth, elevation = angles(walk.light.sun)
     sun = (float(azimuth), float(elevation))
-    return Sequenced(f"place {number}", time, path, np.ones((len(time), 3)), fov, sun, shot)
+    return Sequenced(f"place {number}", time, path, np.ones((len(time), 3)), fov, np.ones(len(time)), sun, shot)
 
 
 def _stand(point: Floats, path: Angles, i: int, fov: float) -> Standpoint:

@@ -121,11 +121,17 @@ def in_words(number: int, shot: "Shot") -> str:
     north = "" if shot.north is None else f", first heading {(shot.north + path.heading[0]) % 360.0:.0f}°"
     frames = "1 frame" if len(shot.frames) == 1 else f"{len(shot.frames)} frames"
     bridged = f", {path.bridged.sum()} bridged" if path.bridged.any() else ""
+    zoom = (
+        f" at first, zoomed by {shot.zoom.min():.2f} to {shot.zoom.max():.2f}"
+        if shot.zoom.min() < shot.zoom.max()
+        else ""
+    )
     return (
         f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {frames}{bridged}: "
         f"sun {light.sun_elevation:.1f}° high and {abs(light.sun_azimuth):.1f}° "
         f"{'right' if light.sun_azimuth >= 0 else 'left'} of the first frame "
         f"(50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
         f"direct sunlight {100 * light.sun_visibility:.0f} %; "
-        f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_sigma:.1f}°{north}"
+        f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_sigma:.1f}°"
+        f"{zoom}{north}"
     )

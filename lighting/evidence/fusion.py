@@ -5,6 +5,7 @@ The network's distribution is read along the ring of that elevation, once for ea
 multiplied with the prior of the compass. Where the time zone is unknown, each candidate sun has a ring.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,6 +99,11 @@ def daylight(evidence: Evidence) -> Floats:
     if len(candidates) and not len(up):
         raise ParameterError(f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon.")
     return up
+
+
+def zones_of_day(candidates: Sequence[tuple[tuple[float, float], ...]]) -> list[int]:
+    """The numbers of the candidates that are above the horizon in every photo; all photos have as many."""
+    return [k for k in range(min(map(len, candidates), default=0)) if all(own[k][0] >= 0.0 for own in candidates)]
 
 
 def ring_directions(candidates: Floats) -> Floats:

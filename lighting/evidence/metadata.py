@@ -9,7 +9,7 @@ from lighting.errors import ParameterError
 from lighting.evidence.declination import TYPICAL_DECLINATION, magnetic_declination
 from lighting.evidence.ephemeris import CIVIL_TWILIGHT
 from lighting.evidence.facts import by_one_clock, merge, of_one_place, place_of
-from lighting.evidence.fusion import COMPASS_SPREAD, Evidence
+from lighting.evidence.fusion import COMPASS_SPREAD, Evidence, zones_of_day
 from lighting.evidence.given import Given
 from lighting.evidence.gravity import Gravity
 from lighting.evidence.sun import below_horizon, suns
@@ -22,6 +22,7 @@ Suns = tuple[tuple[float, float], ...]  # elevation and compass azimuth of each,
 
 _EARTH_RADIUS = 6371.0  # km
 _ONE_PLACE = 100.0  # km within which the sun stands within a degree of the same direction
+_NIGHT_IN_ALL_ZONES = "Whatever the zone of their clocks, one of the photos taken together was taken at night"
 _IN_TWILIGHT = "the answer is the sky of a sun on the horizon, brighter than this one, without direct sunlight."
 
 
@@ -95,7 +96,10 @@ def known_alone(facts: PhotoFacts, given: Given) -> Known:
 
 
 def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
-    """The evidence of photos taken together. If one of them was taken at night by its metadata, no time is used."""
+    """The evidence of photos taken together. If one of them was taken at night by its metadata, no time is used.
+
+    Raises ParameterError where it was night in one of them at the user's own place, whatever zone their times are of.
+    """
     there = of_one_place(facts)
     found = [known(fact, given) for fact in (there if given.utc_offset is not None else by_one_clock(there))]
     if given.use_exif and given.latitude is None:
@@ -103,7 +107,14 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
             replace(k, warnings=(*k.warnings, *elsewhere(own, used))) if k.evidence.candidates else k
             for k, own, used in zip(found, facts, there, strict=True)
         ]
-    return [_timeless(k) for k in found] if any(k.is_night for k in found) else found
+    if any(k.is_night for k in found):
+        return _timeless(found, "Another photo taken with it says that it was night: time and place were not used.")
+    timed = [k.evidence.candidates for k in found if k.evidence.candidates]
+    if not timed or zones_of_day(timed):
+        return found
+    if given.latitude is not None:
+        raise ParameterError(f"{_NIGHT_IN_ALL_ZONES}: too dark for these skies.", "latitude")
+    return _timeless(found, f"{_NIGHT_IN_ALL_ZONES}: time and place were not used.")
 
 
 def elsewhere(facts: PhotoFacts, used: PhotoFacts) -> tuple[str, ...]:
@@ -118,12 +129,14 @@ def elsewhere(facts: PhotoFacts, used: PhotoFacts) -> tuple[str, ...]:
     return (f"Its own place lies {distance:.0f} km from that of the first photo that has one, which was used for all.",)
 
 
-def _timeless(known: Known) -> Known:
-    if not known.evidence.candidates:
-        return known
-    warning = "Another photo taken with it says that it was night: time and place were not used."
-    evidence = replace(known.evidence, candidates=())
-    return replace(known, evidence=evidence, warnings=(*known.warnings, warning), sun_is_up=True)
+def _timeless(found: Sequence[Known], warning: str) -> list[Known]:
+    """The same without time; a warning goes to those that had one."""
+    return [
+        replace(k, evidence=replace(k.evidence, candidates=()), warnings=(*k.warnings, warning), sun_is_up=True)
+        if k.evidence.candidates
+        else k
+        for k in found
+    ]
 
 
 def _missing(merged: PhotoFacts, given: Given) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from lighting.evidence.fusion import (
     on_rings,
     ring_density,
     stand,
+    zones_of_day,
 )
 from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts, multiplied
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
@@ -148,10 +149,10 @@ def _share_time(evidence: Sequence[Evidence]) -> list[Evidence]:
     first = next((e.candidates for e in evidence if e.candidates), ())
     given = [e.candidates or first for e in evidence]
     if len({len(c) for c in given}) > 1:
-        raise ParameterError("The times of photos taken together must all have a zone, or none.", "utc_offset")
-    up = [k for k in range(len(first)) if all(c[k][0] >= 0.0 for c in given)]
+        raise ParameterError("The times of photos taken together must all have a zone, or none.")
+    up = zones_of_day(given)
     if first and not up:
-        raise ParameterError("In one of the photos the sun is below the horizon whatever the zone.", "time")
+        raise ParameterError("Whatever the zone of their times, the sun is below the horizon in one of the photos.")
     return [replace(e, candidates=tuple(c[k] for k in up)) for e, c in zip(evidence, given, strict=True)]
 
 

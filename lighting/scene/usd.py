@@ -31,7 +31,7 @@ MAIN = STAGE  # needs the files of `write_shared_files` beside it
 
 Placed = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
-_APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the metre
+APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the metre
 _UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -70,9 +70,9 @@ def _camera_values(scene: Scene, placed: Placed) -> dict[str, str]:
     return {
         "resolution": f"({scene.width}, {scene.height})",
         "camera_matrix": _matrix(placed(scene.camera_matrix[:3].T)),
-        "focal_length": _number(scene.focal_length / _APERTURE_UNIT),
-        "horizontal_aperture": _number(scene.sensor_width / _APERTURE_UNIT),
-        "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / _APERTURE_UNIT),
+        "focal_length": _number(scene.focal_length / APERTURE_UNIT),
+        "horizontal_aperture": _number(scene.sensor_width / APERTURE_UNIT),
+        "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / APERTURE_UNIT),
         "clipping": _vector([NEAR, FAR]),
         "plate_points": _vectors(picture),
         "plate_extent": _extent(picture),

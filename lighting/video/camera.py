@@ -6,6 +6,7 @@ USD `shot.usda` lays time samples over `scene.usda`; in Blender `shot.py` builds
 
 import json
 import os
+from collections.abc import Iterable
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -19,6 +20,7 @@ from lighting.photo import Photo
 from lighting.scene.axes import to_z_up
 from lighting.scene.common import Scene, make_scene
 from lighting.scene.files import write_scene
+from lighting.scene.usd import APERTURE_UNIT
 from lighting.video.records import light_of
 from lighting.video.shot import Shot
 
@@ -37,9 +39,9 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0
     matrices = camera_matrices(shot, scene)
-    codes = (shot.path.time - shot.path.time[0]) * rate
+    codes, lenses = (shot.path.time - shot.path.time[0]) * rate, scene.focal_length * shot.zoom
     if tool == "usd":
-        _write(folder / STAGE, _stage(matrices, codes, rate))
+        _write(folder / STAGE, _stage(matrices, lenses / APERTURE_UNIT, codes, rate))
         return
     numbers = {
         "clip": os.path.relpath(clip, folder),
@@ -47,6 +49,7 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
         "frame_rate": rate,
         "frames": [round(float(c) + 1.0, 4) for c in codes],
         "matrices": np.round(_z_up(matrices), 7).tolist(),
+        "focal_lengths": np.round(lenses, 4).tolist(),
     }
     _write(folder / NUMBERS, json.dumps(numbers) + "\n")
     script = files("lighting") / "video" / "data" / "blender_shot.py"
@@ -74,8 +77,9 @@ def _z_up(matrices: Floats) -> Floats:
     return turned
 
 
-def _stage(matrices: Floats, codes: Floats, rate: float) -> str:
-    samples = "\n".join(f"            {code:.6g}: {_rows(m)}," for code, m in zip(codes, matrices, strict=True))
+def _stage(matrices: Floats, lenses: Floats, codes: Floats, rate: float) -> str:
+    samples = _samples(codes, map(_rows, matrices))
+    lens = _samples(codes, (f"{length:.6g}" for length in lenses))
     return f"""#usda 1.0
 (
     defaultPrim = "World"
@@ -93,12 +97,19 @@ over "World"
 {{
     over "Camera"
     {{
+        float focalLength.timeSamples = {{
+{lens}
+        }}
         matrix4d xformOp:transform.timeSamples = {{
 {samples}
         }}
     }}
 }}
 """
+
+
+def _samples(codes: Floats, values: Iterable[str]) -> str:
+    return "\n".join(f"            {code:.6g}: {value}," for code, value in zip(codes, values, strict=True))
 
 
 def _rows(matrix: Floats) -> str:

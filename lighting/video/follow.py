@@ -43,11 +43,14 @@ class Key:
     frame: int
     time: float  # s
     picture: NDArray[np.uint8]  # (h, w) grey, FEATURE_SIDE pixels along its longer side at most
+    zoom: float = 1.0  # its focal length by that of the lens as which its features are to be seen
 
     @cached_property
     def features(self) -> Features:
         """What it can be found again by; sought when it is first asked for, since that takes a tenth of a second."""
-        return features(self.picture, FEATURE_SIDE, FEATURES)
+        found = features(self.picture, FEATURE_SIDE, FEATURES)
+        width, height = (round(self.zoom * side) for side in (found.width, found.height))
+        return Features(found.points / self.zoom, found.descriptors, width, height)
 
 
 @dataclass(frozen=True, eq=False)

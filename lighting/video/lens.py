@@ -1,7 +1,7 @@
 """The lens of a shot: given, or what turning pictures, metadata and the network say of it."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -23,19 +23,33 @@ LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
 
 def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
     """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
+    said = _said(watched, around)[0]
+    turns = (turn for turn in _lens_turns(watched) if turn is not None and tells_lens(turn, said))
+    return lens_by(watched, around, ((turn.vertical_fov[0], turn.fov_sigma) for turn in turns))
+
+
+def lens_by(watched: Watched, around: Circumstances, told: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """The same where fields of view and their standard deviations [deg] are `told` by turns."""
     if around.given.vertical_fov is not None:
         return around.given.vertical_fov, 0.0
-    seen = math.exp(float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()])))
-    stated = around.facts.vertical_fov if around.given.use_exif else None
-    values, spreads = [stated or seen], [STATED_LENS_SPREAD if stated else LENS_SPREAD]
-    for turn in _lens_turns(watched):
-        if turn is not None and tells_lens(turn, values[0]):
-            values.append(turn.vertical_fov[0])
-            spreads.append(math.hypot(turn.fov_sigma, LENS_FLOOR))
-    weight = np.square(1.0 / np.array(spreads))
+    said = _said(watched, around)
+    return _agreed([said, *((fov, math.hypot(sigma, LENS_FLOOR)) for fov, sigma in told)])
+
+
+def _said(watched: Watched, around: Circumstances) -> tuple[float, float]:
+    """The field of view, and its standard deviation, that metadata or else the network say."""
+    if around.given.use_exif and (stated := around.facts.vertical_fov):
+        return stated, STATED_LENS_SPREAD
+    return math.exp(float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()]))), LENS_SPREAD
+
+
+def _agreed(told: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """What most of several fields of view say, and its standard deviation [deg]; those far off count for less."""
+    values, spreads = np.array(told).T
+    weight = np.square(1.0 / spreads)
     for _ in range(5):
         mean = float(weight @ values / weight.sum())
-        weight = 1.0 / (np.square(spreads) + np.square(np.array(values) - mean) / 4.0)
+        weight = 1.0 / (np.square(spreads) + np.square(values - mean) / 4.0)
     return mean, float(1.0 / math.sqrt(weight.sum()))
 
 

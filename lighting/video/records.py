@@ -11,6 +11,7 @@ from lighting.files import full_record
 from lighting.geometry import wrap_azimuth
 from lighting.records import Lighting
 from lighting.video.shot import Shot
+from lighting.video.zoom import zoomed_fov
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
         sun_azimuth=round(float(wrap_azimuth(base.sun_azimuth - heading)), 4),
         camera_elevation=round(float(shot.path.elevation[i]), 4),
         camera_roll=round(float(wrap_azimuth(shot.path.roll[i])), 4),
+        vertical_fov=zoomed_fov(base.vertical_fov, float(shot.zoom[i])),
         camera_heading=None if shot.north is None else round((shot.north + heading) % 360.0, 4) % 360.0,
         camera_heading_probability=(),
         relative_heading=round(heading % 360.0, 4) % 360.0,

@@ -21,6 +21,7 @@ from lighting.video.path import Path, path_of
 from lighting.video.telemetry import Gimbal
 from lighting.video.turning import Turning, turning
 from lighting.video.watched import Circumstances, Watched
+from lighting.video.zoom import OneLens, as_one_lens, zoomed_fov
 
 BELIEVED = 0.3  # share of followed points that must agree with a turn
 FEWEST_AGREEING = 12
@@ -37,8 +38,9 @@ class Shot:
     frames: NDArray[np.intp]  # (N,) indices in the clip
     path: Path
     gains: Floats  # (N, 3) of the linear values, relative to the shot's first frame
-    vertical_fov: float  # deg
+    vertical_fov: float  # deg, of the shot's first frame
     fov_sigma: float  # deg, one standard deviation of that
+    zoom: Floats  # (N,) focal length by the first frame's; 1 throughout unless the lens was zoomed
     fused: Fused  # the sun, as the shot's first camera sees it, its tilt removed
     ground: Floats | None  # (3,) reflectance; None where no look shows it
     known: Known
@@ -52,14 +54,15 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
     """
     if not watched.looks:
         raise VideoError("No frame of the shot is bright enough for daylight.")
-    fov, sigma = lens_of(watched, around)
+    one = as_one_lens(watched, around) or OneLens(watched, np.ones(len(watched.steps)), lens_of(watched, around))
+    watched, fov = one.watched, one.lens[0]
     turnings = _turnings(watched, focal_of(fov, *watched.size))
     orientation, believed = _orientations(watched, turnings, fov)
     time = np.array([step.time for step in watched.steps])
     up = _up(watched, orientation, time, around.gimbal)
     path = path_of(time, orientation, believed, level(up))
     gains = _gains(watched.steps)
-    return _lit(watched, around, path, gains, (fov, sigma))
+    return _lit(one, around, path, gains)
 
 
 # --- orientations
@@ -161,8 +164,8 @@ def _gains(steps: Sequence[Step]) -> Floats:
     return np.asarray(gains / gains[0])
 
 
-def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, lens: tuple[float, float]) -> Shot:
-    fov, sigma = lens
+def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats) -> Shot:
+    watched, (fov, sigma) = one.watched, one.lens
     there = around.known_at(float(path.time[0]), _compass(path, around.gimbal))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
     at = {frame: around.known_at(float(path.time[position[frame]])) for frame in watched.looks}
@@ -172,13 +175,14 @@ def _lit(watched: Watched, around: Circumstances, path: Path, gains: Floats, len
         if frame in used:
             i = position[frame]
             gain = float(luminance(gains[i]))
-            light.add(Look(seen, float(path.heading[i]), fov, gain, at[frame].evidence))
+            own = zoomed_fov(fov, float(one.zoom[i]))
+            light.add(Look(seen, float(path.heading[i]), own, gain, at[frame].evidence))
     if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
         there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
     fused = light.answer(there.evidence)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])
-    return Shot(frames, path, gains, fov, sigma, fused, light.ground, there, north_of(fused, there))
+    return Shot(frames, path, gains, fov, sigma, one.zoom, fused, light.ground, there, north_of(fused, there))
 
 
 def _by_day(at: Mapping[int, Known], first: Known) -> set[int]:

@@ -1,7 +1,8 @@
 """Frames one by one, as a robot's camera gives them: after each, the sun and the camera's heading; memory constant.
 
-Orientations are chained from keyframe to keyframe. A bank of earlier keyframes, a few for each direction, is recognised
-by its features, which takes back the drift; the sun does so too where time and place are known.
+Orientations are chained from keyframe to keyframe. Earlier keyframes (bank.py) are recognised by their features, which
+takes back the drift; the sun does so too where time and place are known. Where the thread is lost, another chain
+begins, with looks of its own, until it is recognised how it lies to the first.
 """
 
 import math
@@ -16,12 +17,13 @@ from lighting.decoding import with_ground
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
 from lighting.evidence import Fused, Given, Known, estimate_of
-from lighting.geometry import Floats, angle_between, wrap_azimuth
+from lighting.geometry import Floats, wrap_azimuth
 from lighting.model import Model
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
 from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
 from lighting.turns.upright import angles_of, level, up_in_camera
+from lighting.video.bank import FIRST, Bank, Kept
 from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
@@ -30,15 +32,11 @@ from lighting.video.light import Look, ShotLight
 from lighting.video.shot import is_believed, north_of
 from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
-from lighting.video.watched import Circumstances
+from lighting.video.watched import Circumstances, Seen
 
 LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
 LOOK_EVERY = 2.0  # s between the frames that the network sees
-BANK = 32  # keyframes that are remembered
-APART = 12.0  # deg between two of them
 RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is taken at once
-RECENT = 3  # keyframes; those just before are no news
-COMPARED = 3  # keyframes of the bank, with a new one
 UPS = 64  # looks whose gravity counts; older ones fade
 
 
@@ -50,9 +48,7 @@ class Sighting:
     heading: float  # deg clockwise from the first frame, -180 to 180
     gain: tuple[float, float, float]  # linear red, green and blue against the first frame
     followed: bool  # False where nothing could be followed: the angles are those of the frame before
-    linked: (
-        bool  # False since the thread was lost and no keyframe from before was recognised: heading and sun may be off
-    )
+    linked: bool  # whether headings are against the first frame; if not, they only go on from where the thread was lost
 
 
 class Tracker:
@@ -72,15 +68,14 @@ class Tracker:
         self._model = model or Model.load()
         self._around = Circumstances(given=given or Given(use_exif=False))
         self._look_every, self._due = look_every, -math.inf
-        self._follower, self._light, self._lens = Follower(), ShotLight(), _Lens(self._around.given.vertical_fov)
-        self._bank = _Bank()
+        self._follower, self._lens = Follower(), _Lens(self._around.given.vertical_fov)
+        self._bank = Bank()
+        self._chain = self._chains = FIRST  # the one in use, and the last that was begun
+        self._before: Key | None = None  # the keyframe before, where the thread was not lost since
         self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
         self._orientation, self._gain = np.eye(3), np.ones(3)
-        self._linked = True
-        self._up: Floats | None = None
-        self._ups = 0
+        self._first = self._seen = _Looks(FIRST)  # what looks tell in the first chain, and in the one last looked from
         self._count = 0
-        self._fused: Fused | None = None
         self._known = Known()  # of the last moment that is not of night
 
     def __call__(self, pixels: NDArray[np.uint8], time: float) -> Sighting | None:
@@ -99,9 +94,9 @@ class Tracker:
         self._count += 1
         step = self._follower.follow(frame)
         size = (frame.pixels.shape[1], frame.pixels.shape[0])
-        followed = self._turn(step, size)
         if (key := self._follower.new_key) is not None:
             self._recognise(key)
+        followed = self._turn(step, size)
         if not (known := self._known_at(time)).is_night:
             self._known = known
         if time >= self._due and followed and not known.is_night and not is_dark(frame.pixels):
@@ -111,7 +106,7 @@ class Tracker:
     def _turn(self, step: Step, size: tuple[int, int]) -> bool:
         """Follow the camera's turn; whether the frame's own points told it."""
         if step.begins:
-            self._linked = self._fused is None
+            self._lose()
             self._of_key = {step.key: (self._orientation, self._gain)}
             return len(step.matches) > 0
         base, gain = self._of_key[step.key]
@@ -121,45 +116,71 @@ class Tracker:
         if believed:
             self._orientation = turned.rotation @ base
         if step.makes is not None:
+            if not believed:
+                self._lose()
             self._of_key[step.makes] = (self._orientation, self._gain)
         self._of_key = {k: v for k, v in self._of_key.items() if k >= step.key}
         return believed
 
-    def _recognise(self, key: Key) -> None:
-        """Compare a keyframe with those of the bank, and take back what the chain has drifted."""
-        orientation, gain = self._of_key[key.number]
-        begun = self._bank.last is not None and self._bank.last.stretch != key.stretch
-        before, self._bank.last = self._bank.last, key
-        for kept in self._bank.near(key, orientation, 0.5 * self._lens.fov if self._linked else 180.0):
-            turn = turn_between(kept.key, key, self._lens.fov)
-            if turn is None:
-                continue
-            found = kept.linked and not self._linked
-            off = rotation_vector(orientation.T @ turn.rotation @ kept.orientation)
-            correction = rotation_about((1.0 if begun or found else RECOGNISED) * off)
-            self._orientation = self._orientation @ correction
-            self._of_key[key.number] = (orientation @ correction, gain)
-            if found:
-                self._linked = True
-                self._bank.link(key.stretch, correction)
+    def _lose(self) -> None:
+        """Begin another chain; all begins anew where there was no answer yet."""
+        self._before = None
+        if self._first.fused is None:
+            self._bank, self._orientation, self._gain = Bank(), np.eye(3), np.ones(3)
             return
-        if before is not None and not begun:
+        self._chains += 1
+        self._chain, self._due = self._chains, -math.inf
+
+    def _recognise(self, key: Key) -> None:
+        """Compare a keyframe with those of the bank: take back what the chain has drifted, and join chains."""
+        before, self._before = self._before, key
+        near = self._bank.own(key, self._of_key[key.number][0], self._chain, 0.5 * self._lens.fov)
+        if again := self._recognised(key, near):
+            self._correct(rotation_about(RECOGNISED * rotation_vector(again[1])))
+        strange = self._recognised(key, self._bank.strangers(key, self._of_key[key.number][0], self._chain))
+        if strange:
+            self._join(*strange)
+        if again or strange:
+            return
+        if before is not None:
             self._lens.learn(before, key)
-        self._bank.add(_Kept(key, nearest_rotation(orientation), self._linked))
+        self._bank.add(Kept(key, nearest_rotation(self._of_key[key.number][0]), self._chain))
+
+    def _recognised(self, key: Key, among: Sequence[Kept]) -> tuple[Kept, Floats] | None:
+        """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
+        for kept in among:
+            if (turn := turn_between(kept.key, key, self._lens.fov)) is not None:
+                return kept, self._of_key[key.number][0].T @ turn.rotation @ kept.orientation
+        return None
+
+    def _join(self, kept: Kept, between: Floats) -> None:
+        """Turn the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
+        if kept.chain > self._chain:
+            self._bank.join(kept.chain, self._chain, between.T)
+            return
+        self._bank.join(self._chain, kept.chain, between)
+        self._correct(between)
+        self._chain, self._due = kept.chain, -math.inf
+        if self._chain == FIRST:
+            self._seen = self._first
+
+    def _correct(self, correction: Floats) -> None:
+        """Turn the camera, and the keyframes that it is followed from, by a rotation (3, 3) of their chain's frame."""
+        self._orientation = self._orientation @ correction
+        self._of_key = {k: (orientation @ correction, gain) for k, (orientation, gain) in self._of_key.items()}
 
     def _look(self, frame: Frame, known: Known) -> None:
         self._due = frame.time + self._look_every - 1e-6
         seen = see(self._model, frame.pixels)
-        said = seen.prediction
-        self._lens.see(said.vertical_fov)
-        up = self._orientation.T @ up_in_camera(said.camera_elevation, said.camera_roll)
-        self._ups = min(self._ups + 1, UPS)
-        before = up if self._up is None else self._up
-        mean = before + (up - before) / self._ups
-        self._up = np.asarray(mean / np.linalg.norm(mean))
-        heading = self._angles()[0]
-        self._light.add(Look(seen, heading, self._lens.fov, float(luminance(self._gain)), known.evidence))
-        self._fused = self._light.answer(known.evidence)
+        self._lens.see(seen.prediction.vertical_fov)
+        if self._seen.chain != self._chain:
+            self._seen = _Looks(self._chain)
+        gain = float(luminance(self._gain))
+        self._seen.add(seen, self._orientation, self._lens.fov, gain, self._in_chain(known))
+
+    def _in_chain(self, known: Known) -> Known:
+        """What is known in the frame of the present chain: a heading is that of the first frame."""
+        return known if self._chain == FIRST else replace(known, evidence=replace(known.evidence, heading=None))
 
     def _known_at(self, time: float) -> Known:
         """What is known of a moment, the heading being that of the first frame."""
@@ -167,19 +188,13 @@ class Tracker:
         compass = replace(known.evidence, heading=first.heading, heading_spread=first.heading_spread)
         return replace(known, evidence=compass)
 
-    def _angles(self) -> tuple[float, float, float]:
-        """Heading, elevation and roll [deg] of the camera now."""
-        assert self._up is not None
-        heading, elevation, roll = angles_of(self._orientation[None], level(self._up))
-        return float(heading[0]), float(elevation[0]), float(roll[0])
-
     def _answer(self, followed: bool) -> Sighting | None:
-        if self._fused is None:
+        if (fused := self._seen.fused) is None:
             return None
-        heading, elevation, roll = self._angles()
-        known = self._known
-        base = with_ground(estimate_of(self._fused, known).lighting, self._light.ground)
-        north = north_of(self._fused, known)
+        heading, elevation, roll = self._seen.angles(self._orientation)
+        known = self._in_chain(self._known)
+        base = with_ground(estimate_of(fused, known).lighting, self._seen.light.ground)
+        north = north_of(fused, known)
         lighting = replace(
             brighten(base, self._gain),
             sun_azimuth=float(wrap_azimuth(base.sun_azimuth - heading)),
@@ -191,7 +206,35 @@ class Tracker:
             relative_heading=heading % 360.0,
         )
         red, green, blue = map(float, self._gain)
-        return Sighting(lighting, heading, (red, green, blue), followed, self._linked)
+        return Sighting(lighting, heading, (red, green, blue), followed, self._chain == FIRST)
+
+
+class _Looks:
+    """What looks tell in the frame of one chain: which way is up, and the light."""
+
+    def __init__(self, chain: int) -> None:
+        self.chain = chain
+        self.light = ShotLight()
+        self.fused: Fused | None = None  # the light's last answer; None before the first look
+        self._up: Floats | None = None
+        self._ups = 0
+
+    def add(self, seen: Seen, orientation: Floats, vertical_fov: float, gain: float, known: Known) -> None:
+        """Count a look by a camera of that orientation (3, 3)."""
+        said = seen.prediction
+        up = orientation.T @ up_in_camera(said.camera_elevation, said.camera_roll)
+        self._ups = min(self._ups + 1, UPS)
+        before = up if self._up is None else self._up
+        mean = before + (up - before) / self._ups
+        self._up = np.asarray(mean / np.linalg.norm(mean))
+        self.light.add(Look(seen, self.angles(orientation)[0], vertical_fov, gain, known.evidence))
+        self.fused = self.light.answer(known.evidence)
+
+    def angles(self, orientation: Floats) -> tuple[float, float, float]:
+        """Heading, elevation and roll [deg] of a camera, once there was a look."""
+        assert self._up is not None
+        heading, elevation, roll = angles_of(orientation[None], level(self._up))
+        return float(heading[0]), float(elevation[0]), float(roll[0])
 
 
 class _Lens:
@@ -222,46 +265,6 @@ class _Lens:
         if turn is not None and tells_lens(turn, self._seen):
             weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
-
-
-@dataclass(frozen=True, eq=False)
-class _Kept:
-    """A keyframe of the bank."""
-
-    key: Key
-    orientation: Floats  # (3, 3)
-    linked: bool  # whether its orientation is against the first frame
-
-
-class _Bank:
-    """Keyframes of the past with their orientations, at most BANK of them and not two of one direction."""
-
-    def __init__(self) -> None:
-        self._kept: list[_Kept] = []
-        self.last: Key | None = None
-
-    def near(self, key: Key, orientation: Floats, within: float) -> Sequence[_Kept]:
-        """The nearest COMPARED keyframes within an angle [deg] of a new one, its neighbours in time left out."""
-        old = [k for k in self._kept if key.number - k.key.number > RECENT or k.key.stretch != key.stretch]
-        apart = [float(angle_between(-k.orientation[2], -orientation[2])) for k in old]
-        order = sorted((i for i in range(len(old)) if apart[i] < within), key=apart.__getitem__)
-        return [old[i] for i in order[:COMPARED]]
-
-    def add(self, new: _Kept) -> None:
-        if any(float(angle_between(-k.orientation[2], -new.orientation[2])) < APART for k in self._kept):
-            return
-        self._kept.append(new)
-        if len(self._kept) > BANK:
-            del self._kept[1]  # the first frame's is what all headings refer to
-
-    def link(self, stretch: int, correction: Floats) -> None:
-        """Turn the keyframes of a stretch whose place among the others has been found by a rotation (3, 3)."""
-        self._kept = [
-            replace(k, orientation=k.orientation @ correction, linked=True)
-            if k.key.stretch == stretch and not k.linked
-            else k
-            for k in self._kept
-        ]
 
 
 def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -46,12 +46,14 @@ def move(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
     scene.render.fps_base = scene.render.fps / numbers["frame_rate"]
     scene.frame_start, scene.frame_end = 1, max(1, round(frames[-1]))
     before = None
-    for frame, rows in zip(frames, numbers["matrices"], strict=True):
+    for frame, rows, length in zip(frames, numbers["matrices"], numbers["focal_lengths"], strict=True):
         turn = Matrix(rows).to_quaternion()
         if before is not None:
             turn.make_compatible(before)
         camera.rotation_quaternion = before = turn
         camera.keyframe_insert("rotation_quaternion", frame=frame)
+        camera.data.lens = length
+        camera.data.keyframe_insert("lens", frame=frame)
     hang_clip(scene, numbers, folder)
     scene.frame_set(1)
 

@@ -135,6 +135,18 @@ def test_a_photo_of_night_leaves_no_time_to_the_others() -> None:
     assert [k.is_night for k in known_together([FACTS, FACTS], Given())] == [False, False]
 
 
+def test_clocks_by_which_one_photo_is_of_night_in_every_zone_are_not_used() -> None:
+    """Munich in June: by zones in which the first photo was taken by day, the second was taken at night."""
+    early, late = (replace(ZONELESS, local_time=datetime(2024, 6, 1, hour)) for hour in (5, 23))
+    for found in known_together([early, late], Given()):
+        assert found.evidence.candidates == ()
+        assert found.warnings[-1].startswith("Whatever the zone of their clocks, one of the photos")
+    with pytest.raises(ParameterError, match="taken at night: too dark") as refused:
+        known_together([early, late], Given(latitude=48.0, longitude=11.0))
+    assert refused.value.field == "latitude"  # the times are the photos' own
+    assert all(known.evidence.candidates for known in known_together([early, early], Given()))
+
+
 def test_photos_of_different_places_are_told() -> None:
     assert FACTS.latitude is not None
     near, far = replace(FACTS, latitude=FACTS.latitude + 0.5), replace(FACTS, latitude=-FACTS.latitude)

@@ -1,5 +1,7 @@
 """A stream of a made-up place."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,9 +13,13 @@ from lighting.errors import ParameterError, PhotoError
 from lighting.evidence import Given
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
-from lighting.video import Tracker
-from tests.lighting.video.clips import FOV, look
+from lighting.turns.rays import rotation_vector
+from lighting.video import Tracker, shot
+from lighting.video.bank import FIRST
+from lighting.video.turning import Turning
+from tests.lighting.video.clips import FOV, look, orientation
 
+BLACK = np.zeros((180, 320, 3), np.uint8)
 THERE = Given(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.0, longitude=11.0)
 
 
@@ -72,10 +78,96 @@ def test_keyframes_of_a_stretch_are_turned_when_it_is_linked(model: Model) -> No
     assert answers[-1] is not None
     assert answers[-1].heading == pytest.approx(10.0, abs=2.0)
     assert answers[-1].linked
-    for kept in tracker._bank._kept:
+    for kept in tracker._bank.kept:
         there = np.degrees(np.arctan2(-kept.orientation[2, 0], kept.orientation[2, 2]))
         assert there == pytest.approx(headings[kept.key.frame], abs=2.0)
-        assert kept.linked
+        assert kept.chain == FIRST
+
+
+def test_what_another_place_shows_of_the_sun_does_not_count_for_the_first(model: Model) -> None:
+    tracker = Tracker(model, replace(THERE, heading=30.0, vertical_fov=FOV), look_every=0.0)
+    first, other = [look(2.0 * i) for i in range(10)], [look(150.0 + 2.0 * i, seed=5) for i in range(10)]
+    answers = [tracker(picture, 0.1 * i) for i, picture in enumerate([*first, *other, *first[:3]])]
+    before, lost, again = (answers[i] for i in (9, 19, 22))
+    assert before is not None
+    assert lost is not None
+    assert again is not None
+    assert tracker._seen is tracker._first
+    assert tracker._first.light._looks == 12  # a stretch is recognised when a second frame follows
+    assert before.lighting.camera_heading == pytest.approx(48.0, abs=6.0)
+    assert lost.lighting.camera_heading != pytest.approx(68.0, abs=6.0)  # the first frame's heading tells it nothing
+    assert again.lighting.camera_heading == pytest.approx(34.0, abs=6.0)
+
+
+def line(a: tuple[float, float], b: tuple[float, float], count: int) -> list[tuple[float, float]]:
+    """Azimuths and elevations [deg] of a camera that is turned from one to the other."""
+    return [(float(x), float(y)) for x, y in np.linspace(a, b, count)]
+
+
+def followed(tracker: Tracker, views: Sequence[tuple[float, float] | None]) -> list[tuple[bool, float]]:
+    """Of each view, black where None: whether it is linked to the first, and how far off it then is [deg]."""
+    found = []
+    for i, view in enumerate(views):
+        answer = tracker(BLACK if view is None else look(*view), 0.1 * i)
+        assert answer is not None
+        true = np.eye(3) if view is None else orientation(*view) @ orientation(0.0).T
+        off = float(np.degrees(np.linalg.norm(rotation_vector(tracker._orientation @ true.T))))
+        found.append((answer.linked, off))
+    return found
+
+
+def test_what_was_kept_while_the_thread_was_lost_does_not_move_linked_headings(model: Model) -> None:
+    """Lost at an azimuth of 20 deg; what is seen then, 45 deg further down, is kept as if it were straight ahead."""
+    first, lost = line((0, 0), (20, 0), 11), line((20, -45), (65, -45), 24)
+    again = [*line((5, 0), (45, 0), 21), *line((45, -2), (45, -45), 22), *line((45, -45), (45, 0), 22)]
+    found = followed(Tracker(model, Given(vertical_fov=FOV), look_every=5.0), [*first, None, *lost, None, *again])
+    assert [linked for linked, _ in found] == [True] * 11 + [False] * 27 + [True] * 64
+    assert max(off for linked, off in found if linked) < 0.5
+
+
+def test_a_stretch_that_is_recognised_by_a_linked_camera_is_linked(model: Model) -> None:
+    """What two stretches saw, the second of which recognised the first, is turned when a linked camera comes there."""
+    first, lost = line((0, 0), (20, 0), 11), line((150, 0), (180, 0), 16)
+    further, on = line((160, 0), (120, 0), 21), line((5, 0), (175, 0), 86)
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=5.0)
+    views = [*first, None, *lost, None, *further, None, *on]
+    found = followed(tracker, views)
+    assert [linked for linked, _ in found] == [True] * 11 + [False] * 41 + [True] * 85
+    assert max(off for linked, off in found if linked) < 1.0
+    seen = {kept.key.frame for kept in tracker._bank.kept if kept.chain == FIRST}
+    assert seen & set(range(12, 28))
+    assert seen & set(range(29, 50))
+    for kept in tracker._bank.kept:
+        view = views[kept.key.frame]
+        assert view is not None
+        true = orientation(*view) @ orientation(0.0).T
+        assert np.degrees(np.linalg.norm(rotation_vector(kept.orientation @ true.T))) < 1.0
+
+
+def test_a_keyframe_whose_turn_is_not_believed_ends_the_link(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a camera turns from 20 to 80 deg no turn is believed, though points are followed all the time."""
+    tracker, lost = Tracker(model, Given(vertical_fov=FOV), look_every=5.0), range(11, 41)
+    views = [*line((0, 0), (90, 0), 46), *line((88, 0), (10, 0), 40)]
+
+    def is_believed(turn: Turning, *, begins: bool) -> bool:
+        return tracker._count - 1 not in lost and shot.is_believed(turn, begins=begins)
+
+    monkeypatch.setattr("lighting.video.tracker.is_believed", is_believed)
+    found = followed(tracker, views)
+    assert all(linked for linked, _ in found[:11])
+    assert not all(linked for linked, _ in found)
+    assert all(off < 1.0 for i, (linked, off) in enumerate(found) if linked and i not in lost)
+    assert found[-1][0]
+
+
+def test_where_all_was_dark_the_first_frame_is_the_first_that_is_not(model: Model) -> None:
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=5.0)
+    for i in range(10):
+        assert tracker(look(100.0 + 2.0 * i, gain=0.03), 0.1 * i) is None
+    tracker(BLACK, 1.0)
+    found = followed(tracker, [*line((0, 0), (20, 0), 11), *line((40, 0), (110, 0), 36)][:11])
+    assert [linked for linked, _ in found] == [True] * 11
+    assert max(off for _, off in found) < 0.5
 
 
 def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
@@ -149,6 +241,6 @@ def test_memory_does_not_grow(model: Model) -> None:
     tracker = Tracker(model, Given(vertical_fov=FOV), look_every=2.0)
     for i in range(33):
         tracker(look(15.0 * i % 360.0), 0.1 * i)
-    assert len(tracker._bank._kept) <= 32
+    assert len(tracker._bank.kept) <= 32
     assert len(tracker._of_key) <= 2
-    assert len(tracker._light._sectors) <= 24
+    assert len(tracker._seen.light._sectors) <= 24

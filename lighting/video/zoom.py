@@ -1,0 +1,163 @@
+"""A lens that is zoomed while it films: how the focal length changes, and the shot as through the lens it began with.
+
+Whether it is zoomed at all is judged between keyframes, where a rotation with a focal length for each must explain
+nearly all points and a rotation or a walk less (turns/zoomed.py). If so, each frame's focal length by its keyframe's is
+followed together with its turn. Points of a picture that is divided by its zoom obey all that points of one lens do.
+"""
+
+from dataclasses import dataclass, replace
+from math import atan, degrees, radians, tan
+
+import numpy as np
+
+from lighting.geometry import Floats
+from lighting.turns.match import Matches
+from lighting.turns.rays import cross_matrix, focal_of, rays, rotation_about
+from lighting.turns.rotation import Turn, rotation_of
+from lighting.turns.zoomed import ONE_LENS
+from lighting.video.follow import Key, Step
+from lighting.video.keyframes import JOINS, turn_between
+from lighting.video.lens import lens_by
+from lighting.video.path import smoothed
+from lighting.video.turning import TOLERANCE
+from lighting.video.watched import Circumstances, Seen, Watched
+
+GUESS_SPREAD = 7.0  # deg, of the field of view before anything was followed
+LEAST_TOLD = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
+_PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
+_ROUNDS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class OneLens:
+    """A shot as if all of it had been seen through the lens of its first frame."""
+
+    watched: Watched
+    zoom: Floats  # (N,) focal lengths of the frames by the first one's
+    lens: tuple[float, float]  # vertical field of view of the first frame and its standard deviation [deg]
+
+
+def as_one_lens(watched: Watched, around: Circumstances) -> OneLens | None:
+    """A shot whose lens is zoomed, as through one lens; None where one lens does."""
+    lens = lens_by(watched, around, ())
+    turns = _zooming(watched, lens[0])
+    if not turns:
+        return None
+    for _ in range(_PASSES):
+        zoom = zooms_of(watched, lens[0])
+        one = _through_the_first(watched, zoom)
+        told = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_sigma) for key, turn in turns]
+        lens = lens_by(one, around, told)
+    return None if np.all(zoom == 1.0) else OneLens(one, zoom, lens)
+
+
+def _zooming(watched: Watched, vertical_fov: float) -> list[tuple[int, Turn]]:
+    """Turns of zoomed cameras against keyframes of these numbers, `vertical_fov` [deg] being a guess of the lens.
+
+    None where more turns are those of a walk.
+    """
+    focal = focal_of(vertical_fov, *watched.size)
+    far = [step for step in watched.steps if step.makes is not None] + [watched.steps[-1]]
+    found = []
+    for step in far:
+        if len(step.matches) and abs(np.log(_grown(step.matches, focal, np.eye(3), 1.0)[1])) > 0.5 * ONE_LENS:
+            turn = rotation_of(step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESS_SPREAD)
+            if turn is not None and step.key in watched.keys:
+                found.append((step.key, turn))
+    zoomed = [(key, turn) for key, turn in found if turn.zoomed]
+    return zoomed if len(zoomed) >= sum(turn.translates for _, turn in found) else []
+
+
+def zooms_of(watched: Watched, vertical_fov: float) -> Floats:
+    """Focal lengths (N,) of the frames by the first one's, whose lens has about `vertical_fov` [deg].
+
+    All are 1 where they change by less than those of two photos of one lens may.
+    """
+    focal = focal_of(vertical_fov, *watched.size)
+    of_key: dict[int, float] = {}
+    turned: Floats = np.eye(3)
+    found, zoom, last = [], 1.0, -1
+    for step in watched.steps:
+        if step.begins:
+            of_key[step.key] = zoom = _rejoined(watched, step, of_key, zoom)
+        else:
+            base = of_key[step.key]
+            guess = turned if step.key == last else np.eye(3)
+            turned, growth = _grown(step.matches, focal * base, guess, zoom / base)
+            zoom = base * growth
+        if step.makes is not None:
+            of_key[step.makes] = zoom
+        found.append(zoom)
+        last = step.key
+    logs = smoothed(np.array([step.time for step in watched.steps]), np.log(found))
+    return np.exp(logs - logs[0]) if np.ptp(logs) > ONE_LENS else np.ones(len(logs))
+
+
+def _through_the_first(watched: Watched, zoom: Floats) -> Watched:
+    of_key: dict[int, float] = {}
+    steps = []
+    for step, own in zip(watched.steps, zoom.tolist(), strict=True):
+        base = of_key.setdefault(step.key, own)
+        if step.makes is not None:
+            of_key[step.makes] = own
+        steps.append(replace(step, matches=_divided(step.matches, base, own)))
+    of_frame = {step.frame: own for step, own in zip(watched.steps, zoom.tolist(), strict=True)}
+    keys = {number: replace(key, zoom=of_frame[key.frame]) for number, key in watched.keys.items()}
+    looks = {frame: _seen_unzoomed(seen, of_frame[frame]) for frame, seen in watched.looks.items()}
+    return replace(watched, steps=steps, keys=keys, looks=looks)
+
+
+def zoomed_fov(vertical_fov: float, zoom: float) -> float:
+    """The vertical field of view [deg] where a focal length is `zoom` times that of one with `vertical_fov` [deg]."""
+    return degrees(2.0 * atan(tan(radians(vertical_fov) / 2.0) / zoom))
+
+
+def _seen_unzoomed(seen: Seen, zoom: float) -> Seen:
+    said = seen.prediction
+    return replace(seen, prediction=replace(said, vertical_fov=zoomed_fov(said.vertical_fov, 1.0 / zoom)))
+
+
+def _divided(matches: Matches, a: float, b: float) -> Matches:
+    """Matches of two pictures, each made smaller by its zoom."""
+    return Matches(matches.a / a, matches.b / b, matches.pixel / min(a, b))
+
+
+def _rejoined(watched: Watched, step: Step, of_key: dict[int, float], last: float) -> float:
+    """The zoom of a keyframe that begins a stretch, by those before the gap that show the same."""
+    if (key := watched.keys.get(step.key)) is None:
+        return last
+    for before in sorted((k for k in of_key if k < step.key and k in watched.keys), reverse=True)[:JOINS]:
+        if (turn := turn_between(watched.keys[before], key, None)) is not None:
+            return of_key[before] * _ratio(turn, key)
+    return last
+
+
+def _ratio(turn: Turn, key: Key) -> float:
+    """The second focal length of a turn by its first."""
+    if not turn.zoomed:
+        return 1.0
+    first, second = (focal_of(fov, *key.picture.shape[::-1]) for fov in turn.vertical_fov)
+    return second / first
+
+
+def _grown(matches: Matches, focal: float, rotation: Floats, growth: float) -> tuple[Floats, float]:
+    """The turn (3, 3) of a frame and its focal length by its keyframe's `focal` [half diagonals]; from guesses of both.
+
+    Gauss-Newton on both together under Geman and McClure's weights; the guesses stay where few points obey the answer.
+    """
+    a, reach = rays(matches.a, focal), TOLERANCE * matches.pixel
+    turned, grown = rotation, growth
+    for wider in np.geomspace(8.0, 1.0, _ROUNDS):
+        there = a @ turned.T
+        ahead = np.maximum(-there[:, 2:], 1e-3)
+        at = grown * focal * there[:, :2] / ahead
+        off = matches.b - at
+        weight = np.square(1.0 / (1.0 + np.sum(np.square(off), axis=1) / (wider * reach) ** 2))
+        moved = -cross_matrix(there)  # (N, 3, 3): by small rotations about each axis, in its columns
+        by_turn = grown * focal * (moved[:, :2] + (there[:, :2] / ahead)[:, :, None] * moved[:, 2:]) / ahead[:, :, None]
+        slope = np.concatenate([by_turn, at[:, :, None]], axis=2)
+        normal = np.einsum("n,nki,nkj->ij", weight, slope, slope)
+        change = np.linalg.solve(normal + 1e-12 * np.eye(4), np.einsum("n,nki,nk->i", weight, slope, off))
+        turned, grown = rotation_about(change[:3]) @ turned, grown * float(np.exp(np.clip(change[3], -0.2, 0.2)))
+    agreeing = np.mean(np.sum(np.square(off), axis=1) < (2.0 * reach) ** 2)
+    return (turned, grown) if agreeing >= LEAST_TOLD else (rotation, growth)

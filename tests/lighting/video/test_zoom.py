@@ -1,0 +1,80 @@
+"""A lens that is zoomed while it films."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting.evidence import Given
+from lighting.geometry import Floats
+from lighting.model import Model
+from lighting.video.records import frame_lights
+from lighting.video.shot import Shot, solve
+from lighting.video.watch import shots_watched
+from lighting.video.watched import Circumstances, Watched
+from lighting.video.zoom import as_one_lens, zoomed_fov
+from tests.lighting.video.clips import FOV, Pixels, frames, panorama, seen
+
+COUNT = 45
+TURNED = np.linspace(0.0, 30.0, COUNT)
+
+
+def zooms(ratio: float) -> Floats:
+    """As it is for a third of the clip, then growing."""
+    return ratio ** np.clip((np.arange(COUNT) - 15) / 25.0, 0.0, 1.0)
+
+
+def filmed(zoom: Floats) -> list[Pixels]:
+    """A camera that turns to the right, and nods, while it is zoomed."""
+    angles = zip(TURNED.tolist(), (3.0 * np.sin(TURNED / 10.0)).tolist(), zoom.tolist(), strict=True)
+    return [seen(panorama(), azimuth, elevation, fov=zoomed_fov(FOV, z)) for azimuth, elevation, z in angles]
+
+
+@pytest.fixture(scope="module")
+def model(network: Path) -> Model:
+    return Model.load(network, threads=1)
+
+
+def watched(pictures: list[Pixels], model: Model) -> Watched:
+    (found,) = shots_watched(frames(pictures), model, 0.5)
+    return found
+
+
+def solved(pictures: list[Pixels], model: Model) -> Shot:
+    return solve(watched(pictures, model), Circumstances())
+
+
+@pytest.mark.parametrize("ratio", [1.6, 0.7])
+def test_a_zoom_is_followed_and_does_not_bend_the_turns(model: Model, ratio: float) -> None:
+    shot = solved(filmed(zooms(ratio)), model)
+    np.testing.assert_allclose(shot.zoom, zooms(ratio), rtol=0.02)
+    assert shot.vertical_fov == pytest.approx(FOV, abs=1.0)  # the network says 50
+    np.testing.assert_allclose(shot.path.heading, TURNED, atol=1.0)  # the network's level is 4 deg off
+    assert not shot.path.bridged.any()
+
+
+def test_each_frame_of_a_zoom_has_its_own_field_of_view(model: Model) -> None:
+    shot = solved(filmed(zooms(1.6)), model)
+    fovs = [line.lighting.vertical_fov for line in frame_lights(shot, 1)]
+    assert fovs[0] == pytest.approx(shot.vertical_fov)
+    assert fovs[-1] == pytest.approx(zoomed_fov(FOV, 1.6), abs=1.0)
+
+
+def test_a_zoom_by_a_lens_that_is_given_begins_with_it(model: Model) -> None:
+    given = Circumstances(given=Given(vertical_fov=FOV))
+    shot = solve(watched(filmed(zooms(1.6)), model), given)
+    assert (shot.vertical_fov, shot.fov_sigma) == (FOV, 0.0)
+    assert shot.zoom[-1] == pytest.approx(1.6, rel=0.01)
+
+
+def test_one_lens_is_no_zoom(model: Model) -> None:
+    assert as_one_lens(watched(filmed(zooms(1.0)), model), Circumstances()) is None
+    assert as_one_lens(watched(filmed(zooms(1.02)), model), Circumstances()) is None
+
+
+def test_a_gap_is_bridged_by_the_zoom_of_both_sides(model: Model) -> None:
+    pictures = filmed(zooms(1.6))
+    pictures[28:31] = [np.zeros((180, 320, 3), np.uint8)] * 3
+    shot = solved(pictures, model)
+    assert shot.zoom[-1] == pytest.approx(1.6, rel=0.03)
+    np.testing.assert_allclose(shot.path.heading, TURNED, atol=1.5)
