@@ -152,7 +152,7 @@ def _loss(views: Views, part: Indices, correlation: Correlation) -> float:
 
 
 def coverage(views: Sequence[Views], size: int, kind: str) -> dict[str, float]:
-    """Error [deg] and shares [%] inside the regions of groups, as shipped; each place counts alike.
+    """Error [deg] and shares [%] inside the regions of groups, as shipped; each group counts alike, as in `evaluate`.
 
     `+-` is the standard error of a share by which places were chosen.
     """
@@ -162,18 +162,23 @@ def coverage(views: Sequence[Views], size: int, kind: str) -> dict[str, float]:
         [angle_between(v.sun, direction(s.azimuth, s.elevation)) for (v, _), s in zip(dealt, suns, strict=True)]
     )
     place = np.array([v.place for v, _ in dealt])
-    within = {45.0: error < 45.0, 50: error <= [s.radius_50 for s in suns], 90: error <= [s.radius_90 for s in suns]}
-    share = {name: np.array([hit[place == p].mean() for p in np.unique(place)]) for name, hit in within.items()}
-    off = {name: 100 * float(each.std() / np.sqrt(len(each))) for name, each in share.items()}
+    within = {name: error <= [getattr(s, f"radius_{name}") for s in suns] for name in (50, 90)}
+    off = {name: 100 * spread_over(hit, place) for name, hit in within.items()}
     return {
         "groups": float(len(dealt)),
         "sun, 50 %": float(np.median(error)),
-        "under 45° [%]": 100 * float(share[45.0].mean()),
-        "in 50 % region [%]": 100 * float(share[50].mean()),
+        "under 45° [%]": 100 * float(np.mean(error < 45.0)),
+        "in 50 % region [%]": 100 * float(within[50].mean()),
         "+- of that": off[50],
-        "in 90 % region [%]": 100 * float(share[90].mean()),
+        "in 90 % region [%]": 100 * float(within[90].mean()),
         "+- of this": off[90],
     }
+
+
+def spread_over(hit: NDArray[np.bool_], place: NDArray[np.str_]) -> float:
+    """The standard error of the mean of `hit` (N,) where values of one of the places (N,) belong together."""
+    rest = hit - hit.mean()
+    return float(np.sqrt(sum(rest[place == p].sum() ** 2 for p in np.unique(place))) / len(hit))
 
 
 def _sun(views: Views, part: Indices) -> SunEstimate:

@@ -1,6 +1,5 @@
 """The tables that `python -m export turns` prints, in Markdown."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,6 @@ from lighting.model import Model
 
 PARTS = ("pairs", "zooms", "walks", "sets", "overlap", "days")
 WALKS, SETS, DAYS = 24, 36, 6  # rendered places walked through, places with a set, rendered days
-PER_PLACE = 3  # panoramas for the correlation, at most
 
 
 @dataclass(frozen=True)
@@ -92,8 +90,8 @@ def _sets(asked: Asked, panoramas: Sequence[Panorama]) -> str:
 
 
 def _overlap(asked: Asked, panoramas: Sequence[Panorama]) -> str:
-    network, few = _network(asked), _few_of_each(panoramas)[: asked.count]
-    views, tilted = overlap.views_of(network, few), overlap.views_of(network, few, tilted=True)
+    network, certain = _network(asked), list(filter(overlap.is_certain, panoramas))[: asked.count]
+    views, tilted = overlap.views_of(network, certain), overlap.views_of(network, certain, tilted=True)
     rows = {
         f"{size}, {kind}": overlap.coverage(views, size, kind) for size in overlap.SIZES for kind in overlap.kinds(size)
     }
@@ -102,16 +100,6 @@ def _overlap(asked: Asked, panoramas: Sequence[Panorama]) -> str:
     title = f"## Views of {len(views)} panoramas of {len({v.place for v in views})} places"
     learnt = _figures({**overlap.halves(views), "all places": overlap.learn(views) | {"NLL of the other half": np.nan}})
     return "\n\n".join([title, "How the errors correlate", learnt, _figures(rows)])
-
-
-def _few_of_each(panoramas: Sequence[Panorama]) -> list[Panorama]:
-    """PER_PLACE panoramas a place, of those whose sun is certain enough."""
-    seen = Counter[str]()
-    kept = []
-    for panorama in filter(overlap.is_certain, panoramas):
-        seen[panorama.place] += 1
-        kept += [panorama] if seen[panorama.place] <= PER_PLACE else []
-    return kept
 
 
 def _days(asked: Asked, _: Sequence[Panorama]) -> str:

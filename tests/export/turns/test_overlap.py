@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export.turns.overlap import SIZES, VIEWS, Views, coverage, halves, kinds, learn, parts
+from export.turns.overlap import SIZES, VIEWS, Views, coverage, halves, kinds, learn, parts, spread_over
 from lighting.evidence import seen_from
 from lighting.geometry import Floats, direction
 from tests.lighting.evidence.test_fusion import GRID, lobe
@@ -62,3 +62,11 @@ def test_places_with_one_answer_each_have_a_standard_error(alike: list[Views]) -
     row = coverage(alike, VIEWS, kinds(VIEWS)[0])
     inside = row["in 50 % region [%]"] / 100
     assert row["+- of that"] == pytest.approx(100 * np.sqrt(inside * (1 - inside) / 3))
+
+
+def test_places_that_go_together_make_a_share_less_sure() -> None:
+    hit = np.array([True, True, False, False])
+    apart, in_pairs = np.array(["a", "b", "c", "d"]), np.array(["a", "a", "b", "b"])
+    assert spread_over(hit, apart) == pytest.approx(0.25)
+    assert spread_over(hit, in_pairs) == pytest.approx(0.5**1.5)
+    assert spread_over(hit, np.array(["a"] * 4)) == pytest.approx(0.0)
