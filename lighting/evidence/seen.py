@@ -95,9 +95,9 @@ def _levelled(fused: Fused, prediction: Prediction, spread: float) -> Fused:
     if fused.camera_heading is None:
         return fused
     grid = prediction.spec.sun_grid
-    sun = direction(fused.sun.azimuth, fused.sun.elevation)
-    known = soft_label(sun, _width(prediction) ** -2, grid)
-    (azimuth, elevation), (there, height) = (angles(best_guess(p, grid)) for p in (prediction.sun_probability, known))
+    seen = best_guess(prediction.sun_probability, grid)
+    known = soft_label(direction(fused.sun.azimuth, fused.sun.elevation), _width(prediction, seen) ** -2, grid)
+    (azimuth, elevation), (there, height) = (angles(sun) for sun in (seen, best_guess(known, grid)))
     aside, above = float(wrap_azimuth(there - azimuth)), float(height - elevation)
     if abs(aside) > _FAR[0] or abs(above) > _FAR[1]:
         return fused
@@ -107,10 +107,9 @@ def _levelled(fused: Fused, prediction: Prediction, spread: float) -> Fused:
     return replace(fused, prediction=replace(fused.prediction, camera_elevation=tilt))
 
 
-def _width(prediction: Prediction) -> float:
-    """How wide [rad] the probability of the seen sun is to its sides, where no horizon cuts it off."""
+def _width(prediction: Prediction, sun: Floats) -> float:
+    """How wide [rad] the probability of the seen sun (3,) is to its sides, where no horizon cuts it off."""
     probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
-    sun = best_guess(probability, prediction.spec.sun_grid)
     near = cells @ sun >= math.cos(math.radians(_NEAR))
     aside = cells[near] @ direction(float(angles(sun)[0]) + 90.0, 0.0)
     return max(math.sqrt(float(np.average(aside**2, weights=probability[near]))), math.radians(PIXEL_SPREAD))

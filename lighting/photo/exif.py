@@ -16,7 +16,6 @@ from PIL import ExifTags, Image
 
 from lighting.photo.clock import YEARS, in_utc, read_offset
 from lighting.photo.gravity import Held, by_accelerometer, by_elevation_angle, by_gimbal, gimbal_heading
-from lighting.photo.xmp import properties
 
 Tags = Mapping[int, Any]
 Fact = TypeVar("Fact")
@@ -52,7 +51,7 @@ class PhotoFacts:
 def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
     """The facts in an image's EXIF and XMP; `width` and `height` are those of the upright photo. Never raises."""
     camera, position = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
-    xmp = properties(image.info.get("xmp"))
+    xmp = _xmp(image.info.get("xmp"))
     local_time, utc_offset = _clock(camera)
     place = _fact(_place, position)
     focal_length = _fact(_focal_length, camera)
@@ -111,6 +110,15 @@ def _directory(image: Image.Image, ifd: int) -> Tags:
         return dict(image.getexif().get_ifd(ifd))
     except Exception:  # Pillow raises nearly anything on hostile bytes
         return {}
+
+
+def _xmp(packet: Any) -> dict[str, str]:
+    """The properties of a picture's XMP packet; the parser is imported for pictures that have one."""
+    if packet is None:
+        return {}
+    from lighting.photo.xmp import properties
+
+    return properties(packet)
 
 
 def _held(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> Held | None:
