@@ -23,6 +23,10 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from lighting.cli.process import prepare
+
+prepare(["envmap"])  # as the command does, before numpy is imported
+
 import numpy as np
 import OpenEXR
 from common import (
