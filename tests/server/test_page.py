@@ -292,9 +292,10 @@ class TestTheObject:
 @in_chromium
 class TestWhatThePhotoSays:
     def test_it_is_shown(self, visit: dict[str, Any]) -> None:
-        time, place, _, lens, camera = visit["facts"]
+        time, place, _, lens, camera, held = visit["facts"]
         assert (time, place) == ("2024-08-10 14:28:12 (no time zone)", "not in the file")
         assert (lens, camera) == ("20 mm (as of a 35 mm camera)", "SONY ILCE-9M2")
+        assert held == "not in the file"
 
     def test_it_is_corrected_in_the_page(self, visit: dict[str, Any]) -> None:
         (asked,) = visit["corrected"]
