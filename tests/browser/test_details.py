@@ -183,6 +183,13 @@ def test_the_browser_has_nothing_to_complain_of(visit: dict[str, Any]) -> None:
     assert visit["complaints"] == []
 
 
+def test_that_photos_are_matched_is_promised_where_the_service_does_it(visit: dict[str, Any]) -> None:
+    with_opencv, without = visit["promises"]
+    assert "answered together, and turned by what they show in common. None is kept." in with_opencv
+    assert "in common" not in without
+    assert "this service does not compare their pixels. None is kept." in without
+
+
 @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
 class TestTurns:
     def test_overlapping_photos_are_turned_as_they_show(self, visit: dict[str, Any]) -> None:

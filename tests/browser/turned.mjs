@@ -25,4 +25,15 @@ export async function visitTurned(browser, url, seen, { turned }) {
   await page.waitForSelector("#photos", { state: "hidden" });
   seen.turnedAlone = await page.isVisible("#turned");
   await page.context().close();
+  seen.promises = [await promise(browser, url, seen, true), await promise(browser, url, seen, false)];
+}
+
+/** What the page promises of several photos where the service says whether it matches them. */
+async function promise(browser, url, seen, matching) {
+  const page = await open(browser, url, seen, { width: 360, height: 800 }, { flat: true });
+  await page.route("**/v1/model", (route) => route.fulfill({ json: { accuracy: {}, matching } }));
+  await page.reload({ waitUntil: "networkidle" });
+  const words = await page.textContent("#drop");
+  await page.context().close();
+  return words.replaceAll(/\s+/g, " ");
 }

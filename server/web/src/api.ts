@@ -159,13 +159,13 @@ export function valueText(value: number | Triple | boolean): string {
   return typeof value === "number" ? numberText(value) : value.map(numberText).join(",");
 }
 
-/** Median errors on photos the network never saw, by the names of the model card; empty where none are stated. */
-export async function accuracy(): Promise<Record<string, number>> {
-  const { accuracy } = (await (await ask("v1/model", {})).json()) as {
-    accuracy: Record<string, Record<string, number>>;
-  };
-  return accuracy.phone ?? Object.values(accuracy)[0] ?? {};
+/** What the service says of itself. */
+export interface Described {
+  accuracy: Record<string, Record<string, number>>; // median errors by protocol, then by the names of the model card
+  matching: boolean; // whether it finds by what several photos show in common how they are turned
 }
+
+export const description = async (): Promise<Described> => (await ask("v1/model", {})).json();
 
 async function ask(url: string, init: RequestInit): Promise<Response> {
   const key = apiKey();

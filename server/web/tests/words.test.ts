@@ -4,7 +4,7 @@ import { isSame, parametersOf, recordOf } from "../src/parameters";
 import { held } from "../src/pure/facts";
 import { NOTHING } from "../src/pure/given";
 import { headline, sideOf } from "../src/pure/headline";
-import { turnSentence, turnWords } from "../src/pure/turns";
+import { matchingWords, turnSentence, turnWords } from "../src/pure/turns";
 import { azimuthWords, explained, factor, numbers, percent, short } from "../src/pure/words";
 
 const RECORD: Lighting = {
@@ -151,6 +151,11 @@ describe("the turns of several photos", () => {
     expect(turnWords(turned(0, found), 0)).toBe("");
     expect(turnSentence(turned(32.13, found), 1)).toMatch(/in common: this one 32\.1° right of photo 1\.$/);
     expect(turnSentence(turned(0, found), 0)).toMatch(/in common\.$/);
+  });
+
+  it("are promised where the service matches photos, and only there", () => {
+    expect(matchingWords(true)).toContain("in common");
+    expect(matchingWords(false)).toContain("does not compare their pixels");
   });
 
   it("are a guess where nothing in common says them", () => {
