@@ -1,7 +1,7 @@
 /** The service as the page uses it. Paths are relative, so that it also works behind a proxy's prefix. */
 
 import { apiKey, keyHeader } from "./key";
-import type { Factors } from "./picture/surroundings";
+import type { Factors } from "./picture/factors";
 import type { Camera } from "./pure/camera";
 import type { Distribution } from "./pure/distribution";
 import { type Given, givenQuery } from "./pure/given";
