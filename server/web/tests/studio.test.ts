@@ -1,11 +1,24 @@
+import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 import type { Estimate, Lighting, Power } from "../src/api";
 import { parametersOf, recordOf, statedLight } from "../src/parameters";
+import type { Camera, Point } from "../src/pure/camera";
 import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
 import { History } from "../src/pure/history";
 import { factsOf } from "../src/pure/metadata";
-import { distance, footOf, largest, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
+import {
+  distance,
+  EYE_HEIGHT,
+  footOf,
+  largest,
+  moved,
+  onGround,
+  placeFor,
+  shifted,
+  sized,
+  turned,
+} from "../src/pure/place";
 import { curlOf, pythonOf, type Subject } from "../src/pure/snippets";
 
 const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
@@ -114,6 +127,19 @@ describe("the object's place", () => {
     const foot = footOf(near, CAMERA, 4 / 3);
     expect(foot?.[0]).toBeCloseTo(0.5);
     expect(foot?.[1]).toBeCloseTo(0.9);
+  });
+
+  it("is where the scenes of the service have it", () => {
+    const file = readFileSync(new URL("../../../tests/lighting/scene/spot.json", import.meta.url));
+    const { camera, aspect, shares, point } = JSON.parse(new TextDecoder().decode(file)) as {
+      camera: Camera;
+      aspect: number;
+      shares: Point;
+      point: number[];
+    };
+    const found = onGround(camera, aspect, shares) ?? [];
+    expect(found.map((metres) => metres.toFixed(4))).toEqual(point.map((metres) => metres.toFixed(4)));
+    expect(point[1]).toBe(-EYE_HEIGHT);
   });
 
   it("keeps its size in metres when it moves, so that it shrinks with distance", () => {
