@@ -1,6 +1,8 @@
 """The page in Chromium where things go otherwise: other formats, refusals, slow drags. Driven by details.mjs."""
 
+import json
 import re
+import zipfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -8,6 +10,7 @@ from typing import Any
 import pytest
 from PIL import ExifTags, Image
 
+from lighting import read_exr
 from lighting.geometry import camera_axes
 from lighting.turns import has_opencv
 from tests.lighting.photo.held import phone
@@ -82,6 +85,7 @@ def files_for(folder: Path) -> dict[str, Any]:
         "upright": in_every_format(folder, 6),
         "turned": overlapping(folder),
         "held": held(folder),
+        "folder": str(folder),
         **{"photo": str(page.PHOTO), "other": str(page.NOON), "small": str(folder / "small.png")},
         **{"textFile": str(folder / "notes.txt"), "model": str(folder / "wide.glb")},
     }
@@ -89,8 +93,9 @@ def files_for(folder: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def visit(url: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a visitor saw."""
-    return page.visited("details.mjs", url, files_for(tmp_path_factory.mktemp("details")))
+    """What a visitor saw, and the folder with what they downloaded."""
+    folder = tmp_path_factory.mktemp("details")
+    return {**page.visited("details.mjs", url, files_for(folder)), "folder": folder}
 
 
 pytestmark = [pytest.mark.slow, page.in_chromium]
@@ -207,6 +212,18 @@ class TestTurns:
         stranger = visit["turned"][2]
         assert re.match(r"Photo 3, perhaps (\d+° (left|right) of|as) photo 1, sun ", stranger["button"])
         assert stranger["said"].startswith("Nothing in it was found in the other photos")
+
+    def test_files_hold_the_camera_that_is_shown(self, visit: dict[str, Any]) -> None:
+        folder = visit["folder"]
+        shown = json.loads((folder / "first.json").read_text())["camera"]
+        _, held = read_exr(folder / "first.exr")
+        with zipfile.ZipFile(folder / "first.zip") as archive:
+            scene = json.loads(archive.read("lighting.json"))["camera"]
+        assert held is not None
+        for camera in (scene, held.to_dict()["camera"]):
+            assert {name: camera[name] for name in ("elevation", "roll", "vertical_fov")} == pytest.approx(
+                {name: shown[name] for name in ("elevation", "roll", "vertical_fov")}, rel=1e-5
+            )
 
     def test_one_photo_is_not_turned(self, visit: dict[str, Any]) -> None:
         assert visit["turnedAlone"] is False

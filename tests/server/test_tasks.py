@@ -3,6 +3,7 @@
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -91,6 +92,21 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
         record = json.loads(archive.read("lighting.json"))
     assert record["sun"]["irradiance"] == [3.9, 4.3, 3.4]
     assert record["ground"]["color"] == [0.1, 0.2, 0.3]
+
+
+def test_the_camera_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:
+    asked = {"height": 32, "camera_elevation": -12.5, "camera_roll": 3.25, "vertical_fov": 33.0}
+    data = in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, EnvmapQuery.model_validate({"height": 32}))
+    _, before = read_exr(BytesIO(data))
+    data = in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, EnvmapQuery.model_validate(asked))
+    _, lighting = read_exr(BytesIO(data))
+    assert before
+    assert lighting == replace(before, camera_elevation=-12.5, camera_roll=3.25, vertical_fov=33.0)
+    scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
+    data = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        camera = json.loads(archive.read("lighting.json"))["camera"]
+    assert (camera["elevation"], camera["roll"], camera["vertical_fov"]) == (-12.5, 3.25, 33.0)
 
 
 def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_network: Path) -> None:

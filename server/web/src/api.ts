@@ -60,13 +60,16 @@ export interface Parameters {
   sun: boolean; // whether the disc is painted
 }
 
-/** A light in place of the estimated one. Where it states no power, the estimate's follows the other parameters. */
+/** A light, and perhaps a camera, in place of the estimated ones. Where it states no power, the estimate's follows the other parameters. */
 export interface Changed extends Parameters {
   sun_irradiance?: Triple;
   sky_irradiance?: Triple;
   sky_cover?: number;
   ground_color?: Triple;
   photo_exposure?: number; // at which the photo is as it is
+  camera_elevation?: number;
+  camera_roll?: number;
+  vertical_fov?: number;
 }
 
 export type Format = "exr" | "hdr" | "png";

@@ -1,7 +1,7 @@
 import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 import type { Estimate, Lighting, Power } from "../src/api";
-import { parametersOf, recordOf, statedLight } from "../src/parameters";
+import { commonCamera, parametersOf, recordOf, statedLight } from "../src/parameters";
 import type { Camera, Point } from "../src/pure/camera";
 import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
@@ -224,6 +224,15 @@ describe("the light on show as text", () => {
     expect(pythonOf(moved)).toContain('    "sun_azimuth": -41.2,\n');
     expect(pythonOf(moved)).toContain("sun=False, place=place");
     expect(pythonOf(moved)).not.toContain("irradiance");
+  });
+
+  it("replaces the camera where photos have one together, in both", () => {
+    const record = { camera: { elevation: -1.25, roll: 0.5, vertical_fov: 51.9834 } } as Lighting;
+    const changed = { ...light, ...commonCamera(record) };
+    expect(curlOf({ ...subject, changed })).toContain("&camera_elevation=-1.25&camera_roll=0.5&vertical_fov=51.9834&");
+    expect(pythonOf({ ...subject, changed })).toContain(
+      '    "camera_elevation": -1.25,\n    "camera_roll": 0.5,\n    "vertical_fov": 51.9834,\n',
+    );
   });
 
   it("is a record without what the page alone asks for", () => {
