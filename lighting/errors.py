@@ -51,6 +51,10 @@ class MissingExtraError(LightingError):
     """An optional package, which one of this package's extras installs, is missing."""
 
 
+class PhotoExtraError(PhotoError, MissingExtraError):
+    """Photos of this kind need an optional package that is missing."""
+
+
 class TurnsError(LightingError):
     """How photos are turned against each other cannot be found within the time or memory allowed."""
 

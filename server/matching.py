@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from anyio.from_thread import check_cancelled
 
 from lighting import turns
-from lighting.errors import LightingError
+from lighting.errors import LightingError, MissingExtraError
 from lighting.photo import TARGET
 from lighting.records import Estimate
 
@@ -33,6 +33,9 @@ class Matching:
             return None
         try:
             return turns.place_apart(views, self.seconds, check_cancelled)
+        except MissingExtraError:
+            self.failure = NO_OPENCV
+            return None
         except LightingError as error:
             self.failure = str(error)
             return None

@@ -218,7 +218,7 @@ class StatedQuery(Query):
 
 
 class ChangeQuery(StatedQuery):
-    """Parameters of a sky that replace what is estimated; its power follows them unless it is stated, too."""
+    """Parameters of a sky and its camera that replace what is estimated; power that is not stated follows the sky."""
 
     sun_azimuth: Annotated[
         float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
@@ -229,6 +229,11 @@ class ChangeQuery(StatedQuery):
         float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
     ] = None
 
+    camera_elevation: Annotated[float | None, named("camera_elevation", "deg, positive looks up", 4.1)] = None
+    camera_roll: Annotated[float | None, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = None
+    vertical_fov: Annotated[
+        float | None, named("vertical_fov", "deg; unlike `fov` it leaves the estimate of the sun as it is", 48.7)
+    ] = None
     photo_exposure: Annotated[
         float | None, named("exposure", "the exposure at which the photo is as it is; by default its estimate's", 5.0)
     ] = None

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
 
+from lighting import turns
 from server import tasks
 from server.answers import caching, estimates, map_response
 from server.checks import check_photos, refuse_given
@@ -170,7 +171,13 @@ async def plan_stereo(request: Request, admission: Admitted, query: Annotated[Pl
 
 @router.get("/model", summary="The network that answers", responses=documented(500, 503))
 async def describe_model(service: Services) -> ModelCard:
-    """Its name, version and licence, the grid it votes on, and how accurate it is."""
+    """Its name, version and licence, the grid it votes on, how accurate it is, and whether photos are matched."""
     spec = service.estimator.model.spec
-    stated = accuracy(spec, service.model_folder)
-    return ModelCard(name=spec.name, version=spec.version, licence=spec.licence, grid=spec.sun_grid, accuracy=stated)
+    return ModelCard(
+        name=spec.name,
+        version=spec.version,
+        licence=spec.licence,
+        grid=spec.sun_grid,
+        accuracy=accuracy(spec, service.model_folder),
+        matching=turns.has_opencv(),
+    )

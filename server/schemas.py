@@ -266,6 +266,9 @@ class ModelCard(BaseModel):
     accuracy: dict[str, Accuracy] = Field(
         description="by evaluation protocol; empty for a network without published figures"
     )
+    matching: bool = Field(
+        description="whether this service finds by what several photos show in common how they are turned"
+    )
 
 
 class FieldError(BaseModel):

@@ -11,6 +11,7 @@ from anyio import from_thread
 from fastapi import Depends, Request
 
 from lighting.envmap import Image
+from lighting.errors import PhotoError, PhotoExtraError
 from lighting.evidence import Given
 from lighting.model import Model, packaged_model
 from lighting.photo import TARGET, Photo
@@ -29,6 +30,8 @@ from server.unsent import Unsent
 from server.uploads import Body, Limits
 
 T = TypeVar("T")
+
+NO_HEIC = "The service does not read HEIC; send the photo as JPEG."  # the one kind that needs more than Pillow
 
 log = logging.getLogger(__name__)
 
@@ -108,13 +111,12 @@ class Service:
 
     def _decoded(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
         limits = self.settings
-        return read_apart(
-            data,
-            max_bytes=limits.max_bytes,
-            max_pixels=limits.max_pixels,
-            target=target,
-            seconds=limits.decode_seconds if seconds is None else seconds,
-        )
+        seconds = limits.decode_seconds if seconds is None else seconds
+        size = {"max_bytes": limits.max_bytes, "max_pixels": limits.max_pixels}
+        try:
+            return read_apart(data, **size, target=target, seconds=seconds)
+        except PhotoExtraError as error:
+            raise PhotoError(NO_HEIC) from error
 
     def estimate(
         self,

@@ -1,7 +1,6 @@
 """The CPU work of requests, in steps; between two steps a request stops if its client has disconnected."""
 
-from collections.abc import Iterator, Sequence
-from datetime import date
+from collections.abc import Sequence
 from time import monotonic
 from typing import Any
 
@@ -135,10 +134,4 @@ def scene_file_of_sky(query: SkySceneQuery) -> bytes:
 def plan_record(query: PlanQuery) -> dict[str, Any]:
     """When to photograph for photometric stereo, as JSON."""
     skies = query.skies()
-    return stereo.plan_record(skies, stereo.plan_photos(skies, query.question(), _cancellable))
-
-
-def _cancellable(days: Sequence[date]) -> Iterator[date]:
-    for day in days:
-        check_cancelled()
-        yield day
+    return stereo.plan_record(skies, stereo.plan_photos(skies, query.question(), check=check_cancelled))

@@ -21,6 +21,7 @@ _WEAKEST = 0.05  # of that sun's channels, which the model's is taken to have at
 def change(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lighting:
     """The light with other values of `sun_azimuth`, `sun_elevation`, `turbidity`, `exposure` or `ground_color`.
 
+    Those of the camera, `camera_elevation`, `camera_roll` and `vertical_fov`, move no light.
     Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were; a sun under 5 deg
     is to the model as one of 5 deg. A `sun_irradiance`, `sky_irradiance` or `sky_cover` among the changes counts as it
     is; the sky's power follows the cover. Raises ParameterError for a value out of range.

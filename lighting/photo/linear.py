@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import srgb_decode
-from lighting.errors import PhotoError
+from lighting.errors import PhotoError, PhotoExtraError
 from lighting.photo.exif import PhotoFacts, read_exposure, read_facts
 
 Pixels = NDArray[np.float32]
@@ -138,7 +138,7 @@ def develop_raw(data: bytes, name: str, *, upright: bool = False) -> tuple[NDArr
     try:
         import rawpy
     except ImportError as error:
-        raise PhotoError("RAW photos need rawpy: pip install 'outdoor-lighting[raw]'.") from error
+        raise PhotoExtraError("RAW photos need rawpy: pip install 'outdoor-lighting[raw]'.") from error
     try:
         with rawpy.imread(io.BytesIO(data)) as raw:
             levels = int(raw.white_level)

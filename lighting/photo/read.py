@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.errors import PhotoError, PhotoExtraError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import NAMES, admitted, most
@@ -144,7 +144,7 @@ def _heif_format() -> str:
     try:
         import pillow_heif
     except ImportError as error:
-        raise PhotoError("HEIC photos need pillow-heif: pip install 'outdoor-lighting[heif]'.") from error
+        raise PhotoExtraError("HEIC photos need pillow-heif: pip install 'outdoor-lighting[heif]'.") from error
     pillow_heif.register_heif_opener()
     return "HEIF"
 

@@ -12,15 +12,13 @@ from PIL import Image
 
 from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import lit_ground
-from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
+from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
 from lighting.preview.shading import Stage, ground, shade
 from lighting.preview.spheres import SPACING
 from lighting.records import Lighting
 
 BALL = 0.055  # radius of a ball in the picture, in picture heights
 
-_EYE = 1.6  # m, the camera's height over the ground
-_SPOT = 0.6  # how far below the picture's middle the balls stand, 0 = middle, 1 = lower edge
 _LEAST_DESCENT = 0.04  # slope of the line of sight to the spot below which the ground counts as out of the picture
 _FINE = 2  # rays per pixel and side on the balls
 _COARSE = 2  # pixels per ray and side on the ground, whose shadows are soft
@@ -52,10 +50,10 @@ def ball_centres(camera: Pinhole) -> Floats | None:
     """The balls' centres (3, 3) as the camera at the origin has them, in radii; None without ground to stand on."""
     _, up, forward = camera.axes
     half = np.tan(np.radians(camera.vertical_fov) / 2)
-    sight = forward - _SPOT * half * up
+    sight = forward - SPOT * half * up
     if sight[1] > -_LEAST_DESCENT:
         return None
-    depth = _EYE / -sight[1]
+    depth = EYE_HEIGHT / -sight[1]
     radius = BALL * 2 * half * depth
     middle = sight * depth / radius + [0.0, 1.0, 0.0]
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])

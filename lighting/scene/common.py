@@ -24,12 +24,11 @@ from lighting.envmap import (
     sun_irradiance,
     surround,
 )
-from lighting.geometry import SUN_RADIUS, Floats, camera_axes, focal_length
+from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, camera_axes, focal_length
 from lighting.photo import Photo
 from lighting.records import Lighting
 
 SUN_ANGLE = 2 * SUN_RADIUS  # deg
-EYE_HEIGHT = 1.6  # m, the usual height of a camera; it sets the scene's scale
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
 GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
 NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
@@ -37,7 +36,6 @@ NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
 MAP_HEIGHT = 512  # rows of the environment map
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
-_SPOT_IN_PICTURE = 0.6  # how far below the picture's centre the spot lies, 0 = centre, 1 = lower edge
 _LEAST_DESCENT = 0.05  # least slope of the line from camera to spot, for cameras that are level or look up
 
 
@@ -129,7 +127,7 @@ class Scene:
     def spot(self) -> Floats:
         """Where the user's object goes: the point (3,) on the ground that the lower middle of the picture shows."""
         _, up, forward = self.camera_axes
-        sight = forward - _SPOT_IN_PICTURE * np.tan(np.radians(self.vertical_fov) / 2) * up
+        sight = forward - SPOT * np.tan(np.radians(self.vertical_fov) / 2) * up
         ahead = np.array([sight[0], 0.0, sight[2]])
         slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _LEAST_DESCENT)
         return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * EYE_HEIGHT / slope)

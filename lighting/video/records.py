@@ -8,7 +8,7 @@ from lighting.decoding import with_ground
 from lighting.envmap import Image, brighten, view
 from lighting.evidence import estimate_of
 from lighting.files import full_record
-from lighting.geometry import wrap_azimuth
+from lighting.geometry import Floats, wrap_azimuth
 from lighting.records import Lighting
 from lighting.video.shot import Shot
 from lighting.video.zoom import zoomed_fov
@@ -37,9 +37,9 @@ def light_of(shot: Shot) -> Lighting:
     light = with_ground(estimate_of(shot.fused, shot.known).lighting, shot.ground)
     return replace(
         light,
-        camera_elevation=float(shot.path.elevation[0]),
-        camera_roll=float(shot.path.roll[0]),
-        camera_heading=shot.north,
+        camera_elevation=_angle(shot.path.elevation[0]),
+        camera_roll=_angle(wrap_azimuth(shot.path.roll[0])),
+        camera_heading=None if shot.north is None else _compass(shot.north),
     )
 
 
@@ -62,16 +62,27 @@ def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
     heading = float(shot.path.heading[i])
     return replace(
         brighten(base, shot.gains[i]),
-        sun_azimuth=round(float(wrap_azimuth(base.sun_azimuth - heading)), 4),
-        camera_elevation=round(float(shot.path.elevation[i]), 4),
-        camera_roll=round(float(wrap_azimuth(shot.path.roll[i])), 4),
-        vertical_fov=zoomed_fov(base.vertical_fov, float(shot.zoom[i])),
-        camera_heading=None if shot.north is None else round((shot.north + heading) % 360.0, 4) % 360.0,
+        sun_azimuth=_angle(wrap_azimuth(base.sun_azimuth - heading)),
+        camera_elevation=_angle(shot.path.elevation[i]),
+        camera_roll=_angle(wrap_azimuth(shot.path.roll[i])),
+        vertical_fov=_angle(zoomed_fov(base.vertical_fov, float(shot.zoom[i]))),
+        camera_heading=None if shot.north is None else _compass(shot.north + heading),
         camera_heading_probability=(),
-        relative_heading=round(heading % 360.0, 4) % 360.0,
+        relative_heading=_compass(heading),
     )
 
 
 def world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, Lighting]:
     """The shot's map with true north at its centre, or, where that is unknown, where its first frame points."""
-    return view(light_of(shot), height, sun=sun, yaw=shot.north or 0.0)
+    light = light_of(shot)
+    return view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
+
+
+def _angle(degrees: Floats | float) -> float:
+    """To four digits behind the point."""
+    return round(float(degrees), 4)
+
+
+def _compass(degrees: float) -> float:
+    """The same from 0 up to 360."""
+    return _angle(degrees % 360.0) % 360.0

@@ -1,9 +1,10 @@
 // Drives the page through what can go otherwise: node details.mjs PAGE_URL CHROMIUM FILES_AS_JSON. Prints what it saw.
 import { visitAgain } from "./again.mjs";
 import { visitFormats } from "./formats.mjs";
+import { visitHeld } from "./held.mjs";
 import { visitStage } from "./stage.mjs";
 import { visitSteps } from "./steps.mjs";
 import { visitTurned } from "./turned.mjs";
 import { report } from "./visit.mjs";
 
-await report([visitFormats, visitAgain, visitSteps, visitStage, visitTurned]);
+await report([visitFormats, visitHeld, visitAgain, visitSteps, visitStage, visitTurned]);

@@ -1,6 +1,8 @@
 """The page in Chromium where things go otherwise: other formats, refusals, slow drags. Driven by details.mjs."""
 
+import json
 import re
+import zipfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -8,7 +10,10 @@ from typing import Any
 import pytest
 from PIL import ExifTags, Image
 
+from lighting import read_exr
+from lighting.geometry import camera_axes
 from lighting.turns import has_opencv
+from tests.lighting.photo.held import phone
 from tests.lighting.turns.cameras import picture, texture
 from tests.server import test_page as page
 
@@ -50,6 +55,17 @@ def in_every_format(folder: Path, orientation: int) -> dict[str, str]:
     return files
 
 
+def held(folder: Path) -> list[str]:
+    """The photo as of a phone that says that it looked 10 deg up, and 80 deg up, both with a roll of 3 deg."""
+    files = []
+    for elevation in (10.0, 80.0):
+        files.append(str(folder / f"held{elevation:.0f}.jpg"))
+        across, above, into = camera_axes(0.0, elevation, 3.0)[:, 1]
+        with Image.open(page.NOON) as original:
+            original.convert("RGB").resize(SIZE[::-1]).save(files[-1], exif=phone(-across, -above, into, 1))
+    return files
+
+
 def overlapping(folder: Path) -> list[str]:
     """Two photos that overlap, the second turned by 25 deg, and one of another place."""
     files = []
@@ -68,6 +84,8 @@ def files_for(folder: Path) -> dict[str, Any]:
         "formats": in_every_format(folder, 1),
         "upright": in_every_format(folder, 6),
         "turned": overlapping(folder),
+        "held": held(folder),
+        "folder": str(folder),
         **{"photo": str(page.PHOTO), "other": str(page.NOON), "small": str(folder / "small.png")},
         **{"textFile": str(folder / "notes.txt"), "model": str(folder / "wide.glb")},
     }
@@ -75,8 +93,9 @@ def files_for(folder: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def visit(url: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a visitor saw."""
-    return page.visited("details.mjs", url, files_for(tmp_path_factory.mktemp("details")))
+    """What a visitor saw, and the folder with what they downloaded."""
+    folder = tmp_path_factory.mktemp("details")
+    return {**page.visited("details.mjs", url, files_for(folder)), "folder": folder}
 
 
 pytestmark = [pytest.mark.slow, page.in_chromium]
@@ -90,13 +109,30 @@ class TestFormats:
         assert set(SAVED) <= set(visit["facts"])
 
     def test_what_only_the_service_reads_is_not_called_absent(self, visit: dict[str, Any]) -> None:
-        time, place, heading, lens, _ = visit["unread"]
+        time, place, heading, lens, *_ = visit["unread"]
         assert (time, place, lens) == ("read by the service",) * 3
         assert heading == "not in the file"
 
     def test_every_format_is_shown_upright(self, visit: dict[str, Any]) -> None:
         assert {name: shown for name, shown in visit["upright"].items() if shown != [240, 320, "0.75"]} == {}
         assert visit["upright"].keys() == visit["facts"].keys()
+
+
+class TestHowTheCameraWasHeld:
+    def test_it_is_told_as_the_answer_has_it(self, visit: dict[str, Any]) -> None:
+        (used, _, _), _ = visit["held"]
+        assert re.fullmatch(r"looks (9|10)° up with a roll of [23]°, by the file and the picture", used)
+
+    def test_where_the_picture_contradicts_it_that_is_said(self, visit: dict[str, Any]) -> None:
+        _, (refused, warnings, _) = visit["held"]
+        assert refused == "looks 80° up with a roll of 3°: not used, see the warning"
+        assert any("What the metadata say of it was not used." in text for text in warnings)
+
+    def test_it_is_seen_on_a_phone(self, visit: dict[str, Any]) -> None:
+        """Within the 360 pixels of the screen, and nothing runs over them."""
+        for _, _, (left, right, overflow) in visit["held"]:
+            assert 0 <= left < right <= 360
+            assert overflow == 0
 
 
 class TestRefusals:
@@ -152,6 +188,13 @@ def test_the_browser_has_nothing_to_complain_of(visit: dict[str, Any]) -> None:
     assert visit["complaints"] == []
 
 
+def test_that_photos_are_matched_is_promised_where_the_service_does_it(visit: dict[str, Any]) -> None:
+    with_opencv, without = visit["promises"]
+    assert "answered together, and turned by what they show in common. None is kept." in with_opencv
+    assert "in common" not in without
+    assert "this service does not compare their pixels. None is kept." in without
+
+
 @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
 class TestTurns:
     def test_overlapping_photos_are_turned_as_they_show(self, visit: dict[str, Any]) -> None:
@@ -169,6 +212,18 @@ class TestTurns:
         stranger = visit["turned"][2]
         assert re.match(r"Photo 3, perhaps (\d+° (left|right) of|as) photo 1, sun ", stranger["button"])
         assert stranger["said"].startswith("Nothing in it was found in the other photos")
+
+    def test_files_hold_the_camera_that_is_shown(self, visit: dict[str, Any]) -> None:
+        folder = visit["folder"]
+        shown = json.loads((folder / "first.json").read_text())["camera"]
+        _, held = read_exr(folder / "first.exr")
+        with zipfile.ZipFile(folder / "first.zip") as archive:
+            scene = json.loads(archive.read("lighting.json"))["camera"]
+        assert held is not None
+        for camera in (scene, held.to_dict()["camera"]):
+            assert {name: camera[name] for name in ("elevation", "roll", "vertical_fov")} == pytest.approx(
+                {name: shown[name] for name in ("elevation", "roll", "vertical_fov")}, rel=1e-5
+            )
 
     def test_one_photo_is_not_turned(self, visit: dict[str, Any]) -> None:
         assert visit["turnedAlone"] is False

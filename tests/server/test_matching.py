@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from starlette.testclient import TestClient
 
 from lighting import turns
+from lighting.errors import MissingExtraError
 from lighting.photo import TARGET
 from lighting.pipeline import Estimator
 from lighting.turns import apart
@@ -114,6 +115,17 @@ def test_without_opencv_the_answer_is_as_before_and_says_so(
         assert record["warnings"].pop() == f"{NO_OPENCV} {INFERRED}"
         assert record == before
     assert Matching(1.0).target == TARGET
+
+
+def test_opencv_that_cannot_be_imported_is_told_in_words_for_clients(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_opencv(*_: Any) -> None:
+        raise MissingExtraError("OpenCV is not installed: pip install 'outdoor-lighting[video]'.")
+
+    monkeypatch.setattr(turns, "place_apart", without_opencv)
+    for record in records(client, FIRST, SECOND):
+        assert record["warnings"][-1] == f"{NO_OPENCV} {INFERRED}"
 
 
 def test_what_takes_too_long_is_answered_without(estimator: Estimator) -> None:

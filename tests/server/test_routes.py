@@ -12,9 +12,11 @@ from starlette.testclient import TestClient
 
 from lighting import Lighting, read_exr, render
 from lighting.decoding import lighting_from
+from lighting.errors import PhotoExtraError
 from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
+from lighting.turns import has_opencv
 from tests.conftest import TINY, encode, scene
 from tests.server.conftest import SKY
 
@@ -162,11 +164,33 @@ def test_a_photo_comes_back_upright_as_jpeg_without_metadata(client: TestClient)
     assert client.post("/v1/photo", **form(b"no photo")).status_code == 400
 
 
+def test_heic_where_the_service_does_not_read_it_is_refused_in_words_for_its_clients(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_reader(*_: Any, **__: Any) -> None:
+        raise PhotoExtraError("HEIC photos need pillow-heif: pip install 'outdoor-lighting[heif]'.")
+
+    monkeypatch.setattr("server.service.read_apart", without_reader)
+    answer = client.post("/v1/lighting", **form(encode(scene(64, 48))))
+    assert answer.status_code == 400
+    assert answer.json()["type"].endswith(":unreadable-photo")
+    assert answer.json()["detail"] == "The service does not read HEIC; send the photo as JPEG."
+
+
 def test_the_model_describes_itself(client: TestClient) -> None:
     answer = client.get("/v1/model").json()
     assert answer == {
         "name": "tiny", "version": "0.0.1", "licence": "Apache-2.0", "grid": "rings:3x8", "accuracy": {},
+        "matching": has_opencv(),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_the_model_says_whether_photos_are_matched(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    monkeypatch.setattr("lighting.turns.has_opencv", lambda: there)
+    assert client.get("/v1/model").json()["matching"] is there
 
 
 def test_head_is_get_without_the_body(client: TestClient) -> None:

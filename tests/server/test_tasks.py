@@ -3,6 +3,7 @@
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +18,7 @@ from lighting.files import read_exr
 from lighting.model import Model
 from lighting.pipeline import Estimator
 from server import tasks
+from server.plans import PlanQuery
 from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
 from server.service import Service
 from server.settings import Settings
@@ -92,6 +94,21 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
     assert record["ground"]["color"] == [0.1, 0.2, 0.3]
 
 
+def test_the_camera_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:
+    asked = {"height": 32, "camera_elevation": -12.5, "camera_roll": 3.25, "vertical_fov": 33.0}
+    data = in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, EnvmapQuery.model_validate({"height": 32}))
+    _, before = read_exr(BytesIO(data))
+    data = in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, EnvmapQuery.model_validate(asked))
+    _, lighting = read_exr(BytesIO(data))
+    assert before
+    assert lighting == replace(before, camera_elevation=-12.5, camera_roll=3.25, vertical_fov=33.0)
+    scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
+    data = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        camera = json.loads(archive.read("lighting.json"))["camera"]
+    assert (camera["elevation"], camera["roll"], camera["vertical_fov"]) == (-12.5, 3.25, 33.0)
+
+
 def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_network: Path) -> None:
     service = Service(Settings(), Estimator(Model.load(lit_network)))
     power = {"sun_irradiance": "3.9,4.3,3.4", "sky_irradiance": "0.3,0.6,1.1", "ground_color": "0.1,0.2,0.3"}
@@ -102,6 +119,20 @@ def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_ne
 
     np.testing.assert_allclose(maps(exposure=2.0, photo_exposure=2.0), maps(), rtol=1e-3)
     assert not np.allclose(maps(exposure=2.0), maps(), rtol=0.1)
+
+
+def test_a_plan_of_one_day_ends_when_its_client_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def check() -> None:
+        asked.append(None)
+        if len(asked) == 6:
+            raise InterruptedError
+
+    monkeypatch.setattr(tasks, "check_cancelled", check)
+    polar_day = {"lat": 75, "lon": 20, "date": "2026-06-21", "sky": "mixed", "shots": 64}
+    with pytest.raises(InterruptedError):
+        tasks.plan_record(PlanQuery.model_validate(polar_day))
 
 
 def test_a_photo_becomes_a_preview(service: Service) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms
 
 from lighting.colour import srgb_decode
-from lighting.errors import EnvironmentMapError, PhotoError
+from lighting.errors import EnvironmentMapError, PhotoError, PhotoExtraError
 from lighting.files import read_exr
 from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw
 from lighting.photo.exif import read_facts
@@ -111,7 +111,7 @@ def _decoded(data: bytes) -> NDArray[Any]:
     try:
         import cv2
     except ImportError as error:
-        raise PhotoError("Photos of 16 bits need OpenCV: pip install 'outdoor-lighting[stereo]'.") from error
+        raise PhotoExtraError("Photos of 16 bits need OpenCV: pip install 'outdoor-lighting[stereo]'.") from error
     values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if values is None or values.dtype not in (np.uint8, np.uint16):
         raise PhotoError("The file is not a photo of 8 or 16 bits that can be read.")

@@ -1,7 +1,7 @@
 /** The service as the page uses it. Paths are relative, so that it also works behind a proxy's prefix. */
 
 import { apiKey, keyHeader } from "./key";
-import type { Factors } from "./picture/surroundings";
+import type { Factors } from "./picture/factors";
 import type { Camera } from "./pure/camera";
 import type { Distribution } from "./pure/distribution";
 import { type Given, givenQuery } from "./pure/given";
@@ -60,13 +60,16 @@ export interface Parameters {
   sun: boolean; // whether the disc is painted
 }
 
-/** A light in place of the estimated one. Where it states no power, the estimate's follows the other parameters. */
+/** A light, and perhaps a camera, in place of the estimated ones. Where it states no power, the estimate's follows the other parameters. */
 export interface Changed extends Parameters {
   sun_irradiance?: Triple;
   sky_irradiance?: Triple;
   sky_cover?: number;
   ground_color?: Triple;
   photo_exposure?: number; // at which the photo is as it is
+  camera_elevation?: number;
+  camera_roll?: number;
+  vertical_fov?: number;
 }
 
 export type Format = "exr" | "hdr" | "png";
@@ -159,13 +162,13 @@ export function valueText(value: number | Triple | boolean): string {
   return typeof value === "number" ? numberText(value) : value.map(numberText).join(",");
 }
 
-/** Median errors on photos the network never saw, by the names of the model card; empty where none are stated. */
-export async function accuracy(): Promise<Record<string, number>> {
-  const { accuracy } = (await (await ask("v1/model", {})).json()) as {
-    accuracy: Record<string, Record<string, number>>;
-  };
-  return accuracy.phone ?? Object.values(accuracy)[0] ?? {};
+/** What the service says of itself. */
+export interface Described {
+  accuracy: Record<string, Record<string, number>>; // median errors by protocol, then by the names of the model card
+  matching: boolean; // whether it finds by what several photos show in common how they are turned
 }
+
+export const description = async (): Promise<Described> => (await ask("v1/model", {})).json();
 
 async function ask(url: string, init: RequestInit): Promise<Response> {
   const key = apiKey();

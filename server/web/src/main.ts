@@ -20,7 +20,7 @@ import { mapMarks, photoMarks } from "./views/marks";
 import { showNumbers } from "./views/numbers";
 import { ObjectView } from "./views/object";
 import { showPhotos } from "./views/photos";
-import { listenForPhotos } from "./views/pick";
+import { listenForPhotos, showMatching } from "./views/pick";
 import { Sliders } from "./views/sliders";
 import { listenForCopies } from "./views/snippets";
 import { fitted } from "./views/svg";
@@ -73,6 +73,7 @@ listenForGestures();
 listenForDownloads(settled, fail);
 listenForUndo(() => current()?.history, refresh);
 listenForCopies(subject);
+void showMatching();
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
   const kept = keepKey(byId<HTMLInputElement>("key").value);
@@ -117,6 +118,7 @@ async function run({ files, given }: Wish, signal: AbortSignal): Promise<void> {
   byId("intro").hidden = true;
   result.hidden = false;
   setBusy(false);
+  void showMatching();
   open(0);
   const seconds = ((performance.now() - began) / 1000).toFixed(1);
   const decoded = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";

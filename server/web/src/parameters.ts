@@ -33,6 +33,11 @@ export function statedLight(estimate: Lighting, shown: Parameters, power: Power)
   };
 }
 
+/** The camera that a record states, in the names of the service. */
+export function commonCamera({ camera }: Lighting): Partial<Changed> {
+  return { camera_elevation: camera.elevation, camera_roll: camera.roll, vertical_fov: camera.vertical_fov };
+}
+
 /**
  * The record as a file: the estimate's own, or an edited one without what no longer follows from it. `power` is that of
  * the light on show; it replaces the one that the estimate states.

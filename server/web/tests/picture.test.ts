@@ -1,5 +1,6 @@
 import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
+import { PlaceFactors } from "../src/picture/factors";
 import { groundColour, litGround, type Told } from "../src/picture/ground";
 import { encoded, linear, type Pixels } from "../src/picture/pixels";
 import { quietSpot } from "../src/picture/room";
@@ -192,6 +193,22 @@ describe("what stands around", () => {
       off.sort((a, b) => a - b);
       expect(off[Math.floor(0.9 * off.length)]).toBeLessThan(limit);
       expect(off[Math.floor(0.99 * off.length)]).toBeLessThan(0.1);
+    }
+  });
+
+  it("is made smooth once for each sun", () => {
+    const said = { rows: 4, columns: 8, factors: Array.from({ length: 32 }, (_, i): Triple => [0.5 + i / 9, 1, 0.3]) };
+    const [here, there] = [direction(20, 40), direction(-70, 10)];
+    const kept = new PlaceFactors(said, 16);
+    const first = kept.under({ before: here, now: here });
+    expect(kept.under({ before: here, now: direction(20, 40) })).toBe(first);
+    for (const suns of [
+      { before: here, now: there },
+      { before: there, now: here },
+    ]) {
+      expect(kept.under(suns)).toEqual(new PlaceFactors(said, 16).under(suns));
+      expect(kept.under(suns)).not.toEqual(first);
+      expect(kept.under(suns)).toBe(kept.under(suns));
     }
   });
 

@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { accuracy, type Estimate, envmapFile, estimate, exampleFile, type Refusal, sceneFile } from "../src/api";
+import { description, type Estimate, envmapFile, estimate, exampleFile, type Refusal, sceneFile } from "../src/api";
+import { described } from "../src/described";
 import { apiKey, keepKey } from "../src/key";
 import { NOTHING } from "../src/pure/given";
 import { latest } from "../src/pure/latest";
@@ -24,7 +25,7 @@ function answer(body: BodyInit, status: number): void {
 }
 
 const refusalOf = (): Promise<Refusal> =>
-  accuracy().then(
+  description().then(
     () => expect.fail("no refusal"),
     (error: Refusal) => error,
   );
@@ -94,6 +95,17 @@ describe("the service", () => {
   it("may not be there", async () => {
     vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("Failed to fetch")));
     expect((await refusalOf()).title).toBe("The service did not answer");
+  });
+});
+
+describe("what the service says of itself", () => {
+  it("is asked for until it is told, and then no more", async () => {
+    vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("Failed to fetch")));
+    expect(await described()).toBeUndefined();
+    answer(JSON.stringify({ accuracy: {}, matching: true }), 200);
+    expect((await described())?.matching).toBe(true);
+    expect((await described())?.matching).toBe(true);
+    expect(vi.mocked(fetch)).toHaveBeenCalledTimes(1);
   });
 });
 

@@ -4,8 +4,8 @@ import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
 import { direction } from "../src/pure/angles";
 import { readNpz } from "../src/pure/npz";
-import { lightOf, type Question } from "../src/sky/light";
-import { type SkyTable, skyShape, sunPower } from "../src/sky/model";
+import { baseOf, lightOf, type Question } from "../src/sky/light";
+import { type SkyTable, skyShape, sunPower, type Triple } from "../src/sky/model";
 import { horizontalIrradiance, type Latlong, paintSky } from "../src/sky/paint";
 import { pictureOf } from "../src/sky/picture";
 
@@ -54,6 +54,16 @@ describe("the sky in the browser", () => {
 
 describe("what a record may state", () => {
   const question = (parts: Partial<Question>): Question => ({ parameters: P, asked: P, stated: {}, ...parts });
+
+  it("is computed once for a photo, for all that its sliders say", () => {
+    const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], cover: 0.5 } as Question["stated"];
+    const ofPhoto = { asked: P, stated, groundSeen: [0.2, 0.1, 0.05] as Triple };
+    const base = baseOf(table, ofPhoto);
+    for (const sun_elevation of [33, 10]) {
+      const asked = { ...ofPhoto, parameters: { ...P, sun_elevation } };
+      expect(lightOf(table, asked, 32, base)).toEqual(lightOf(table, asked, 32));
+    }
+  });
 
   it("is kept: irradiances and the ground's colour", () => {
     const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], ground: [0.2, 0.1, 0.05], cover: 0.5 } as Question["stated"];

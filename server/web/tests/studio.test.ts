@@ -1,11 +1,24 @@
+import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 import type { Estimate, Lighting, Power } from "../src/api";
-import { parametersOf, recordOf, statedLight } from "../src/parameters";
+import { commonCamera, parametersOf, recordOf, statedLight } from "../src/parameters";
+import type { Camera, Point } from "../src/pure/camera";
 import { evidenceWords, formValues, givenBy, said } from "../src/pure/facts";
 import { givenQuery, NOTHING } from "../src/pure/given";
 import { History } from "../src/pure/history";
 import { factsOf } from "../src/pure/metadata";
-import { distance, footOf, largest, moved, onGround, placeFor, shifted, sized, turned } from "../src/pure/place";
+import {
+  distance,
+  EYE_HEIGHT,
+  footOf,
+  largest,
+  moved,
+  onGround,
+  placeFor,
+  shifted,
+  sized,
+  turned,
+} from "../src/pure/place";
 import { curlOf, pythonOf, type Subject } from "../src/pure/snippets";
 
 const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
@@ -116,6 +129,19 @@ describe("the object's place", () => {
     expect(foot?.[1]).toBeCloseTo(0.9);
   });
 
+  it("is where the scenes of the service have it", () => {
+    const file = readFileSync(new URL("../../../tests/lighting/scene/spot.json", import.meta.url));
+    const { camera, aspect, shares, point } = JSON.parse(new TextDecoder().decode(file)) as {
+      camera: Camera;
+      aspect: number;
+      shares: Point;
+      point: number[];
+    };
+    const found = onGround(camera, aspect, shares) ?? [];
+    expect(found.map((metres) => metres.toFixed(4))).toEqual(point.map((metres) => metres.toFixed(4)));
+    expect(point[1]).toBe(-EYE_HEIGHT);
+  });
+
   it("keeps its size in metres when it moves, so that it shrinks with distance", () => {
     const far = moved(near, CAMERA, 4 / 3, [0.5, 0.7]);
     expect(far?.radius).toBe(near.radius);
@@ -198,6 +224,15 @@ describe("the light on show as text", () => {
     expect(pythonOf(moved)).toContain('    "sun_azimuth": -41.2,\n');
     expect(pythonOf(moved)).toContain("sun=False, place=place");
     expect(pythonOf(moved)).not.toContain("irradiance");
+  });
+
+  it("replaces the camera where photos have one together, in both", () => {
+    const record = { camera: { elevation: -1.25, roll: 0.5, vertical_fov: 51.9834 } } as Lighting;
+    const changed = { ...light, ...commonCamera(record) };
+    expect(curlOf({ ...subject, changed })).toContain("&camera_elevation=-1.25&camera_roll=0.5&vertical_fov=51.9834&");
+    expect(pythonOf({ ...subject, changed })).toContain(
+      '    "camera_elevation": -1.25,\n    "camera_roll": 0.5,\n    "vertical_fov": 51.9834,\n',
+    );
   });
 
   it("is a record without what the page alone asks for", () => {

@@ -1,8 +1,10 @@
 import { describe, expect, it } from "vitest";
 import type { Estimate, Lighting, Power } from "../src/api";
 import { isSame, parametersOf, recordOf } from "../src/parameters";
+import { held } from "../src/pure/facts";
+import { NOTHING } from "../src/pure/given";
 import { headline, sideOf } from "../src/pure/headline";
-import { turnSentence, turnWords } from "../src/pure/turns";
+import { matchingWords, turnSentence, turnWords } from "../src/pure/turns";
 import { azimuthWords, explained, factor, numbers, percent, short } from "../src/pure/words";
 
 const RECORD: Lighting = {
@@ -111,6 +113,29 @@ describe("the headline", () => {
   });
 });
 
+describe("how the camera was held", () => {
+  const gravity = { ...RECORD, evidence: ["pixels", "gravity"] };
+
+  it("is told as the answer has it where the file says it", () => {
+    expect(held(gravity, NOTHING).value).toBe("looks 4° down with a roll of 0°, by the file and the picture");
+    const up = { ...gravity, camera: { ...RECORD.camera, elevation: 12.4, roll: -2.6 } };
+    expect(held(up, NOTHING).value).toBe("looks 12° up with a roll of -3°, by the file and the picture");
+  });
+
+  it("is told as the file has it where the picture contradicts it", () => {
+    const said =
+      "By its metadata the camera looks 80° up with a roll of 2°, by the pixels it looks 4° down with a roll of 0°";
+    const warnings = ["Another one.", `${said}: the photo may be cropped. What the metadata say of it was not used.`];
+    const value = "looks 80° up with a roll of 2°: not used, see the warning";
+    expect(held({ ...RECORD, warnings }, NOTHING)).toEqual({ name: "Held", value });
+  });
+
+  it("is absent, or not looked for", () => {
+    expect(held(RECORD, NOTHING).value).toBe("not in the file");
+    expect(held(RECORD, { ...NOTHING, exif: false }).value).toBe("not looked for");
+  });
+});
+
 describe("the turns of several photos", () => {
   const turned = (relative_heading: number, evidence: string[], warnings: string[] = []): Lighting => ({
     ...RECORD,
@@ -126,6 +151,11 @@ describe("the turns of several photos", () => {
     expect(turnWords(turned(0, found), 0)).toBe("");
     expect(turnSentence(turned(32.13, found), 1)).toMatch(/in common: this one 32\.1° right of photo 1\.$/);
     expect(turnSentence(turned(0, found), 0)).toMatch(/in common\.$/);
+  });
+
+  it("are promised where the service matches photos, and only there", () => {
+    expect(matchingWords(true)).toContain("in common");
+    expect(matchingWords(false)).toContain("does not compare their pixels");
   });
 
   it("are a guess where nothing in common says them", () => {

@@ -1,10 +1,15 @@
 """What every scene shares: its geometry and its light."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from lighting.envmap import Place, render
 from lighting.geometry import (
+    EYE_HEIGHT,
+    SPOT,
     Pinhole,
     angle_between,
     camera_directions,
@@ -15,8 +20,9 @@ from lighting.geometry import (
 )
 from lighting.photo.read import Photo
 from lighting.scene import make_scene
-from lighting.scene.common import EYE_HEIGHT
 from tests.scenes import LIGHT, PLAIN, known_scene, plain_scene
+
+CASE = Path(__file__).with_name("spot.json")
 
 # Geometry
 
@@ -38,6 +44,17 @@ def test_the_spot_is_on_the_ground_in_the_lower_middle_of_the_picture(roll: floa
     pixel = camera_pixel(scene.spot - scene.camera_position, Pinhole(40, 30, scene.vertical_fov, 0.0, -12.0, roll))
     assert pixel == pytest.approx([20.0, 24.0])
     assert scene.spot[1] == 0.0
+
+
+def test_the_spot_is_where_the_page_puts_an_object() -> None:
+    """The page's own test reads the same file."""
+    case = json.loads(CASE.read_text())
+    camera = case["camera"]
+    scene = plain_scene(
+        camera_elevation=camera["elevation"], camera_roll=camera["roll"], vertical_fov=camera["vertical_fov"]
+    )
+    assert case["shares"] == [0.5, 0.5 + SPOT / 2]
+    assert scene.spot - scene.camera_position == pytest.approx(case["point"], abs=1e-5)
 
 
 @pytest.mark.parametrize("elevation", [-90.0, -89.0, 0.0, 40.0, 90.0])

@@ -8,7 +8,8 @@ import pytest
 from lighting.evidence import Given
 from lighting.geometry import Floats
 from lighting.model import Model
-from lighting.video.records import frame_lights
+from lighting.records import Lighting
+from lighting.video.records import frame_lights, light_of
 from lighting.video.shot import Shot, solve
 from lighting.video.watch import shots_watched
 from lighting.video.watched import Circumstances, Watched
@@ -58,6 +59,17 @@ def test_each_frame_of_a_zoom_has_its_own_field_of_view(model: Model) -> None:
     fovs = [line.lighting.vertical_fov for line in frame_lights(shot, 1)]
     assert fovs[0] == pytest.approx(shot.vertical_fov)
     assert fovs[-1] == pytest.approx(zoomed_fov(FOV, 1.6), abs=1.0)
+
+
+def test_angles_of_records_have_four_digits_behind_the_point(model: Model) -> None:
+    shot = solved(filmed(zooms(1.6)), model)
+    for light in (light_of(shot), *(line.lighting for line in frame_lights(shot, 1))):
+        assert angles(light) == [round(angle, 4) for angle in angles(light)]
+
+
+def angles(light: Lighting) -> list[float]:
+    own = [light.sun_azimuth, light.camera_elevation, light.camera_roll, light.vertical_fov]
+    return [*own, light.relative_heading or 0.0, light.camera_heading or 0.0]
 
 
 def test_a_zoom_by_a_lens_that_is_given_begins_with_it(model: Model) -> None:

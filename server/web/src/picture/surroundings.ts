@@ -4,32 +4,20 @@
  * said of the rest is smooth, so light and dark of the photo's own things texture it, or mirrors would look empty.
  */
 
-import { angleBetween, clamp, direction, radians, type Vector } from "../pure/angles";
+import { clamp, radians } from "../pure/angles";
 import type { Camera } from "../pure/camera";
 import type { Triple } from "../sky/model";
 import type { Latlong } from "../sky/paint";
+import { type Factors, PlaceFactors, type Suns } from "./factors";
 import { linear, type Pixels } from "./pixels";
 import { contrastAround } from "./texture";
 import { pixelAt } from "./view";
 
-/** What the place makes of the bare map, by cells of equal angles, row by row from the zenith. */
-export interface Factors {
-  rows: number;
-  columns: number;
-  factors: Triple[];
-}
-
 /** What the photo shows, linear, with its weight (0 to 1) as the fourth float; the place, and what textures it. */
 export interface Surroundings {
   seen: Latlong;
-  factors: Factors | undefined;
+  factors: PlaceFactors | undefined;
   contrast: Float32Array | undefined; // for each pixel of the map
-}
-
-/** Directions of the sun in the estimate and in the light on show. */
-export interface Suns {
-  before: Vector;
-  now: Vector;
 }
 
 /** The place around the camera, in maps of `height` rows; `textured` with the photo's own things beside it. */
@@ -41,13 +29,11 @@ export function layAround(
   textured = true,
 ): Surroundings {
   const contrast = factors && textured ? contrastAround(photo, camera, height) : undefined;
-  return { seen: layPhoto(photo, camera, height), factors, contrast };
+  return { seen: layPhoto(photo, camera, height), factors: factors && new PlaceFactors(factors, height), contrast };
 }
 
 const CLIPPED = 0.95; // linear value from which a pixel may have been brighter
 const REST: [number, number] = [0.1, 4]; // how far what the photo does not show is scaled
-const GLOW = 40; // degrees around a sun within which the sky's brightness is the sun's
-const MOVED = 20; // degrees by which a sun was moved for its glow to have gone
 const LEAST = 1e-9;
 const CHANNELS = [0, 1, 2] as const;
 
@@ -67,63 +53,6 @@ function layPhoto(photo: Pixels, camera: Camera, height: number): Latlong {
   return { width, height, data };
 }
 
-/** Cells as a map, linear between their centres; columns wrap, rows end at the poles and at the horizon. */
-function smooth({ rows, columns, factors }: Factors, height: number): Latlong {
-  const width = 2 * height;
-  const data = new Float32Array(4 * width * height);
-  for (let y = 0; y < height; y++) {
-    const first = y < height / 2 ? 0 : rows / 2;
-    const down = between(((y + 0.5) * rows) / height, (row) => clamp(row, first, first + rows / 2 - 1));
-    for (let x = 0; x < width; x++) {
-      const across = between(((x + 0.5) * columns) / width, (column) => (column + columns) % columns);
-      const i = 4 * (y * width + x);
-      for (const [row, high] of down) {
-        for (const [column, wide] of across) {
-          const cell = factors[row * columns + column] as Triple;
-          for (const c of CHANNELS) data[i + c] = (data[i + c] as number) + high * wide * cell[c];
-        }
-      }
-    }
-  }
-  return { width, height, data };
-}
-
-/** The two cells beside a place, and how far each counts. */
-function between(place: number, inside: (cell: number) => number): [number, number][] {
-  const low = Math.floor(place - 0.5);
-  const share = place - 0.5 - low;
-  return [
-    [inside(low), 1 - share],
-    [inside(low + 1), share],
-  ];
-}
-
-/** The factors for a sun that was moved: around where it was, they are those of their row. */
-function withoutGlow({ rows, columns, factors }: Factors, { before, now }: Suns): Factors {
-  const moved = 1 - Math.exp(-((angleBetween(before, now) / MOVED) ** 2));
-  const changed = factors.slice();
-  for (let row = 0; row < rows / 2; row++) {
-    const elevation = 90 - ((row + 0.5) * 180) / rows;
-    const cells = Array.from({ length: columns }, (_, column) => {
-      const towards = direction(((column + 0.5) / columns) * 360 - 180, elevation);
-      const near = Math.exp(-((angleBetween(towards, before) / GLOW) ** 2));
-      return { near, at: row * columns + column };
-    });
-    const far = cells.reduce((sum, { near }) => sum + 1 - near, 0);
-    const mean = CHANNELS.map(
-      (c) => cells.reduce((sum, { near, at }) => sum + (1 - near) * Math.log((factors[at] as Triple)[c]), 0) / far,
-    );
-    for (const { near, at } of cells) {
-      const share = moved * near;
-      const cell = factors[at] as Triple;
-      changed[at] = CHANNELS.map((c) =>
-        Math.exp((1 - share) * Math.log(cell[c]) + share * (mean[c] as number)),
-      ) as Triple;
-    }
-  }
-  return { rows, columns, factors: changed };
-}
-
 /**
  * A map of sky and ground with the place in it; `gain` takes the photo to the light on show. Each half of the map gives
  * level ground as much light as before. What is clipped in the photo leaves the map's own value where that is brighter.
@@ -132,9 +61,10 @@ export function withSurroundings(map: Latlong, around: Surroundings, gain: numbe
   const { seen, factors, contrast } = around;
   const data = map.data.slice();
   if (factors) {
-    const place = smooth(withoutGlow(factors, suns), map.height).data;
-    for (let i = 0; i < data.length; i++) {
-      if (i % 4 < 3) (data[i] as number) *= (place[i] as number) * (contrast?.[i >> 2] ?? 1);
+    const place = factors.under(suns);
+    for (let pixel = 0; pixel < data.length / 4; pixel++) {
+      const texture = contrast?.[pixel] ?? 1;
+      for (const c of CHANNELS) (data[4 * pixel + c] as number) *= (place[3 * pixel + c] as number) * texture;
     }
   }
   const middle = data.length / 2;
@@ -160,7 +90,7 @@ function compose(map: Latlong, seen: Latlong, { start, end, gain, target }: Half
   const laid = new Float32Array(data.length); // the photo, where it counts in full
   for (let i = start; i < end; i += 4) {
     if (!seen.data[i + 3]) continue;
-    const clipped = Math.max(...CHANNELS.map((c) => seen.data[i + c] as number)) > CLIPPED;
+    const clipped = CHANNELS.some((c) => (seen.data[i + c] as number) > CLIPPED);
     for (const c of CHANNELS) {
       const value = gain * (seen.data[i + c] as number);
       laid[i + c] = clipped ? Math.max(value, data[i + c] as number) : value;
@@ -183,10 +113,14 @@ function compose(map: Latlong, seen: Latlong, { start, end, gain, target }: Half
 /** Irradiance of level ground, seen from above or below, by the floats `start` to `end` of a map, each pixel weighted. */
 function irradiance(map: Latlong, start: number, end: number, weight: (i: number) => number = () => 1): Triple {
   const sum: Triple = [0, 0, 0];
-  for (let i = start; i < end; i += 4) {
-    const elevation = radians(90 - ((Math.floor(i / 4 / map.width) + 0.5) * 180) / map.height);
-    const share = weight(i) * Math.abs(Math.sin(elevation)) * Math.cos(elevation);
-    for (const c of CHANNELS) sum[c] += share * (map.data[i + c] as number);
+  const stride = 4 * map.width;
+  for (let row = start; row < end; row += stride) {
+    const elevation = radians(90 - ((row / stride + 0.5) * 180) / map.height);
+    const level = Math.abs(Math.sin(elevation)) * Math.cos(elevation);
+    for (let i = row; i < row + stride; i += 4) {
+      const share = weight(i) * level;
+      for (const c of CHANNELS) sum[c] += share * (map.data[i + c] as number);
+    }
   }
   const pixel = (2 * Math.PI * Math.PI) / (map.width * map.height);
   return [sum[0] * pixel, sum[1] * pixel, sum[2] * pixel];

@@ -1,5 +1,6 @@
 /** What a photo says of itself, in words and as the form's values. */
 
+import type { Lighting } from "../api";
 import type { Given } from "./given";
 import type { Facts } from "./metadata";
 import { short } from "./words";
@@ -43,6 +44,19 @@ export function usedUnseen(evidence: readonly string[], given: Given, photos: re
       source.given.some((field) => given[field]) || photos.some((facts) => facts[source.fact] !== undefined);
     return evidence.includes(source.evidence) && !known;
   });
+}
+
+const REFUSED = /^By its metadata the camera (looks .+?), by the pixels it /; // the service's words
+
+/** How the camera was held, as the answer has it: of a phone's or drone's own angles the service alone reads. */
+export function held({ camera, evidence, warnings }: Lighting, { exif }: Given): Said {
+  const name = "Held";
+  const refused = warnings.map((text) => text.match(REFUSED)?.[1]).find(Boolean);
+  if (refused) return { name, value: `${refused}: not used, see the warning` };
+  if (!evidence.includes("gravity")) return { name, value: exif ? "not in the file" : "not looked for" };
+  const [up, roll] = [Math.round(camera.elevation), Math.round(camera.roll)];
+  const looks = `looks ${Math.abs(up)}° ${up < 0 ? "down" : "up"} with a roll of ${roll}°`;
+  return { name, value: `${looks}, by the file and the picture` };
 }
 
 function timeWords({ time, offset, satellites }: Facts): string | undefined {

@@ -11,7 +11,7 @@ export interface Place {
   grounded: boolean;
 }
 
-export const EYE_HEIGHT = 1.6; // metres, of a camera in the hand; the photo itself does not tell the scale
+export const EYE_HEIGHT = 1.6; // metres, as the service has it; the photo itself does not tell the scale
 const SHARE_OF_FRAME = 0.14; // of half the photo's height, the object's radius
 const LEAST_DEPRESSION = 1; // degrees below the horizon: 92 m away
 const AFLOAT = 4; // metres, of an object without ground

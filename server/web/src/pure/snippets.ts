@@ -56,8 +56,9 @@ export function pythonOf({ photo, given, changed, height }: Subject): string {
 /** The entries of the dictionary of changes. */
 function changes(light: Changed): string[] {
   const numbers = ["sun_azimuth", "sun_elevation", "turbidity", "exposure"] as const;
+  const camera = ["camera_elevation", "camera_roll", "vertical_fov"] as const;
   const stated = ["sun_irradiance", "sky_irradiance", "sky_cover", "ground_color"] as const;
-  return [...numbers, ...stated].flatMap((name) => {
+  return [...numbers, ...stated, ...camera].flatMap((name) => {
     const value = light[name];
     if (value === undefined) return [];
     return [`    "${name}": ${typeof value === "number" ? valueText(value) : `(${value.map(valueText).join(", ")})`},`];

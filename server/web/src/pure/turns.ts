@@ -5,6 +5,12 @@ import { wrapAzimuth } from "./angles";
 
 const INFERRED = /how (it is|they are) turned/i; // the service's words where nothing in common says it
 
+/** What a service does with several photos beside answering them together, by whether it matches them. */
+export const matchingWords = (matching: boolean): string =>
+  matching
+    ? ", and turned by what they show in common"
+    : "; how they are turned is inferred from compasses or light, for this service does not compare their pixels";
+
 /** Why the turn of a photo is a guess, in the service's words; empty where it is none. */
 export const doubt = ({ warnings }: Lighting): string => warnings.filter((text) => INFERRED.test(text)).join(" ");
 

@@ -68,13 +68,24 @@ function gainsOf(table: SkyTable, asked: Parameters, stated: Stated): Gains {
   return { sky: ratio(stated.sky, sky), sun: ratio(stated.sun, exposed) };
 }
 
-/** The light of a question, its map `height` rows high. */
-export function lightOf(table: SkyTable, { parameters, asked, stated, groundSeen }: Question, height: number): Light {
+/** What all lights of a photo share, whatever its sliders say. */
+export interface Base {
+  gains: Gains;
+  before: Triple | undefined; // irradiance of level ground by the estimate, where the photo's ground is known
+}
+
+export function baseOf(table: SkyTable, { asked, stated, groundSeen }: Omit<Question, "parameters">): Base {
   const gains = gainsOf(table, asked, stated);
   const cover = stated.cover ?? 0;
-  const light = modelled(table, height, parameters, cover, gains);
+  return { gains, before: groundSeen && level(modelled(table, 32, asked, cover, gains), asked) };
+}
+
+/** The light of a question, its map `height` rows high. */
+export function lightOf(table: SkyTable, question: Question, height: number, base = baseOf(table, question)): Light {
+  const { parameters, stated, groundSeen } = question;
+  const { gains, before } = base;
+  const light = modelled(table, height, parameters, stated.cover ?? 0, gains);
   const onGround = level(light, parameters);
-  const before = groundSeen && level(modelled(table, 32, asked, cover, gains), asked);
   const ground = each((c) => {
     if (stated.ground) return (stated.ground[c] / Math.PI) * onGround[c];
     if (groundSeen && before) return (groundSeen[c] * onGround[c]) / Math.max(before[c], 1e-9);

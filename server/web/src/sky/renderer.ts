@@ -1,7 +1,7 @@
 /** The page's side of the worker: one question at a time, and of those that wait only the newest. */
 
+import type { Factors } from "../picture/factors";
 import type { Pixels } from "../picture/pixels";
-import type { Factors } from "../picture/surroundings";
 import type { Camera } from "../pure/camera";
 import type { Question } from "./light";
 import type { Answer, Message } from "./worker";

@@ -2,12 +2,13 @@
 
 import tableUrl from "../../../../lighting/data/hosek_wilkie.npz?url";
 import type { Parameters } from "../api";
+import type { Factors } from "../picture/factors";
 import type { Pixels } from "../picture/pixels";
-import { type Factors, layAround, type Surroundings, withSurroundings } from "../picture/surroundings";
+import { layAround, type Surroundings, withSurroundings } from "../picture/surroundings";
 import { direction, type Vector } from "../pure/angles";
 import type { Camera } from "../pure/camera";
 import { readNpz } from "../pure/npz";
-import { type Light, lightOf, type Question } from "./light";
+import { type Base, baseOf, type Light, lightOf, type Question } from "./light";
 import type { SkyTable } from "./model";
 import { type Picture, pictureOf } from "./picture";
 
@@ -26,6 +27,7 @@ const PICTURE_ROWS = 256;
 
 let table: Promise<SkyTable> | undefined;
 let around: Surroundings | undefined;
+let last: { photo: string; base: Base } | undefined; // of the photo that was asked for
 
 self.addEventListener("message", async ({ data }: MessageEvent<Message>) => {
   if ("photo" in data) around = layAround(data.photo, data.camera, data.factors, LIGHT_ROWS);
@@ -36,8 +38,9 @@ async function answer(question: Question, id: number): Promise<void> {
   try {
     table ??= load();
     const sky = await table;
-    const light = lightOf(sky, question, LIGHT_ROWS);
-    const picture = pictureOf(lightOf(sky, question, PICTURE_ROWS), question.parameters);
+    const base = known(sky, question);
+    const light = lightOf(sky, question, LIGHT_ROWS, base);
+    const picture = pictureOf(lightOf(sky, question, PICTURE_ROWS, base), question.parameters);
     const gain = question.parameters.exposure / question.asked.exposure;
     const suns = { before: sunOf(question.asked), now: sunOf(question.parameters) };
     const map = around ? withSurroundings(light.map, around, gain, suns) : light.map;
@@ -46,6 +49,13 @@ async function answer(question: Question, id: number): Promise<void> {
     table = undefined;
     postMessage({ id, error: String(error) });
   }
+}
+
+/** What all lights of the photo share, computed once for each photo. */
+function known(sky: SkyTable, { parameters: _, ...ofPhoto }: Question): Base {
+  const photo = JSON.stringify(ofPhoto);
+  if (last?.photo !== photo) last = { photo, base: baseOf(sky, ofPhoto) };
+  return last.base;
 }
 
 const sunOf = ({ sun_azimuth, sun_elevation }: Parameters): Vector => direction(sun_azimuth, sun_elevation);

@@ -2,7 +2,7 @@
 
 import { type Changed, envmapFile, type Format, previewFile, sceneFile, TOOLS, type Tool } from "../api";
 import { byId, make } from "../dom";
-import { isSame, parametersOf, recordOf, statedLight } from "../parameters";
+import { commonCamera, isSame, parametersOf, recordOf, statedLight } from "../parameters";
 import { lookOf, type Shown, type View } from "../studio";
 
 type Get = (view: View, shown: Shown) => Promise<Blob>;
@@ -46,11 +46,11 @@ function sceneOf(view: View, shown: Shown, tool: Tool): Promise<Blob> {
 
 /**
  * The light on show where the service would not give the same for this photo alone; of photos estimated together it
- * knows neither sun nor sky. Its power is that of a settled sky.
+ * knows neither sun nor sky nor camera. Its power is that of a settled sky.
  */
 export function changedLight(view: View, { views }: Shown): Changed | undefined {
   const { parameters } = lookOf(view);
-  if (views.length > 1) return statedLight(view.answer, parameters, view.power);
+  if (views.length > 1) return { ...statedLight(view.answer, parameters, view.power), ...commonCamera(view.answer) };
   return isChanged(view) ? parameters : undefined;
 }
 

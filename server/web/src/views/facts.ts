@@ -1,7 +1,7 @@
 /** What the photo says, what of it was used, and the form in which it is given or corrected. */
 
 import { byId, make } from "../dom";
-import { evidenceWords, formValues, givenBy, said, usedUnseen } from "../pure/facts";
+import { evidenceWords, formValues, givenBy, held, said, usedUnseen } from "../pure/facts";
 import { type Given, type GivenName, NOTHING } from "../pure/given";
 import type { Facts } from "../pure/metadata";
 import type { Shown, View } from "../studio";
@@ -28,7 +28,7 @@ export class FactsView {
       views.map((view) => view.photo.facts),
     );
     byId("facts").replaceChildren(
-      ...said(photo.facts, used).map(({ name, value }) =>
+      ...[...said(photo.facts, used), held(answer, given)].map(({ name, value }) =>
         make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: value })),
       ),
     );

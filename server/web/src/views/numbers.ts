@@ -1,16 +1,15 @@
 /** The table of the estimate's numbers. */
 
-import { accuracy, type Lighting } from "../api";
+import type { Lighting } from "../api";
+import { described } from "../described";
 import { byId, make } from "../dom";
 import { explained, type Named, numbers } from "../pure/words";
-
-let errors: Promise<Record<string, number>> | undefined;
 
 /** The numbers at once, their errors as soon as the service has told them. */
 export async function showNumbers(lighting: Lighting): Promise<void> {
   fill(numbers(lighting));
-  errors ??= accuracy().catch(() => ({}));
-  const known = await errors;
+  const accuracy = (await described())?.accuracy ?? {};
+  const known = accuracy.phone ?? Object.values(accuracy)[0] ?? {};
   byId("numbers-note").textContent = explained(lighting, known);
   fill(numbers(lighting, known));
 }

@@ -3,7 +3,7 @@
 import { byId, choices, radio } from "../dom";
 import { aspectOf } from "../photo";
 import { FINISHES, SHAPES } from "../pure/objects";
-import { distance, footOf, largest, moved, type Place, shifted, sized, turned } from "../pure/place";
+import { distance, EYE_HEIGHT, footOf, largest, moved, type Place, shifted, sized, turned } from "../pure/place";
 import { short } from "../pure/words";
 import type { Stage } from "../scene/stage";
 import type { Light } from "../sky/light";
@@ -94,7 +94,7 @@ export class ObjectView {
   private tell(place: Place, height: number): void {
     const words = `${metres(height)} high`;
     const away = place.grounded ? `, ${metres(distance(place))} away` : "";
-    byId("object-where").textContent = `${words}${away}, if the camera was 1.6 m above the ground.`;
+    byId("object-where").textContent = `${words}${away}, if the camera was ${EYE_HEIGHT} m above the ground.`;
     this.size.setAttribute("aria-valuetext", words);
   }
 

@@ -1,8 +1,10 @@
 /** The ways a photo comes in: the file chooser, drop, paste, and the examples. */
 
 import { exampleFile } from "../api";
+import { described } from "../described";
 import { byId, make } from "../dom";
 import { EXAMPLES, type Example } from "../examples";
+import { matchingWords } from "../pure/turns";
 
 const MODEL = /\.(glb|gltf)$/i;
 
@@ -28,6 +30,12 @@ export function listenForPhotos(take: Take, model: (file: File) => void, failed:
   document.addEventListener("paste", (event) => give(event.clipboardData?.files));
   listenForDrops(give);
   byId("examples").append(...EXAMPLES.map((example) => make("li", {}, exampleButton(example, take, failed))));
+}
+
+/** What the service does with several photos, once it has told. */
+export async function showMatching(): Promise<void> {
+  const said = await described();
+  if (said) byId("matching").textContent = matchingWords(said.matching);
 }
 
 /** The whole page takes drops, so that a photo that misses the field does not replace the page. */
