@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lighting.evidence.fit import KINDS, Fit, Range, series_of
     from lighting.evidence.frames import check_heading, check_headings
     from lighting.evidence.fusion import Evidence, Fused, fuse, stand
-    from lighting.evidence.given import SHORT_NAMES, Given
+    from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given
     from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.said import said_of
@@ -33,6 +33,7 @@ __all__ = [
     "KINDS",
     "LENS_RATIO",
     "MOST_APART",
+    "NOTHING_GIVEN",
     "SHORT_NAMES",
     "SUNSET",
     "Evidence",
@@ -75,6 +76,7 @@ __getattr__ = from_homes(
         "KINDS": "fit",
         "LENS_RATIO": "contradiction",
         "MOST_APART": "gravity",
+        "NOTHING_GIVEN": "given",
         "SHORT_NAMES": "given",
         "SUNSET": "ephemeris",
         "Evidence": "fusion",

@@ -55,3 +55,6 @@ class Given:
         if not self.use_exif and (self.time is None) != (self.latitude is None):
             missing = "time" if self.time is None else "latitude"
             raise ParameterError("A time needs a place, and a place a time.", missing)
+
+
+NOTHING_GIVEN = Given()
