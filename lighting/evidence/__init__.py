@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
     from lighting.evidence.declination import magnetic_declination
     from lighting.evidence.ephemeris import SUNSET, sun_position
-    from lighting.evidence.facts import zones
+    from lighting.evidence.facts import location_of, zones
     from lighting.evidence.fit import KINDS, Fit, Range, series_of
     from lighting.evidence.frames import check_heading, check_headings
     from lighting.evidence.fusion import Evidence, Fused, fuse, stand
@@ -55,6 +55,7 @@ __all__ = [
     "known_alone",
     "known_later",
     "known_together",
+    "location_of",
     "magnetic_declination",
     "power",
     "read_headings",
@@ -98,6 +99,7 @@ __getattr__ = from_homes(
         "known_alone": "metadata",
         "known_later": "metadata",
         "known_together": "metadata",
+        "location_of": "facts",
         "magnetic_declination": "declination",
         "power": "together",
         "read_headings": "together",
