@@ -15,8 +15,8 @@ from lighting.records import COLOUR_RANGES, SKY_MODEL, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from lighting.version import __version__
 from server.queries import LightingQuery, Query
-from server.schemas import MEDIA_TYPES, Format
 from server.service import Answer, Service
+from server.values import MEDIA_TYPES, Format
 
 
 def estimates(found: Sequence[Answer], query: LightingQuery, root: str) -> dict[str, Any]:
