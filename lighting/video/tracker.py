@@ -29,8 +29,8 @@ from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
 from lighting.video.lens import LENS_FLOOR, LENS_SPREAD, tells_lens
 from lighting.video.light import Look, ShotLight
-from lighting.video.shot import is_believed, north_of
-from lighting.video.turning import turning
+from lighting.video.shot import north_of
+from lighting.video.turning import is_believed, turning
 from lighting.video.watch import is_dark, see
 from lighting.video.watched import Circumstances, Seen
 
