@@ -4,7 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from lighting.records import GROUND_ALBEDO, OPTIONAL_RANGES, Lighting
+from lighting.ranges import OPTIONAL_RANGES
+from lighting.records import GROUND_ALBEDO, Lighting
 from lighting.sky import Model as SkyModel
 from server.values import (
     GROUND_COLOR,

@@ -14,7 +14,8 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from lighting.records import COLOUR_RANGES, GROUND_ALBEDO, MIN_HEIGHT, OPTIONAL_RANGES, RANGES
+from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
+from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 

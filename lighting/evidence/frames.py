@@ -11,7 +11,8 @@ from lighting.circular import mean_angle
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence
 from lighting.geometry import Floats, angle_between, camera_axes, wrap_azimuth
-from lighting.records import Prediction, check_range
+from lighting.ranges import check_range
+from lighting.records import Prediction
 
 if TYPE_CHECKING:
     from lighting.turns import Placed

@@ -17,7 +17,7 @@ from lighting.cli.given import _OPTIONS
 from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
-from lighting.records import OPTIONAL_RANGES, RANGES
+from lighting.ranges import OPTIONAL_RANGES, RANGES
 from lighting.turns import has_opencv
 from server.queries import GivenQuery, MapQuery
 from tests.conftest import encode, munich, scene
