@@ -1,7 +1,7 @@
 """Pictures for training and evaluation, taken from panoramas with their targets. Needs no torch."""
 
 from export.crops.augment import augment
-from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, training_camera
+from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, pinhole, training_camera
 from export.crops.crops import Crop, is_resolved, take
 from export.crops.irradiance import Irradiance, irradiance_of
 from export.crops.mosaic import companions, joined, same_view
@@ -34,6 +34,7 @@ __all__ = [
     "load_sources",
     "paper_camera",
     "photo_weights",
+    "pinhole",
     "same_view",
     "sampling_weights",
     "seen_from",

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.crops.cameras import Camera, pixel_of
+from export.crops.cameras import Camera, pinhole, pixel_of
 from export.crops.sources import Source
 from export.data import decode
 from lighting.colour import luminance
-from lighting.geometry import Floats, Pinhole, camera_directions, direction, sample_latlong, wrap_azimuth
+from lighting.geometry import Floats, camera_directions, direction, sample_latlong, wrap_azimuth
 from lighting.photo import fit_size
 from lighting.records import ModelSpec
 
@@ -92,7 +92,7 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
-    rays = camera_directions(Pinhole(columns, rows, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll))
+    rays = camera_directions(pinhole(camera, columns, rows, camera.azimuth))
     sampled = sample_latlong(source.levels[level], rays.astype(np.float32)).astype(np.float32)
     ldr = source.panorama.kind == "ldr"
     return decode(np.round(sampled).astype(np.uint8)) if ldr else sampled

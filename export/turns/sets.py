@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops import Camera, generator
+from export.crops import Camera, generator, pinhole
 from export.data import Panorama, linear_of, read_picture
 from lighting.colour import luminance, tone_map
-from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
+from lighting.geometry import Floats, camera_directions, sample_latlong
 
 WIDTH, HEIGHT = 640, 480  # pixels; the panoramas hold no more
 FOVS = (40.0, 65.0)  # deg, vertical
@@ -58,7 +58,7 @@ def well_exposed(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 def photo(linear: NDArray[np.float32], camera: Camera, gain: Floats, rows: int = HEIGHT) -> NDArray[np.uint8]:
     """What a camera takes of a panorama in linear values (H, 2H, 3): `rows` of pixels."""
     columns = round(rows * camera.aspect)
-    rays = camera_directions(Pinhole(columns, rows, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll))
+    rays = camera_directions(pinhole(camera, columns, rows, camera.azimuth))
     return np.asarray(tone_map(sample_latlong(linear, rays.astype(np.float32)) * gain))
 
 
