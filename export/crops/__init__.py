@@ -3,6 +3,7 @@
 from export.crops.augment import augment
 from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, pinhole, training_camera
 from export.crops.crops import Crop, is_resolved, take
+from export.crops.exposure import automatic_gain
 from export.crops.irradiance import Irradiance, irradiance_of
 from export.crops.mosaic import companions, joined, same_view
 from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
@@ -22,6 +23,7 @@ __all__ = [
     "Source",
     "aimed_camera",
     "augment",
+    "automatic_gain",
     "companions",
     "generator",
     "irradiance_of",

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.crops.cameras import Camera, pinhole, pixel_of
+from export.crops.exposure import automatic_gain
 from export.crops.sources import Source
 from export.data import decode
-from lighting.colour import luminance
 from lighting.geometry import Floats, camera_directions, direction, sample_latlong, wrap_azimuth
 from lighting.photo import fit_size
 from lighting.records import ModelSpec
@@ -69,7 +69,7 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
     width, height = fit_size(round(1000 * camera.aspect), 1000, spec)
     kernel = _KERNELS[source.panorama.kind]
     linear = resize(_view(source, camera, width, height, sharpness), width, height, kernel)
-    gain = _automatic_gain(linear) if source.panorama.kind == "hdr" else 1.0
+    gain = automatic_gain(linear) if source.panorama.kind == "hdr" else 1.0
     side = -1.0 if camera.mirrored else 1.0
     label = source.label
     nan = float("nan")
@@ -115,8 +115,3 @@ def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Re
     planes = [Image.fromarray(np.ascontiguousarray(image[..., c])) for c in range(3)]
     resized = [np.asarray(p.resize((width, height), kernel)) for p in planes]
     return np.asarray(np.maximum(np.stack(resized, axis=-1), 0.0))
-
-
-def _automatic_gain(linear: NDArray[np.float32]) -> float:
-    """The factor that brings a scene-referred view to a photo's exposure: its brighter parts end just below white."""
-    return float(0.7 / max(float(np.percentile(luminance(linear), 80)), 1e-6))
