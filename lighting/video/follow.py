@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import SRGB_LINEAR
 from lighting.geometry import Floats
-from lighting.turns.match import Features, Matches, centred, features, opencv
+from lighting.turns import Features, Matches, centred, features, opencv
 from lighting.video.clip import Frame
 
 POINTS = 200  # sought in a keyframe

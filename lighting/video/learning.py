@@ -4,7 +4,7 @@ import numpy as np
 
 from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
-from lighting.turns.upright import angles_of, level, up_in_camera
+from lighting.turns import angles_of, level, up_in_camera
 from lighting.video.follow import Key
 from lighting.video.keyframes import turn_between
 from lighting.video.lens import LENS_FLOOR, LENS_SPREAD, tells_lens

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.turns.rays import focal_of
-from lighting.turns.upright import common_up, up_in_camera
+from lighting.turns import common_up, focal_of, up_in_camera
 from lighting.video.keyframes import JOINS, Link, averaged, chained, loops, turn_between
 from lighting.video.telemetry import Gimbal
 from lighting.video.turning import Turning, is_believed, turning

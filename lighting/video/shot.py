@@ -10,7 +10,7 @@ from lighting.colour import luminance
 from lighting.errors import VideoError
 from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
-from lighting.turns.upright import level
+from lighting.turns import level
 from lighting.video.follow import gains_of
 from lighting.video.lens import lens_of
 from lighting.video.light import Look, ShotLight

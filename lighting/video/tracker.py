@@ -21,7 +21,7 @@ from lighting.geometry import Floats, wrap_azimuth
 from lighting.model import Model
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
-from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
+from lighting.turns import focal_of, nearest_rotation, rotation_about, rotation_vector
 from lighting.video.bank import FIRST, Bank, Kept
 from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lighting.geometry import Floats
-from lighting.turns.match import Matches
-from lighting.turns.parallax import motion, obeying_more
-from lighting.turns.rays import nearest_rotation, rays
-from lighting.turns.search import search
+from lighting.turns import Matches, motion, nearest_rotation, obeying_more, rays, search
 
 TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
 BLUR = 6.0  # tolerances that points may be off where a picture is blurred
