@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, best_angle
 from lighting.colour import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.records import COLOUR_RANGES, RANGES, Colour, Light, Lighting, Prediction, SunEstimate
+from lighting.ranges import COLOUR_RANGES, RANGES
+from lighting.records import Colour, Light, Lighting, Prediction, SunEstimate
 from lighting.sky import sun_radiance
 from lighting.sun_grid import grid_directions, radii
 

@@ -11,6 +11,7 @@ from lighting.decoding import colour, with_ground
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
 from lighting.errors import PhotoError
 from lighting.evidence import (
+    NOTHING_GIVEN,
     Evidence,
     Given,
     camera_evidence,
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     from lighting.turns import Placed, View
 
 Placing = Callable[[Sequence["View"]], "Sequence[Placed] | None"]  # as `lighting.turns.place_apart`; None is no answer
-
-NOTHING_GIVEN = Given()
 
 
 class Estimator:

@@ -11,12 +11,13 @@ from fastapi import Request, Response
 from lighting.envmap import Image
 from lighting.files import full_record
 from lighting.geometry import angles
-from lighting.records import COLOUR_RANGES, SKY_MODEL, Lighting, SunDistribution
+from lighting.ranges import COLOUR_RANGES
+from lighting.records import SKY_MODEL, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from lighting.version import __version__
 from server.queries import LightingQuery, Query
-from server.schemas import MEDIA_TYPES, Format
 from server.service import Answer, Service
+from server.values import MEDIA_TYPES, Format
 
 
 def estimates(found: Sequence[Answer], query: LightingQuery, root: str) -> dict[str, Any]:

@@ -7,8 +7,9 @@ from pydantic import BaseModel, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from lighting.stereo import FEWEST_SHOTS, NOISES, ModelledSkies, Question
-from server.queries import Offset, Query, in_words, misfit
-from server.schemas import Between, named
+from server.queries import Query
+from server.texts import Offset, in_words, misfit
+from server.values import Between, named
 
 MOST_DAYS = 31  # of a range
 MOST_SHOTS = 64  # of a window; these two bound what a request costs, as does

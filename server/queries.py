@@ -1,124 +1,40 @@
 """The parameters in the URLs of requests, with units and ranges."""
 
-import re
-from collections.abc import Callable
 from dataclasses import fields
-from datetime import datetime
 from typing import Annotated, Any, Self
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationInfo,
-    WithJsonSchema,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from lighting.errors import ParameterError
 from lighting.evidence import SHORT_NAMES, Given, read_headings
 from lighting.files import Compression
-from lighting.photo import MIN_SIDE, read_offset, read_time
+from lighting.photo import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
 from lighting.sky import Model as SkyModel
-from server.problems import field_of
-from server.schemas import (
+from server.texts import Headings, Irradiances, Offset, Reflectances, Time, in_words, misfit
+from server.values import (
     GROUND_COLOR,
     SKY_IRRADIANCE,
     SUN_IRRADIANCE,
     Between,
+    CameraElevation,
+    CameraRoll,
     Exposure,
     Flag,
     FlagOrAuto,
     Format,
     GroundAlbedo,
     Height,
-    Irradiance,
-    Reflectance,
     SkyCover,
     SunAzimuth,
     SunElevation,
     Turbidity,
+    VerticalFov,
     named,
 )
 
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
-
-_DATE, _CLOCK, _OFFSET = (
-    r"[0-9]{4}-[01][0-9]-[0-3][0-9]",
-    r"[0-2][0-9]:[0-5][0-9](:[0-5][0-9])?",
-    r"[0-1][0-9]:[0-5][0-9]",
-)
-
-
-def misfit(field: str | None, reason: str) -> PydanticCustomError:
-    """An error that names the field at fault itself, as a check of several fields together must."""
-    return PydanticCustomError("parameter", "{reason}", {"reason": reason} | ({"field": field} if field else {}))
-
-
-def in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """The reader, with its ParameterError turned into the error of a field."""
-
-    def parsed(text: str) -> Any:
-        try:
-            return read(text)
-        except ParameterError as error:
-            raise misfit(field_of(error), str(error)) from error
-
-    return parsed
-
-
-def _time(text: str) -> datetime:
-    """Read a time; the plus sign of its offset may have become a space in the URL."""
-    return read_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
-
-
-def _headings(text: str) -> str:
-    """Check the text and return it: pydantic would read a list from repeated parameters."""
-    read_headings(text)
-    return text
-
-
-def _text(pattern: str, example: str) -> WithJsonSchema:
-    return WithJsonSchema({"type": "string", "pattern": f"^{pattern}$", "examples": [example]})
-
-
-Time = Annotated[
-    datetime | None,
-    BeforeValidator(in_words(_time)),
-    _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T08:53"),
-]
-Offset = Annotated[
-    float | None,
-    BeforeValidator(in_words(read_offset)),
-    _text(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
-]
-Headings = Annotated[
-    str | None,
-    BeforeValidator(in_words(_headings)),
-    _text(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
-]
-
-
-def _triple(text: Any) -> list[str] | None:
-    """Split "0.9,0.8,0.7", which comes as a list of one text, or of three."""
-    if text is None:
-        return None
-    joined = text if isinstance(text, str) else ",".join(map(str, text))
-    numbers = joined.split(",")
-    if len(numbers) != 3:
-        raise ParameterError(f"{joined!r} is not three numbers such as 0.9,0.8,0.7.")
-    return numbers
-
-
-_NUMBER = r"[0-9]+([.][0-9]+)?(e-?[0-9]+)?"
-_AS_TEXT = (BeforeValidator(in_words(_triple)), _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"))
-Irradiances = Annotated[tuple[Irradiance, Irradiance, Irradiance] | None, *_AS_TEXT]
-Reflectances = Annotated[tuple[Reflectance, Reflectance, Reflectance] | None, *_AS_TEXT]
 
 
 class Query(BaseModel):
@@ -308,8 +224,8 @@ class SkySceneQuery(SceneQuery, SkyParameters):
     """A scene from parameters alone."""
 
     sun: Flag = Field(True, description="include direct sunlight")
-    camera_elevation: Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)] = 0.0
-    camera_roll: Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = 0.0
-    vertical_fov: Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)] = 50.0
+    camera_elevation: CameraElevation = 0.0
+    camera_roll: CameraRoll = 0.0
+    vertical_fov: VerticalFov = 50.0
     plate_width: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1440
     plate_height: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1080

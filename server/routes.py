@@ -14,10 +14,11 @@ from server.plans import PlanQuery, StereoPlan
 from server.problems import documented
 from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkyQuery, SkySceneQuery
 from server.records import parse_record
-from server.schemas import MEDIA_TYPES, LightingEstimate, LightingEstimates, ModelCard
+from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 from server.service import Admitted, PhotoBytes, PhotosBytes, Services
 from server.settings import Settings
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
+from server.values import MEDIA_TYPES
 
 BINARY = {"type": "string", "format": "binary"}
 FORM_SCHEMA = {

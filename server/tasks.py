@@ -14,12 +14,13 @@ from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
 from lighting.photo import TARGET, Photo
 from lighting.preview import PHOTO_SIDE, preview_png
-from lighting.records import Lighting
+from lighting.records import Estimate, Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
 from server.matching import Matching
 from server.plans import PlanQuery
 from server.queries import (
     EnvmapQuery,
+    GivenQuery,
     LightingQuery,
     MapQuery,
     PhotoSceneQuery,
@@ -77,10 +78,7 @@ def envmap_file(lighting: Lighting, query: MapQuery, place: Place | None = None)
 
 def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> bytes:
     """The same from a photo's bytes."""
-    photo = service.read(data)
-    check_cancelled()
-    (estimate,) = service.estimate([photo], query.given())
-    check_cancelled()
+    photo, estimate = _estimated(service, data, query)
 
     def finer(side: int) -> Pixels:
         return service.read_finer(data, side).pixels
@@ -90,6 +88,15 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     return envmap_file(change(estimate.lighting, query.changes()), query, place)
 
 
+def _estimated(service: Service, data: bytes, query: GivenQuery) -> tuple[Photo, Estimate]:
+    """A photo's bytes as a photo, and its light."""
+    photo = service.read(data)
+    check_cancelled()
+    (estimate,) = service.estimate([photo], query.given())
+    check_cancelled()
+    return photo, estimate
+
+
 def upright_file(service: Service, data: bytes) -> bytes:
     """A photo's bytes, of any type that is read, as an upright JPEG."""
     return encode_jpeg(service.read_finer(data, SHOWN_SIDE).pixels, SHOWN_QUALITY)
@@ -97,10 +104,7 @@ def upright_file(service: Service, data: bytes) -> bytes:
 
 def preview_file(service: Service, data: bytes, query: PreviewQuery) -> bytes:
     """The preview of a photo's bytes, as PNG."""
-    photo = service.read(data)
-    check_cancelled()
-    (estimate,) = service.estimate([photo], query.given())
-    check_cancelled()
+    _, estimate = _estimated(service, data, query)
     pixels = service.read_finer(data, PHOTO_SIDE).pixels
     return preview_png(pixels, estimate, surroundings=query.surroundings)
 
@@ -114,10 +118,7 @@ def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: Place
 
 def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> bytes:
     """The same from a photo's bytes."""
-    photo = service.read(data)
-    check_cancelled()
-    (estimate,) = service.estimate([photo], query.given())
-    check_cancelled()
+    _, estimate = _estimated(service, data, query)
     lighting = change(estimate.lighting, query.changes())
     plate = service.read_finer(data, PLATE_SIDE)
     place = known_place(estimate, plate.pixels, wanted=query.surroundings, exposure=query.photo_exposure)

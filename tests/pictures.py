@@ -1,4 +1,4 @@
-"""16-bit pictures as files, which Pillow cannot write in colour."""
+"""PNG files that Pillow does not write: 16 bits in colour, parts of one's own, sizes that are not true."""
 
 import struct
 import zlib
@@ -18,18 +18,18 @@ def write_png16(path: Path, pixels: NDArray[np.uint16], camera: dict[int, Any] |
     rows = pixels.astype(">u2").view(np.uint8).reshape(height, -1)
     plain = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1).tobytes()
     block = exif(camera).tobytes().removeprefix(b"Exif\0\0") if camera else b""
-    header = struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
-    chunks = [
-        (b"IHDR", header),
-        *([(b"eXIf", block)] if block else []),
-        (b"IDAT", zlib.compress(plain, 1)),
-        (b"IEND", b""),
-    ]
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(*chunk) for chunk in chunks))
+    path.write_bytes(png(width, height, plain, *([chunk(b"eXIf", block)] if block else []), depth=16, colour=2))
     return path
 
 
-def _chunk(kind: bytes, data: bytes) -> bytes:
+def png(width: int, height: int, rows: bytes, *extra: bytes, depth: int = 8, colour: int = 0) -> bytes:
+    """A PNG that announces this size and kind, grey if not told, before these rows and further chunks."""
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
+    body = header + b"".join(extra) + chunk(b"IDAT", zlib.compress(rows, 1))
+    return b"\x89PNG\r\n\x1a\n" + body + chunk(b"IEND", b"")
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 

@@ -17,7 +17,7 @@ from lighting.cli import cli
 from lighting.evidence.declination import TYPICAL_DECLINATION
 from lighting.evidence.fusion import COMPASS_SPREAD, GROSS_ERRORS
 from lighting.evidence.metadata import GIVEN_HEADING_SPREAD
-from lighting.records import OPTIONAL_RANGES, RANGES
+from lighting.ranges import OPTIONAL_RANGES, RANGES
 from server.app import create_app
 from server.settings import Settings
 from tests.lighting.cli.runners import commands

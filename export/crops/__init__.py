@@ -1,8 +1,9 @@
 """Pictures for training and evaluation, taken from panoramas with their targets. Needs no torch."""
 
 from export.crops.augment import augment
-from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, training_camera
+from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, pinhole, training_camera
 from export.crops.crops import Crop, is_resolved, take
+from export.crops.exposure import automatic_gain
 from export.crops.irradiance import Irradiance, irradiance_of
 from export.crops.mosaic import companions, joined, same_view
 from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
@@ -22,6 +23,7 @@ __all__ = [
     "Source",
     "aimed_camera",
     "augment",
+    "automatic_gain",
     "companions",
     "generator",
     "irradiance_of",
@@ -34,6 +36,7 @@ __all__ = [
     "load_sources",
     "paper_camera",
     "photo_weights",
+    "pinhole",
     "same_view",
     "sampling_weights",
     "seen_from",

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
+from export.crops.cameras import pinhole
 from export.crops.crops import Crop
 from lighting.colour import luminance, tone_map
-from lighting.geometry import Floats, Pinhole, camera_directions
+from lighting.geometry import Floats, camera_directions
 
 _BOX, _BICUBIC = Image.Resampling.BOX, Image.Resampling.BICUBIC
 
@@ -67,8 +68,7 @@ def _hide_sky(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator)
     if rng.random() > 0.12:
         return linear
     height, width = linear.shape[:2]
-    c = crop.camera
-    up = camera_directions(Pinhole(width, height, c.vertical_fov, 0.0, c.elevation, c.roll))[..., 1]
+    up = camera_directions(pinhole(crop.camera, width, height))[..., 1]
     colour = rng.uniform(0.15, 1.3) * np.exp(rng.normal(0, 0.08, 3)).astype(np.float32)
     return np.where((up > np.sin(np.radians(rng.uniform(0, 12))))[..., None], colour, linear).astype(np.float32)
 

@@ -63,10 +63,14 @@ def aimed_camera(rng: np.random.Generator, azimuth: float, elevation: float) -> 
     return camera
 
 
+def pinhole(camera: Camera, width: int, height: int, azimuth: float = 0.0) -> Pinhole:
+    """The camera of a picture of that many pixels, which looks to an azimuth [deg]."""
+    return Pinhole(width, height, camera.vertical_fov, azimuth, camera.elevation, camera.roll)
+
+
 def pixel_of(camera: Camera, azimuth: float, elevation: float, width: int, height: int) -> tuple[float, float] | None:
     """Pixel (x, y) of a picture where a direction [deg] lies, its azimuth relative to the camera; None if outside."""
-    towards = direction(azimuth, elevation)
-    x, y = camera_pixel(towards, Pinhole(width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll))
+    x, y = camera_pixel(direction(azimuth, elevation), pinhole(camera, width, height))
     return (float(x), float(y)) if 0 <= x <= width and 0 <= y <= height else None
 
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.crops.cameras import Camera, pixel_of
+from export.crops.cameras import Camera, pinhole, pixel_of
+from export.crops.exposure import automatic_gain
 from export.crops.sources import Source
 from export.data import decode
-from lighting.colour import luminance
-from lighting.geometry import Floats, Pinhole, camera_directions, direction, sample_latlong, wrap_azimuth
+from lighting.geometry import Floats, camera_directions, direction, sample_latlong, wrap_azimuth
 from lighting.photo import fit_size
 from lighting.records import ModelSpec
 
@@ -69,7 +69,7 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
     width, height = fit_size(round(1000 * camera.aspect), 1000, spec)
     kernel = _KERNELS[source.panorama.kind]
     linear = resize(_view(source, camera, width, height, sharpness), width, height, kernel)
-    gain = _automatic_gain(linear) if source.panorama.kind == "hdr" else 1.0
+    gain = automatic_gain(linear) if source.panorama.kind == "hdr" else 1.0
     side = -1.0 if camera.mirrored else 1.0
     label = source.label
     nan = float("nan")
@@ -92,7 +92,7 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
-    rays = camera_directions(Pinhole(columns, rows, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll))
+    rays = camera_directions(pinhole(camera, columns, rows, camera.azimuth))
     sampled = sample_latlong(source.levels[level], rays.astype(np.float32)).astype(np.float32)
     ldr = source.panorama.kind == "ldr"
     return decode(np.round(sampled).astype(np.uint8)) if ldr else sampled
@@ -115,8 +115,3 @@ def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Re
     planes = [Image.fromarray(np.ascontiguousarray(image[..., c])) for c in range(3)]
     resized = [np.asarray(p.resize((width, height), kernel)) for p in planes]
     return np.asarray(np.maximum(np.stack(resized, axis=-1), 0.0))
-
-
-def _automatic_gain(linear: NDArray[np.float32]) -> float:
-    """The factor that brings a scene-referred view to a photo's exposure: its brighter parts end just below white."""
-    return float(0.7 / max(float(np.percentile(luminance(linear), 80)), 1e-6))

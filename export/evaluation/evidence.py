@@ -18,9 +18,9 @@ from lighting.evidence import (
     HEADING_TAIL,
     LENS_RATIO,
     MOST_APART,
+    NOTHING_GIVEN,
     Evidence,
     Fused,
-    Given,
     Gravity,
     fuse_photo,
     known,
@@ -75,7 +75,7 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], tak
 
 
 def _fuse(prediction: Prediction, taken: Taken, parts: tuple[str, ...]) -> Fused:
-    return fuse_photo(prediction, known(only(taken.facts, parts), Given()).evidence)
+    return fuse_photo(prediction, known(only(taken.facts, parts), NOTHING_GIVEN).evidence)
 
 
 def in_view_evidence(truth: Truth, said: Sequence[Prediction], pictures: Sequence[NDArray[np.uint8]]) -> str:
@@ -190,7 +190,7 @@ def _shares(
 
 def _share(said: Sequence[Prediction], facts: Sequence[PhotoFacts], parts: tuple[str, ...], word: str = "") -> float:
     """Percentage of photos with a warning that contains a word."""
-    return _warned(said, [known(only(f, parts), Given()).evidence for f in facts], word)
+    return _warned(said, [known(only(f, parts), NOTHING_GIVEN).evidence for f in facts], word)
 
 
 def _warned(said: Sequence[Prediction], evidence: Sequence[Evidence], word: str = "") -> float:

@@ -14,7 +14,7 @@ from export.evaluation.records import Truth
 from export.evaluation.simulated_metadata import COMPASS_ERROR, COMPASS_MEDIAN, Taken, only
 from export.evaluation.tables import figures_table
 from lighting.circular import Heading
-from lighting.evidence import Evidence, Fused, Given, fuse_together, known
+from lighting.evidence import NOTHING_GIVEN, Evidence, Fused, fuse_together, known
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import Prediction
 
@@ -74,7 +74,7 @@ def _compass(taken: Taken, rng: np.random.Generator, shared: float) -> Evidence:
 
 
 def _time(taken: Taken, _: np.random.Generator, __: float) -> Evidence:
-    return known(only(taken.facts, ("time+place",)), Given()).evidence
+    return known(only(taken.facts, ("time+place",)), NOTHING_GIVEN).evidence
 
 
 def _time_and_compass(taken: Taken, rng: np.random.Generator, shared: float) -> Evidence:

@@ -23,7 +23,7 @@ from export.evaluation.views import CROPS_EACH, View, cameras
 from lighting.colour import luminance, tone_map
 from lighting.decoding import colour
 from lighting.envmap import Place, level_irradiance, render, sky_irradiance, sun_irradiance, surround, with_irradiance
-from lighting.evidence import Given, estimate_of, fuse, known
+from lighting.evidence import NOTHING_GIVEN, estimate_of, fuse, known
 from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
 from lighting.photo import Photo, PhotoFacts, place
@@ -98,7 +98,7 @@ def estimates(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, Place
 
 def by_network(model: Model, pixels: NDArray[np.uint8]) -> Estimate:
     """What a network says of a crop's pixels (h, w, 3), before the colours that they show are looked at."""
-    facts = known(PhotoFacts(), Given())
+    facts = known(PhotoFacts(), NOTHING_GIVEN)
     return estimate_of(fuse(model.predict(place(pixels, model.spec)[None])[0], facts.evidence), facts)
 
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops import Crop
+from export.crops import Crop, pinhole
 from export.evaluation.sphere import HEIGHT, pooled
 from lighting.colour import luminance
 from lighting.envmap import rotate, row_levels
 from lighting.geometry import (
     Floats,
-    Pinhole,
     angle_between,
     angles,
     camera_pixel,
@@ -103,7 +102,7 @@ def mirrored_photo(crop: Crop) -> Floats:
     The picture's own angles are known; what is brighter than white is clipped, as in a photo.
     """
     height, width = crop.linear.shape[:2]
-    camera = Pinhole(width, height, crop.camera.vertical_fov, 0.0, crop.camera.elevation, crop.camera.roll)
+    camera = pinhole(crop.camera, width, height)
     across = math.degrees(2 * math.atan(width / 2 / camera.focal_length))
     azimuth, elevation = latlong_angles(HEIGHT)
     tilt = crop.camera.elevation

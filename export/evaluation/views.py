@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, generator, take
+from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, generator, pinhole, take
 from export.data import Panorama
 from export.evaluation.records import Answers, Truth
 from lighting.colour import tone_map
 from lighting.decoding import lighting_from
-from lighting.geometry import Floats, Pinhole, camera_directions
+from lighting.geometry import Floats, camera_directions
 from lighting.model import Model
 from lighting.photo import place
 from lighting.records import Prediction
@@ -82,8 +82,7 @@ def what_is_in_view(panorama: Panorama, crop: Crop) -> str:
     """By geometry: a visible sun, or more than SKY_SHARE of the frame above the horizon, or neither."""
     if panorama.sun == "visible" and crop.sun_pixel:
         return "sun in view"
-    c = crop.camera
-    rays = camera_directions(Pinhole(32, 24, c.vertical_fov, 0.0, c.elevation, c.roll))
+    rays = camera_directions(pinhole(crop.camera, 32, 24))
     return "sky in view" if np.mean(rays[..., 1] > 0) > SKY_SHARE else "no sky"
 
 

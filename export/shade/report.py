@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from export.crops import automatic_gain
 from export.evaluation.tables import figures_table
 from export.towns import RenderedPlace, random_place, random_sky
 from lighting.colour import SRGB_LINEAR, luminance, tone_map
@@ -23,7 +24,6 @@ from lighting.records import Lighting
 
 FIRST = 6000  # number of the first place; training renders those below 1,000, and 5,000 on chose the rule's constants
 WIDTH, HEIGHT = 320, 240  # pixels
-WHITE, BRIGHT = 0.7, 80  # linear value that this percentile of the luminance has in a photo
 LEAST_GROUND = 0.05  # of the picture
 LEAST_SUN = 0.5  # share of the sun that clouds let through
 WHOLE = 0.03  # share of the ground up to which a picture counts as all lit, or as all in shade
@@ -75,7 +75,7 @@ def _scene(number: int) -> Scene | None:
     if seen.ground.mean() < LEAST_GROUND:
         return None
     radiance = seen.sky + seen.sun
-    gain = WHITE / max(float(np.percentile(luminance(radiance), BRIGHT)), LEAST)
+    gain = automatic_gain(radiance)
     above = row_levels(len(sky.radiance)) @ sky.radiance.mean(axis=1, dtype=np.float64)
     light = replace(
         sky.lighting,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from export.stereo.surfaces import HELD_OUT, Surface, random_turn, read_mesh, view
+from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, view
 
 OBJECTS = ("bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
 
@@ -35,7 +35,7 @@ def subjects(data: Path, step: int = 1) -> Iterator[Subject]:
         if (data / "scanned_objects" / name).is_dir():
             yield _thinned(_scanned(data / "scanned_objects" / name), step)
     for file in sorted((data / "meshes").glob("*.obj")):
-        if file.stem.split("-")[0].split("_")[0] in HELD_OUT:
+        if is_held_out(file):
             yield from (_thinned(subject, step) for subject in _views(file))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from export.stereo.days import IMAGES, Day, believed, random_day
 from export.stereo.relief import relief
 from export.stereo.shading import Material, cast_shadows, shade
-from export.stereo.surfaces import HELD_OUT, Surface, random_turn, read_mesh, turned, view
+from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, turned, view
 from lighting.stereo.normals.features import BY_IMAGE, Features, features
 from lighting.stereo.normals.frame import to_camera
 from lighting.stereo.normals.search import Candidates, candidates, search
@@ -45,7 +45,7 @@ class Sample:
 def read_meshes(folder: Path) -> list[Mesh]:
     """The meshes to train on in a folder; none where it does not exist."""
     files = sorted(folder.glob("*.obj")) if folder.is_dir() else []
-    return [read_mesh(file) for file in files if file.stem.split("-")[0].split("_")[0] not in HELD_OUT]
+    return [read_mesh(file) for file in files if not is_held_out(file)]
 
 
 def samples(meshes: list[Mesh], seed: int) -> Iterator[Sample]:

@@ -28,6 +28,11 @@ class Surface:
     mask: NDArray[np.bool_]  # (H, W)
 
 
+def is_held_out(path: Path) -> bool:
+    """Whether an OBJ file holds one of HELD_OUT, by its name up to the first hyphen or underscore."""
+    return path.stem.split("-")[0].split("_")[0] in HELD_OUT
+
+
 def read_mesh(path: Path) -> tuple[Image, NDArray[np.intp]]:
     """Vertices (V, 3) and triangles (F, 3) of an OBJ file; faces of more corners are cut into fans."""
     vertices: list[list[float]] = []

@@ -6,16 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops import Camera, generator
+from export.crops import Camera, automatic_gain, generator, pinhole
 from export.data import Panorama, linear_of, read_picture
-from lighting.colour import luminance, tone_map
-from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
+from lighting.colour import tone_map
+from lighting.geometry import Floats, camera_directions, sample_latlong
 
 WIDTH, HEIGHT = 640, 480  # pixels; the panoramas hold no more
 FOVS = (40.0, 65.0)  # deg, vertical
 OVERLAPS = (0.25, 0.7)  # of neighbours' width
 GAINS = (0.7, 1.3)  # of each channel
-WHITE = 0.7  # what a bright part of scene-referred values is exposed to
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +51,13 @@ def exposed(panorama: Panorama) -> NDArray[np.float32]:
 
 def well_exposed(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """Scene-referred values (H, W, 3) times a number that brings their bright parts near white."""
-    return np.asarray(linear * (WHITE / max(float(np.percentile(luminance(linear), 80)), 1e-6)), dtype=np.float32)
+    return np.asarray(linear * automatic_gain(linear), dtype=np.float32)
 
 
 def photo(linear: NDArray[np.float32], camera: Camera, gain: Floats, rows: int = HEIGHT) -> NDArray[np.uint8]:
     """What a camera takes of a panorama in linear values (H, 2H, 3): `rows` of pixels."""
     columns = round(rows * camera.aspect)
-    rays = camera_directions(Pinhole(columns, rows, camera.vertical_fov, camera.azimuth, camera.elevation, camera.roll))
+    rays = camera_directions(pinhole(camera, columns, rows, camera.azimuth))
     return np.asarray(tone_map(sample_latlong(linear, rays.astype(np.float32)) * gain))
 
 

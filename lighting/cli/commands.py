@@ -19,7 +19,7 @@ from lighting.cli.files import (
     write_map,
     write_preview,
 )
-from lighting.cli.fit import print_fit
+from lighting.cli.fit import fitted, print_fit
 from lighting.cli.given import check_together, fit_option, given_options, headings_option, together_option
 from lighting.cli.group import cli
 from lighting.cli.options import (
@@ -64,7 +64,7 @@ def estimate(
     check_together(len(photos), given, **taken_together)
     estimator = load_estimator(model)
     if fit := taken_together.pop("fit"):
-        print_fit(estimator, photos, given, taken_together["headings"], fit, as_json, quiet)
+        print_fit(fitted(estimator, photos, fit, given, taken_together["headings"]), as_json, quiet)
         return
     report_unmatched(quiet, **taken_together)
     failed = 0

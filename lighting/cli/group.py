@@ -15,7 +15,7 @@ _HOME = {  # the module of each command; a call imports no other
     "estimate": "commands",
     "info": "info",
     "preview": "commands",
-    "probe": "probe",
+    "probe": "probe_fit",
     "render": "commands",
     "scene": "scene",
     "stereo": "stereo_normals",

@@ -1,6 +1,5 @@
-"""Commands about measured skies: exposures to a probe, and what a probe says."""
+"""Commands about measured skies: from exposures to a probe."""
 
-import json
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -8,18 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import naming
 from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
 from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
-    from lighting.probe.brackets import Shot
-    from lighting.probe.describe import SkyState
-    from lighting.probe.develop import Probe
-    from lighting.probe.exposures import Bracket
-    from lighting.probe.settings import Moment, Settings
+    from lighting.probe import Bracket, Moment, Probe, Settings, Shot
 
 KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
@@ -30,22 +24,16 @@ def probe() -> None:
 
 
 def _point(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    return None if text is None else _pair(text, "two numbers such as 1500,1000")
+    return None if text is None else pair(text, "two numbers such as 1500,1000")
 
 
-def _pair(text: str, what: str) -> tuple[float, float]:
+def pair(text: str, what: str) -> tuple[float, float]:
+    """Two numbers with a comma between them, which are `what`; BadParameter otherwise."""
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError as error:
         raise click.BadParameter(f"{text!r} is not {what}.") from error
     return x, y
-
-
-def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    found = None if text is None else _pair(text, "azimuth and elevation such as 120,35")
-    if found is not None and not (abs(found[0]) <= 360.0 and 0.0 <= found[1] <= 90.0):
-        raise click.BadParameter(f"{text!r} is no direction: azimuth -360 to 360, elevation 0 to 90.")
-    return found
 
 
 @probe.command()
@@ -82,8 +70,7 @@ def merge(
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
     filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
     """
-    from lighting.probe.brackets import shot_of, shots_of
-    from lighting.probe.settings import Settings
+    from lighting.probe import Settings, shot_of, shots_of
 
     _check_output(output, series)
     _check_lens(options)
@@ -118,7 +105,7 @@ def _check_output(output: str, series: bool) -> None:
 
 def _check_lens(options: dict[str, Any]) -> None:
     """Raise UsageError for an option that the lens does not have."""
-    from lighting.probe.lens import ABSENT
+    from lighting.probe import ABSENT
 
     kind = options["kind"]
     for name in ABSENT.get(kind, ()):
@@ -140,7 +127,7 @@ def _check_told(
 
 def _check_targets(shots: Sequence["Shot"], moments: Sequence["Moment"], output: str) -> None:
     """Raise UsageError where a probe would replace an exposure or another probe."""
-    from lighting.probe.write import target_of
+    from lighting.probe import target_of
 
     targets = [target_of(output, moment.time).resolve() for moment in moments]
     if not {file.resolve() for shot in shots for file in shot.files}.isdisjoint(targets):
@@ -150,7 +137,7 @@ def _check_targets(shots: Sequence["Shot"], moments: Sequence["Moment"], output:
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:
-    from lighting.probe.brackets import pictures_in
+    from lighting.probe import pictures_in
 
     return [file for path in exposures for file in (pictures_in(path) if path.is_dir() else [path])]
 
@@ -160,7 +147,7 @@ def _moment(
 ) -> "Moment":
     from dataclasses import replace
 
-    from lighting.probe.settings import Moment
+    from lighting.probe import Moment
 
     told = replace(shot, time=time) if time is not None else shot
     place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)
@@ -170,8 +157,7 @@ def _moment(
 
 
 def _merge_one(shot: "Shot", moment: "Moment", settings: "Settings", output: str, quiet: bool) -> None:
-    from lighting.probe.develop import make_probe
-    from lighting.probe.write import write_probe
+    from lighting.probe import make_probe, write_probe
 
     made = make_probe(_bracket(shot, settings), moment, settings)
     _report(made, write_probe(made, output), quiet)
@@ -184,8 +170,7 @@ def _merge_series(
 
     from tqdm import tqdm
 
-    from lighting.probe.develop import make_series
-    from lighting.probe.write import write_probe
+    from lighting.probe import make_series, write_probe
 
     readers = [partial(_bracket, shot, settings) for shot in shots]
     for made in tqdm(make_series(readers, moments, settings), total=len(shots), unit="probe", disable=quiet or None):
@@ -193,8 +178,7 @@ def _merge_series(
 
 
 def _bracket(shot: "Shot", settings: "Settings") -> "Bracket":
-    from lighting.probe.exposures import read_bracket
-    from lighting.probe.silence import silence
+    from lighting.probe import read_bracket, silence
 
     with silence():
         return read_bracket(shot.files, settings.curve)
@@ -218,34 +202,3 @@ def _fit_in_words(made: "Probe") -> str:
         words += f", lens {lens.fov:.1f}°"
         words += ", mirrored" if lens.mirrored else ""
     return words
-
-
-@probe.command()
-@click.argument("sky", metavar="PROBE.exr", type=click.Path(exists=True, dir_okay=False))
-@click.option("--sun", metavar="AZIMUTH,ELEVATION", callback=_direction, help="Where it is, deg. [found in the map]")
-@click.option("--json", "as_json", is_flag=True, help="One JSON record.")
-def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
-    """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""
-    state = _state(sky, sun)
-    if as_json:
-        click.echo(json.dumps({"file": sky, **state.to_dict()}))
-        return
-    trust = "" if state.trusted else ", not to be trusted"
-    click.echo(
-        f"{sky}: sun {state.sun_azimuth:.1f}° right of the centre, {state.sun_elevation:.1f}° high "
-        f"({state.sun_source}); "
-        f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
-        f"{trust}; cover {100 * state.cover:.0f} %"
-    )
-
-
-def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
-    """What the map in a file says; errors name the file."""
-    from lighting.files.exr import read_map
-    from lighting.probe.describe import describe
-    from lighting.probe.silence import silence
-
-    with silence():
-        image = read_map(sky)
-    with naming(sky):
-        return describe(image, sun)

@@ -102,13 +102,13 @@ def _check(asked: _Options) -> None:
 
 
 def _check_record(asked: _Options) -> None:
-    from lighting.evidence import Given
+    from lighting.evidence import NOTHING_GIVEN
 
     if asked.model is not None:
         raise click.UsageError("--lighting states the light; no network is run, so --model does not go with it.")
     if asked.surroundings is not None:
         raise click.UsageError("--lighting states the light; what lies around is not in it: leave out --surroundings.")
-    if asked.given != Given():
+    if asked.given != NOTHING_GIVEN:
         raise click.UsageError("--lighting states the light; time, place, heading and the like do not go with it.")
     if asked.photo == asked.record == "-":
         raise click.UsageError("The photo and the record cannot both be stdin.")

@@ -4,6 +4,7 @@ from lighting.envmap.changing import change
 from lighting.envmap.clear import Image, row_levels
 from lighting.envmap.ground import photo_ground
 from lighting.envmap.lit_ground import lit_ground
+from lighting.envmap.photo_view import camera_of
 from lighting.envmap.render import (
     ground_reflectance,
     level_irradiance,
@@ -21,6 +22,7 @@ __all__ = [
     "Image",
     "Place",
     "brighten",
+    "camera_of",
     "change",
     "ground_reflectance",
     "known_place",

@@ -10,7 +10,8 @@ from lighting.colour import luminance
 from lighting.envmap.clear import clear_irradiance, lobe_table
 from lighting.envmap.disc import disc_power
 from lighting.geometry import Floats
-from lighting.records import COLOUR_RANGES, Colour, Lighting
+from lighting.ranges import COLOUR_RANGES
+from lighting.records import Colour, Lighting
 
 _LEAST = 1e-9  # irradiance that stands for none
 _LOWEST = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have

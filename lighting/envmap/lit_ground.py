@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import SRGB_LINEAR, luminance
+from lighting.envmap.photo_view import camera_of
 from lighting.envmap.render import sky_irradiance, sun_irradiance
-from lighting.geometry import Floats, Pinhole, camera_directions
+from lighting.geometry import Floats, camera_directions
 from lighting.records import Lighting
 
 _SIDE = 256  # pixels of the answer's longer side, at most
@@ -135,8 +136,7 @@ def _blocks(grey: Floats) -> Floats:
 
 def _below_horizon(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
     """Which blocks (rows, columns) of a picture show ground, if nothing stands on it."""
-    tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
-    rays = camera_directions(Pinhole(blocks[1], blocks[0], lighting.vertical_fov, **tilt))
+    rays = camera_directions(camera_of(lighting, blocks[1], blocks[0]))
     return np.asarray(rays[..., 1] < -_BELOW)
 
 

@@ -36,6 +36,11 @@ class Shown:
         return Shown(slice(top, bottom), self.columns, self.linear[own], self.weight[own])
 
 
+def camera_of(lighting: Lighting, width: int, height: int) -> Pinhole:
+    """The camera that took a photo, which is shown in `width` x `height` pixels; it looks to azimuth 0."""
+    return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
+
+
 def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image, gain: float = 1.0) -> Shown | None:
     """A photo (h, w, 3, sRGB) as the map (H, 2H, 3) sees it, times a gain; None where it is under a few degrees wide.
 
@@ -43,8 +48,7 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image, gain: floa
     """
     height = len(image)
     picture = _fitted(photo, lighting.vertical_fov, height)
-    tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
-    camera = Pinhole(picture.shape[1], picture.shape[0], lighting.vertical_fov, **tilt)
+    camera = camera_of(lighting, picture.shape[1], picture.shape[0])
     window = _window(camera, height)
     if window is None:
         return None
@@ -66,8 +70,7 @@ def sampled(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Float
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
     small = pixels[first[0] :: step, first[1] :: step]
-    tilt = {"elevation": lighting.camera_elevation, "roll": lighting.camera_roll}
-    return SRGB_LINEAR[small], camera_directions(Pinhole(small.shape[1], small.shape[0], lighting.vertical_fov, **tilt))
+    return SRGB_LINEAR[small], camera_directions(camera_of(lighting, small.shape[1], small.shape[0]))
 
 
 def shown_size(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:

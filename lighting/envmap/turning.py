@@ -9,7 +9,8 @@ from lighting.colour import luminance
 from lighting.envmap.clear import Image
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.records import COLOUR_RANGES, RANGES, Colour, Lighting
+from lighting.ranges import COLOUR_RANGES, RANGES
+from lighting.records import Colour, Lighting
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 

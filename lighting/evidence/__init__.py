@@ -8,24 +8,19 @@ if TYPE_CHECKING:
     from lighting.evidence.answer import estimate_of
     from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
     from lighting.evidence.declination import magnetic_declination
+    from lighting.evidence.distributions import elevation_density, ring_of, seen_from
     from lighting.evidence.ephemeris import SUNSET, sun_position
-    from lighting.evidence.facts import zones
+    from lighting.evidence.facts import location_of, zones
     from lighting.evidence.fit import KINDS, Fit, Range, series_of
-    from lighting.evidence.frames import check_heading, check_headings
+    from lighting.evidence.frames import check_heading, check_headings, read_headings
     from lighting.evidence.fusion import Evidence, Fused, fuse, stand
-    from lighting.evidence.given import SHORT_NAMES, Given
+    from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given
     from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
+    from lighting.evidence.overlap import power
     from lighting.evidence.said import said_of
     from lighting.evidence.seen import fuse_photo
-    from lighting.evidence.together import (
-        elevation_density,
-        fuse_together,
-        power,
-        read_headings,
-        ring_of,
-        seen_from,
-    )
+    from lighting.evidence.together import fuse_together
 
 __all__ = [
     "ELEVATION_TAIL",
@@ -33,6 +28,7 @@ __all__ = [
     "KINDS",
     "LENS_RATIO",
     "MOST_APART",
+    "NOTHING_GIVEN",
     "SHORT_NAMES",
     "SUNSET",
     "Evidence",
@@ -54,6 +50,7 @@ __all__ = [
     "known_alone",
     "known_later",
     "known_together",
+    "location_of",
     "magnetic_declination",
     "power",
     "read_headings",
@@ -75,6 +72,7 @@ __getattr__ = from_homes(
         "KINDS": "fit",
         "LENS_RATIO": "contradiction",
         "MOST_APART": "gravity",
+        "NOTHING_GIVEN": "given",
         "SHORT_NAMES": "given",
         "SUNSET": "ephemeris",
         "Evidence": "fusion",
@@ -87,7 +85,7 @@ __getattr__ = from_homes(
         "camera_evidence": "metadata",
         "check_heading": "frames",
         "check_headings": "frames",
-        "elevation_density": "together",
+        "elevation_density": "distributions",
         "estimate_of": "answer",
         "fuse": "fusion",
         "fuse_photo": "seen",
@@ -96,12 +94,13 @@ __getattr__ = from_homes(
         "known_alone": "metadata",
         "known_later": "metadata",
         "known_together": "metadata",
+        "location_of": "facts",
         "magnetic_declination": "declination",
-        "power": "together",
-        "read_headings": "together",
-        "ring_of": "together",
+        "power": "overlap",
+        "read_headings": "frames",
+        "ring_of": "distributions",
         "said_of": "said",
-        "seen_from": "together",
+        "seen_from": "distributions",
         "series_of": "fit",
         "stand": "fusion",
         "sun_position": "ephemeris",

@@ -64,7 +64,7 @@ def _in_zone(facts: PhotoFacts, utc_offset: float) -> PhotoFacts:
     return replace(facts, utc_offset=utc_offset, utc_time=in_utc(facts.local_time, utc_offset))
 
 
-def place_of(facts: PhotoFacts) -> tuple[float, float] | None:
+def location_of(facts: PhotoFacts) -> tuple[float, float] | None:
     """Latitude and longitude [deg], where they are known."""
     return None if facts.latitude is None or facts.longitude is None else (facts.latitude, facts.longitude)
 

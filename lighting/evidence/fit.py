@@ -10,7 +10,7 @@ import numpy as np
 from lighting.errors import ParameterError
 from lighting.evidence.answer import UNSUITABLE
 from lighting.evidence.ephemeris import sun_position
-from lighting.evidence.facts import ZONE_LEAD, merge, of_one_place, place_of
+from lighting.evidence.facts import ZONE_LEAD, location_of, merge, of_one_place
 from lighting.evidence.frames import contrary_up, frames
 from lighting.evidence.fusion import Evidence
 from lighting.evidence.given import Given
@@ -155,7 +155,7 @@ def _longitudes(facts: PhotoFacts) -> Floats:
 
 def _time(series: Series) -> Fit:
     utc = _utc(series)
-    place, times = place_of(series.facts[0]), utc or _local(series)
+    place, times = location_of(series.facts[0]), utc or _local(series)
     if place is None or times is None:
         raise ParameterError("Date and time are fitted to photos that say where they are and how far apart in time.")
     days, shifts = np.arange(0, 365, DAY_STEP), np.arange(-12.0, 12.0, SHIFT_STEP)

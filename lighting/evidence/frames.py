@@ -11,6 +11,7 @@ from lighting.circular import mean_angle
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence
 from lighting.geometry import Floats, angle_between, camera_axes, wrap_azimuth
+from lighting.ranges import check_range
 from lighting.records import Prediction
 
 if TYPE_CHECKING:
@@ -73,6 +74,17 @@ def check_heading(photos: int, heading: float | None) -> None:
     """Raise ParameterError where the one heading is given for several photos."""
     if heading is not None and photos > 1:
         raise ParameterError("heading is that of one photo; photos taken together have headings.")
+
+
+def read_headings(text: str) -> list[float]:
+    """Degrees in "0,45,90", as `together` takes them; ParameterError otherwise."""
+    try:
+        headings = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise ParameterError(f"{text!r} is not a list of degrees such as 0,45,90.") from error
+    for angle in headings:
+        check_range("heading", angle, -360.0, 360.0)
+    return headings
 
 
 def frames(

@@ -7,7 +7,7 @@ from typing import Any
 
 from lighting.errors import ParameterError
 from lighting.photo import OFFSETS, YEARS
-from lighting.records import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
+from lighting.ranges import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
 
 # The names of options and HTTP parameters that differ from the fields of Given.
 SHORT_NAMES = {"exif": "use_exif", "lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
@@ -55,3 +55,6 @@ class Given:
         if not self.use_exif and (self.time is None) != (self.latitude is None):
             missing = "time" if self.time is None else "latitude"
             raise ParameterError("A time needs a place, and a place a time.", missing)
+
+
+NOTHING_GIVEN = Given()

@@ -8,7 +8,7 @@ from typing import Any
 from lighting.errors import ParameterError
 from lighting.evidence.declination import TYPICAL_DECLINATION, magnetic_declination
 from lighting.evidence.ephemeris import CIVIL_TWILIGHT
-from lighting.evidence.facts import by_one_clock, merge, of_one_place, place_of
+from lighting.evidence.facts import by_one_clock, location_of, merge, of_one_place
 from lighting.evidence.fusion import COMPASS_SPREAD, Evidence, zones_of_day
 from lighting.evidence.given import Given
 from lighting.evidence.gravity import Gravity
@@ -71,7 +71,7 @@ def _known(merged: PhotoFacts, candidates: Suns, given: Given) -> Known:
         **_compass(merged, given),
     )
     sun_is_up = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS
-    location = place_of(merged) if given.keep_location else None
+    location = location_of(merged) if given.keep_location else None
     return Known(evidence, warnings, sun_is_up, bool(candidates) and highest < CIVIL_TWILIGHT, location)
 
 
@@ -119,7 +119,7 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
 
 def elsewhere(facts: PhotoFacts, used: PhotoFacts) -> tuple[str, ...]:
     """A warning where a photo's own place is another than the one that is used for all."""
-    places = (place_of(facts), place_of(used))
+    places = (location_of(facts), location_of(used))
     there = [direction(place[1], place[0]) for place in places if place is not None]
     if len(there) < 2:
         return ()
@@ -171,5 +171,5 @@ def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
 
 def _declination(facts: PhotoFacts) -> float | None:
     time = facts.utc_time or facts.local_time
-    place = place_of(facts)
+    place = location_of(facts)
     return None if time is None or place is None else magnetic_declination(*place, time)

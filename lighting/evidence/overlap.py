@@ -51,6 +51,11 @@ def counts(
     return np.asarray(there / (1.0 + matrix @ there))
 
 
+def power(count: int, correlation: float) -> float:
+    """Exponent of each of `count` distributions whose errors correlate."""
+    return 1.0 / (1.0 + (count - 1) * correlation)
+
+
 def multiplied(log: Floats, share: Floats, correlation: Correlation, area: Floats | float = 1.0) -> Floats:
     """Probabilities (...), 1 in sum, of cells of some area (...) by log densities (n, ...) of views that count (n,)."""
     apart, alike = (_product(log, power, area) for power in (share, share / share.sum()))

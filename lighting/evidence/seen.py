@@ -17,7 +17,8 @@ from lighting.decoding import best_guess
 from lighting.evidence.fusion import Evidence, Fused, Stood, fuse_stood, stand
 from lighting.evidence.gravity import tilt_spread
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_pixel, direction, wrap_azimuth
-from lighting.records import RANGES, Prediction
+from lighting.ranges import RANGES
+from lighting.records import Prediction
 from lighting.sun_grid import grid_directions, over_cells, soft_label
 
 PIXEL_SPREAD = 2.0  # deg, of the seen sun's pixel: the network says its cell, 16 of 224 pixels

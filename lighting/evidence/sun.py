@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.evidence.ephemeris import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
-from lighting.evidence.facts import place_of, zones
+from lighting.evidence.facts import location_of, zones
 from lighting.geometry import SUN_RADIUS
 from lighting.photo import PhotoFacts
 
 
 def suns(facts: PhotoFacts) -> tuple[tuple[float, float], ...]:
     """Elevations and compass azimuths [deg]: one for a time in UTC, one per possible zone for a local time."""
-    if (place := place_of(facts)) is None:
+    if (place := location_of(facts)) is None:
         return ()
     azimuth, elevation = sun_position(_times(facts, place[1]), *place)
     return tuple(zip(elevation.tolist(), azimuth.tolist(), strict=True))
@@ -45,7 +45,7 @@ def _phase(elevation: float, facts: PhotoFacts) -> str:
 
 
 def _is_polar_night(facts: PhotoFacts) -> bool:
-    if (place := place_of(facts)) is None:
+    if (place := location_of(facts)) is None:
         return False
     around = _times(facts, place[1])[:1] + np.arange(-12, 13).astype("timedelta64[h]")
     return bool(np.max(sun_position(around, *place)[1]) < -SUN_RADIUS)

@@ -13,6 +13,7 @@ import numpy as np
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading, von_mises
 from lighting.decoding import light_numbers, light_of_numbers, said_elevation
 from lighting.errors import ParameterError
+from lighting.evidence.distributions import ELEVATION_SPREAD, elevation_density, noisy_cells, noisy_rings, seen_from
 from lighting.evidence.frames import Frames, contrary_up, frames
 from lighting.evidence.fusion import (
     Evidence,
@@ -26,10 +27,10 @@ from lighting.evidence.fusion import (
     stand,
     zones_of_day,
 )
-from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts, multiplied
+from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts, multiplied, power
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.records import EVIDENCE, Light, Prediction, SunEstimate, check_range
-from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
+from lighting.records import EVIDENCE, Light, Prediction, SunEstimate
+from lighting.sun_grid import grid_directions, grid_solid_angle
 
 if TYPE_CHECKING:
     from lighting.turns import Placed
@@ -40,9 +41,6 @@ _APART = (
     "Nothing in the photos that overlap with it was found in the first photo: how it is turned against that one is "
     "inferred from their light alone."
 )
-_BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # in spreads, over which a noisy heading is averaged on the grid
-_HIDDEN = 1.5  # deg, errors of a heading that do not show beside the 4 deg between cells
-_ELEVATION_SPREAD = 4.0  # deg, kernel of an elevation's density
 _LOWEST = 1e-12  # density that stands for none
 _BIN_SPREAD = 0.5  # deg, least spread of a heading over whole degrees
 
@@ -105,22 +103,6 @@ def _used(fused: Fused, source: str) -> tuple[str, ...]:
     """What counts for the answer; compass headings also where they only say how the photos lie to each other."""
     used = {*fused.used, "other photos", source}
     return tuple(name for name in EVIDENCE if name in used)
-
-
-def read_headings(text: str) -> list[float]:
-    """Degrees in "0,45,90", as `together` takes them; ParameterError otherwise."""
-    try:
-        headings = [float(part) for part in text.split(",")]
-    except ValueError as error:
-        raise ParameterError(f"{text!r} is not a list of degrees such as 0,45,90.") from error
-    for angle in headings:
-        check_range("heading", angle, -360.0, 360.0)
-    return headings
-
-
-def power(count: int, correlation: float) -> float:
-    """Exponent of each of `count` distributions whose errors correlate."""
-    return 1.0 / (1.0 + (count - 1) * correlation)
 
 
 def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
@@ -196,42 +178,12 @@ def _in_one_frame(predictions: Sequence[Prediction], turns: Frames) -> list[Floa
         return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
     exponent = counts(*axes(predictions, turns.turn), SUN)
-    blurred = [_with_noise_on_grid(p, float(n), turns.useless) for p, n in zip(predictions, turns.noise, strict=True)]
+    blurred = [noisy_cells(p, float(n), turns.useless) for p, n in zip(predictions, turns.noise, strict=True)]
     answers = []
     for own in turns.turn:
         seen = [seen_from(q, own - turn, layout) for q, turn in zip(blurred, turns.turn, strict=True)]
         answers.append(multiplied(np.log(np.maximum(seen, _LOWEST)), exponent, SUN, grid_solid_angle(layout)))
     return answers
-
-
-def _with_noise_on_grid(prediction: Prediction, noise: float, useless: float) -> Floats:
-    """Probabilities (N,) over the cells after an error of the heading [deg], gross in a `useless` share of cases."""
-    if not noise:
-        return prediction.sun_probability
-    layout = prediction.spec.sun_grid
-    anywhere = elevation_density(prediction, angles(grid_directions(layout))[1]) * grid_solid_angle(layout)
-    return np.asarray((1 - useless) * _turned_about(prediction, noise) + useless * anywhere)
-
-
-def _turned_about(prediction: Prediction, noise: float) -> Floats:
-    """Probabilities (N,) over the cells, averaged over a normal error of the heading [deg] that cells can show."""
-    if noise < _HIDDEN:
-        return prediction.sun_probability
-    layout, weight = prediction.spec.sun_grid, np.exp(-0.5 * np.square(_BLUR_STEPS))
-    seen = [seen_from(prediction.sun_probability, noise * step, layout) for step in _BLUR_STEPS]
-    return np.asarray(weight @ np.array(seen) / weight.sum() * grid_solid_angle(layout))
-
-
-def seen_from(probability: Floats, turn: float, layout: str) -> Floats:
-    """The density (N,) at the cells of a camera that is turned by `turn` [deg] clockwise from the probability's."""
-    azimuth, elevation = angles(grid_directions(layout))
-    return smooth_density(probability, direction(azimuth + turn, elevation), layout)
-
-
-def ring_of(prediction: Prediction, elevation: float, turn: float) -> Floats:
-    """The density (360,) along an elevation [deg], by azimuth from 0 to 359, as `seen_from` gives that of the cells."""
-    suns = direction(HEADINGS + turn, elevation)
-    return smooth_density(prediction.sun_probability, suns, prediction.spec.sun_grid)
 
 
 def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Evidence], turns: Frames) -> list[Fused]:
@@ -240,7 +192,7 @@ def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Evidence], t
     prior = [compass_prior(e) for e in evidence]
     weights: dict[int, Floats] = {}
     for own in turns.members():
-        noisy = [_with_noise(density[i], float(turns.noise[i]), turns.useless) for i in own]
+        noisy = [noisy_rings(density[i], float(turns.noise[i]), turns.useless) for i in own]
         alike = _likeness([evidence[i] for i in own])
         exponent = counts(*axes([predictions[i] for i in own], turns.turn[own]), AZIMUTH, alike)
         found = _share_heading(noisy, [prior[i] for i in own], turns.turn[own], exponent)
@@ -263,14 +215,6 @@ def _share_zone(weights: Sequence[Floats], turns: Frames) -> list[Floats]:
     return [w / m * zone for w, m in zip(weights, mass, strict=True)]
 
 
-def _with_noise(density: Floats, noise: float, useless: float) -> Floats:
-    """Densities (K, 360) after an error of the heading [deg], gross in a `useless` share of cases."""
-    if not noise:
-        return density
-    anywhere = density.mean(axis=1, keepdims=True)
-    return np.asarray((1 - useless) * blur(density, noise) + useless * anywhere)
-
-
 def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Floats, exponent: Floats) -> list[Floats]:
     """Weights (K, 360) of each photo when one heading gives all; compass errors are shared, so priors are averaged."""
     compasses = max(1, sum(p.min() < p.max() for p in prior))
@@ -288,14 +232,6 @@ def _turned(value: Floats, turn: float) -> Floats:
     return np.asarray((1 - share) * value[..., low % 360] + share * value[..., (low + 1) % 360])
 
 
-def elevation_density(prediction: Prediction, elevation: Floats) -> Floats:
-    """Density [1/sr] (N,) at elevations (N,) [deg], averaged over azimuth."""
-    layout = prediction.spec.sun_grid
-    cells = angles(grid_directions(layout))[1]
-    weight = np.exp(-0.5 * ((elevation[:, None] - cells) / _ELEVATION_SPREAD) ** 2)
-    return np.asarray(weight @ prediction.sun_probability / (weight @ grid_solid_angle(layout)))
-
-
 def _relative(photo: int, answers: Sequence[Fused], turns: Frames) -> Heading:
     """How far a camera is turned from the first: as matched, or from where both see the one sun."""
     turn = turns.heading_of_first(photo) if turns.source == "turns" else None
@@ -308,4 +244,4 @@ def _relative(photo: int, answers: Sequence[Fused], turns: Frames) -> Heading:
 def _azimuths(fused: Fused) -> Floats:
     """Probability (360,) of the sun's azimuth over whole degrees, smoothed by the size of a cell."""
     azimuth = np.round(angles(fused.directions)[0]).astype(int) % 360
-    return blur(np.bincount(azimuth, fused.probability, 360).astype(np.float64), _ELEVATION_SPREAD)
+    return blur(np.bincount(azimuth, fused.probability, 360).astype(np.float64), ELEVATION_SPREAD)

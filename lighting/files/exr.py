@@ -21,7 +21,8 @@ from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.atomic import replacing
 from lighting.files.compression import Compression, packed_with
 from lighting.files.record import full_record
-from lighting.records import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, Lighting
+from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
+from lighting.records import Lighting
 from lighting.version import __version__
 
 Image = NDArray[np.float32]

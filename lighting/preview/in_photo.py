@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import srgb_decode, tone_map
-from lighting.envmap import lit_ground
+from lighting.envmap import camera_of, lit_ground
 from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
 from lighting.preview.shading import Stage, ground, shade
 from lighting.preview.spheres import SPACING
@@ -30,13 +30,7 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
 
     `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
     """
-    camera = Pinhole(
-        picture.width,
-        picture.height,
-        lighting.vertical_fov,
-        elevation=lighting.camera_elevation,
-        roll=lighting.camera_roll,
-    )
+    camera = camera_of(lighting, picture.width, picture.height)
     centres = ball_centres(camera)
     if centres is None:
         return picture

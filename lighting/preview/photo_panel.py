@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
+from lighting.envmap import camera_of
+from lighting.geometry import Floats, camera_axes, camera_pixel, direction
 from lighting.preview.in_photo import with_balls
 from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, write, write_inside
 from lighting.preview.layout import Box
@@ -41,16 +42,7 @@ def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
 
 
 def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting) -> Floats:
-    pixels = camera_pixel(
-        directions,
-        Pinhole(
-            picture.width,
-            picture.height,
-            lighting.vertical_fov,
-            elevation=lighting.camera_elevation,
-            roll=lighting.camera_roll,
-        ),
-    )
+    pixels = camera_pixel(directions, camera_of(lighting, picture.width, picture.height))
     return pixels[~np.isnan(pixels[:, 0])]
 
 

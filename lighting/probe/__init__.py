@@ -5,13 +5,16 @@ from lighting.probe.describe import SkyState, describe
 from lighting.probe.develop import Probe, make_probe, make_series
 from lighting.probe.exposures import Bracket, bracket_of, read_bracket
 from lighting.probe.folders import ProbeFile, probe_path, probes_in
+from lighting.probe.lens import ABSENT
 from lighting.probe.orientation import Orientation, Scan, orient
 from lighting.probe.settings import Moment, Settings
+from lighting.probe.silence import silence
 from lighting.probe.sky_fit import SkyFit, fit_sky
 from lighting.probe.sun_finder import FoundSun, find_sun
-from lighting.probe.write import write_probe
+from lighting.probe.write import target_of, write_probe
 
 __all__ = [
+    "ABSENT",
     "Bracket",
     "FoundSun",
     "Moment",
@@ -36,5 +39,7 @@ __all__ = [
     "read_bracket",
     "shot_of",
     "shots_of",
+    "silence",
+    "target_of",
     "write_probe",
 ]

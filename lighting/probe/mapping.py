@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Floats, direction
 from lighting.probe.lens import Lens, lens_pixels, pixels_per_degree
-
-Mask = NDArray[np.bool_]
+from lighting.probe.regions import Mask
 
 _MOST_SAMPLES, _MOST_SAMPLES_OF_SMALL = 4, 6  # per side of a pixel, of maps from and under
 _SMALL = 256  # rows

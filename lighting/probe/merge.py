@@ -14,8 +14,7 @@ from lighting.geometry import Floats
 from lighting.probe.exposures import Bracket
 from lighting.probe.noise import noise_variance
 from lighting.probe.ratios import beside, clipped
-
-Mask = NDArray[np.bool_]
+from lighting.probe.regions import Mask
 
 _ROWS = 128  # merged at once, so that little memory is needed beside the exposures
 

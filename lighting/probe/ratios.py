@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
 from lighting.geometry import Floats
 from lighting.photo import LinearPhoto
 from lighting.probe.exposures import Bracket
 from lighting.probe.noise import noise_variance
+from lighting.probe.regions import Mask
 
 LEAST_VALUE, MOST_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
 LEAST_SAMPLES = 24  # values that a ratio is measured from
@@ -95,12 +95,12 @@ def measured_ratio(short: LinearPhoto, long: LinearPhoto) -> Ratio | None:
     )
 
 
-def clipped(photo: LinearPhoto) -> NDArray[np.bool_]:
+def clipped(photo: LinearPhoto) -> Mask:
     """Pixels (H, W) of which a channel is clipped."""
     return np.asarray((photo.pixels >= photo.white).any(axis=-1))
 
 
-def beside(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def beside(mask: Mask) -> Mask:
     """The mask (H, W) and the eight neighbours of each of its pixels: a lens and demosaicing smear over one."""
     wide = mask.copy()
     wide[1:] |= mask[:-1]

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from lighting.geometry import Floats
 from lighting.photo import LinearPhoto
 from lighting.probe.exposures import Bracket
-from lighting.probe.merge import Mask, Merged
+from lighting.probe.merge import Merged
 from lighting.probe.noise import smooth_below
 from lighting.probe.ratios import beside, clipped
+from lighting.probe.regions import Mask
 
 Pixels = NDArray[np.float32]
 

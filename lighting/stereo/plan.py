@@ -6,7 +6,7 @@ from datetime import date
 from typing import Any
 
 from lighting.geometry import Floats
-from lighting.records import check_range
+from lighting.ranges import check_range
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
 FEWEST_SHOTS, MOST_SHOTS = 3, 1000

@@ -7,7 +7,7 @@ from typing import Any
 
 from lighting.errors import ParameterError
 from lighting.photo import OFFSETS, YEARS
-from lighting.records import OPTIONAL_RANGES, check_range
+from lighting.ranges import OPTIONAL_RANGES, check_range
 from lighting.stereo.days import Place, Weather, clear_brightness, modelled_day
 from lighting.stereo.plan import Plan, Question
 from lighting.stereo.planning import Progress, days_between, make_plan

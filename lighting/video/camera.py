@@ -24,12 +24,11 @@ from lighting.scene.usd import APERTURE_UNIT
 from lighting.video.records import light_of
 from lighting.video.shot import Shot
 
-TOOLS = ("blender", "usd")
 STAGE, SCRIPT, NUMBERS = "shot.usda", "shot.py", "shot.json"
 
 
 def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float) -> None:
-    """Write a shot's scene for one of TOOLS to a folder, replacing a scene that is there.
+    """Write a shot's scene for blender or usd to a folder, replacing a scene that is there.
 
     `plate` (h, w, 3) is the shot's first frame, `clip` the file's name. Raises SceneError where it cannot be written.
     """

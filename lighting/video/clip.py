@@ -1,14 +1,12 @@
 """A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
 
-Rotation and mirror flags make the picture upright, non-square pixels are stretched, 10-bit HLG and PQ are read by their
-curves, and each frame has its own time, so that a rate may vary. A damaged part is left out and told.
+Each frame has its own time, so that a rate may vary. A damaged part is left out and told.
 """
 
 import os
 import re
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +16,12 @@ from numpy.typing import NDArray
 from lighting.errors import MissingExtraError, VideoError
 from lighting.photo import MAX_PIXELS, MIN_SIDE, PhotoFacts
 from lighting.photo.read import MAX_ASPECT
+from lighting.video.picture import shown_size, upright
 from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
-from lighting.video.transfer import CURVES, to_srgb
+from lighting.video.transfer import CURVES
 
 SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 THREADS = 2
-_HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 _TAGGED = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _BACK = 3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
 _LONGEST = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
@@ -211,50 +209,3 @@ def _stretch(stream: Any) -> float:
     """How many times as wide as high a pixel is."""
     ratio = float(stream.sample_aspect_ratio or 1.0)
     return ratio if 0.1 < ratio < 10.0 else 1.0
-
-
-def shown_size(picture: Any, stretch: float) -> tuple[int, int]:
-    """Width and height of a decoded picture as it is to be shown: pixels made square, turned upright."""
-    width, height = max(1, round(picture.width * stretch)), picture.height
-    return (height, width) if _lies(_placing(picture)) else (width, height)
-
-
-def upright(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
-    """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
-    width, height = max(1, round(picture.width * stretch)), picture.height
-    scale = min(1.0, side / max(width, height))
-    size = (max(2, ceil(width * scale)), max(2, ceil(height * scale)))
-    curve = CURVES.get(int(picture.color_trc))
-    pixels = _resized(picture, *size, "rgb24" if curve is None else "rgb48le")
-    pixels = pixels if curve is None else to_srgb(pixels, curve, int(picture.color_primaries))
-    return _placed(pixels, _placing(picture))
-
-
-def _placing(picture: Any) -> NDArray[np.int32]:
-    """The container's matrix (2, 2) by which to show the picture: its rows are where right and down go, as (x, y)."""
-    said = picture.side_data.get("DISPLAYMATRIX")
-    if said is None:
-        return np.eye(2, dtype=np.int32)
-    return np.frombuffer(bytes(said), np.int32).reshape(3, 3)[:2, :2]
-
-
-def _lies(placing: NDArray[np.int32]) -> bool:
-    """Whether the picture's rows are to be shown as columns."""
-    return bool(np.abs(placing[0, 1]) > np.abs(placing[0, 0]))
-
-
-def _placed(pixels: NDArray[np.uint8], placing: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Pixels (h, w, 3) turned by whole quarters, and mirrored, as a matrix of `_placing` says."""
-    lies = _lies(placing)
-    (right, down) = (placing[1, 0], placing[0, 1]) if lies else (placing[0, 0], placing[1, 1])
-    shown = pixels.transpose(1, 0, 2) if lies else pixels
-    return np.ascontiguousarray(shown[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
-
-
-def _resized(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:
-    matrix = int(picture.colorspace)
-    named = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _HD else 5
-    small = picture.reformat(
-        width=width, height=height, format=form, src_colorspace=named, dst_colorspace=named, interpolation="AREA"
-    )
-    return np.asarray(small.to_ndarray())

@@ -1,6 +1,6 @@
 """A clip with its light drawn in: the horizon, the sun or an arrow to it, and three balls lit as the place is."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -81,15 +81,15 @@ def _drawn(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple[float
             panel = round(0.32 * max(width, height)) if width > height else round(0.6 * width)
             balls = _Balls((panel, round(panel * 0.42)), {})
         light = lights.get(frame.index)
-        yield frame.time, picture if light is None else drawn(picture, light, balls)
+        yield frame.time, picture if light is None else drawn(picture, light, balls.at(light))
 
 
-def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: Any) -> NDArray[np.uint8]:
-    """One frame (h, w, 3) with its light drawn in."""
+def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """One frame (h, w, 3) with its light drawn in; `balls` (H, W, 3) are linear, as the first frame exposes them."""
     picture = Image.fromarray(pixels)
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)
-    panel = Image.fromarray(display(balls.at(light) * np.float32(_gain(light))))
+    panel = Image.fromarray(display(balls * np.float32(_gain(light))))
     layout = layout_of(picture.width, panel.width)
     picture.paste(panel, (_EDGE, picture.height - panel.height - layout.below), rounded(panel.size, 10))
     words, colour = _words(light), SUN if light.lighting.sun_shines else WHITE
@@ -151,8 +151,3 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
 
 def _codec(av: Any) -> str:
     return next(name for name in ("libx264", "libopenh264", "mpeg4") if name in av.codec.codecs_available)
-
-
-def by_frame(lights: Sequence[FrameLight]) -> dict[int, FrameLight]:
-    """The lights by their frame's index."""
-    return {light.frame: light for light in lights}

@@ -6,6 +6,7 @@ it becomes the next one. Where nothing can be followed, a new stretch begins; wh
 decided by who asks.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import SRGB_LINEAR
 from lighting.geometry import Floats
-from lighting.turns.match import Features, Matches, centred, features, opencv
+from lighting.turns import Features, Matches, centred, features, opencv
 from lighting.video.clip import Frame
 
 POINTS = 200  # sought in a keyframe
@@ -182,3 +183,18 @@ class Follower:
         size = (round(pixels.shape[1] * scale), round(pixels.shape[0] * scale))
         small = self._cv2.resize(self._cv2.LUT(pixels, _MEASURED), size, interpolation=self._cv2.INTER_AREA)
         return np.asarray(small), scale
+
+
+def gains_of(steps: Sequence[Step]) -> Floats:
+    """Gains (N, 3) of linear values against the first frame's, by way of the keyframes."""
+    found: list[Floats] = []
+    of_key: dict[int, Floats] = {}
+    last: Floats = np.ones(3)
+    for step in steps:
+        base = of_key.setdefault(step.key, last)
+        last = base * step.gain
+        if step.makes is not None:
+            of_key[step.makes] = last
+        found.append(last)
+    gains = np.array(found)
+    return np.asarray(gains / gains[0])

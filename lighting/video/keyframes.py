@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats, angle_between
-from lighting.turns.match import match
-from lighting.turns.rays import rotation_about, rotation_vector
-from lighting.turns.rotation import Turn, rotation_of
+from lighting.turns import Turn, match, rotation_about, rotation_of, rotation_vector
 from lighting.video.follow import Key
 
 JOINS = 2  # keyframes to either side of a gap that are compared

@@ -5,8 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from lighting.turns.match import Matches
-from lighting.turns.rotation import Turn, rotation_of
+from lighting.turns import Matches, Turn, rotation_of
 from lighting.video.follow import Key
 from lighting.video.keyframes import turn_between
 from lighting.video.watched import Circumstances, Watched

@@ -93,9 +93,9 @@ def process(job: Job, model: Model, progress: Callable[[float], Any] | None = No
     if job.wanted.tool is not None:
         _write_scenes(job, done.shots, rate)
     if job.wanted.film:
-        from lighting.video.film import by_frame, write_film
+        from lighting.video.film import write_film
 
-        write_film(job.source, by_frame(lights), job.folder / FILM)
+        write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM)
     _remove_others(job, done, {light.frame for light in lights})
     return done
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.turns.upright import angles_of
+from lighting.turns import angles_of
 
 WINDOW = 5  # frames over which a parabola is fitted; tracking trembles from frame to frame, hands do more slowly
 

@@ -4,14 +4,12 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from lighting.errors import VideoError
-from lighting.evidence import Given
+from lighting.evidence import NOTHING_GIVEN, Given
 from lighting.model import Model
 from lighting.video.clip import Clip
 from lighting.video.shot import Shot, solve
 from lighting.video.watch import EVERY, shots_watched
 from lighting.video.watched import Circumstances
-
-NOTHING_GIVEN = Given()
 
 
 def around(clip: Clip, given: Given) -> Circumstances:

@@ -1,8 +1,7 @@
 """A shot solved, once its end is known: its lens, the camera's path, its one sun."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +10,16 @@ from lighting.colour import luminance
 from lighting.errors import VideoError
 from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
-from lighting.turns.rays import focal_of
-from lighting.turns.upright import common_up, level, up_in_camera
-from lighting.video.follow import Step
-from lighting.video.keyframes import JOINS, Link, averaged, chained, loops, turn_between
+from lighting.turns import level
+from lighting.video.follow import gains_of
 from lighting.video.lens import lens_of
 from lighting.video.light import Look, ShotLight
+from lighting.video.orientations import orientations, told_by, up_of
 from lighting.video.path import Path, path_of
 from lighting.video.telemetry import Gimbal
-from lighting.video.turning import Turning, turning
 from lighting.video.watched import Circumstances, Watched
 from lighting.video.zoom import OneLens, as_one_lens, zoomed_fov
 
-BELIEVED = 0.3  # share of followed points that must agree with a turn
-FEWEST_AGREEING = 12
-GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
 _NIGHT_FALLS = (
     "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
 )
@@ -56,112 +50,12 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
         raise VideoError("No frame of the shot is bright enough for daylight.")
     one = as_one_lens(watched, around) or OneLens(watched, np.ones(len(watched.steps)), lens_of(watched, around))
     watched, fov = one.watched, one.lens[0]
-    turnings = _turnings(watched, focal_of(fov, *watched.size))
-    orientation, believed = _orientations(watched, turnings, fov)
+    orientation, believed = orientations(watched, fov)
     time = np.array([step.time for step in watched.steps])
-    up = _up(watched, orientation, time, around.gimbal)
+    up = up_of(watched, orientation, time, around.gimbal)
     path = path_of(time, orientation, believed, level(up))
-    gains = _gains(watched.steps)
+    gains = gains_of(watched.steps)
     return _lit(one, around, path, gains)
-
-
-# --- orientations
-
-
-def _turnings(watched: Watched, focal: float) -> list[Turning]:
-    """Each frame's turn against its keyframe."""
-    found: list[Turning] = []
-    guess: Floats = np.eye(3)
-    last = -1
-    for step in watched.steps:
-        guess = np.eye(3) if step.key != last else guess
-        if step.begins or not len(step.matches):
-            found.append(Turning(np.eye(3), 1.0 if step.begins else 0.0, len(step.matches)))
-        else:
-            found.append(turning(step.matches, focal, guess))
-        guess, last = found[-1].rotation, step.key
-    return found
-
-
-def is_believed(turn: Turning, *, begins: bool) -> bool:
-    """Whether a frame's turn is to be used."""
-    return begins or (turn.share >= BELIEVED and turn.agreeing >= FEWEST_AGREEING)
-
-
-def _orientations(watched: Watched, turnings: Sequence[Turning], fov: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Orientations (N, 3, 3) of the frames against the shot's first camera, and which of them are believed (N,)."""
-    lowest = watched.steps[0].key
-    numbers = [n for s in watched.steps for n in (s.key, s.makes) if n is not None]
-    count = max(numbers) - lowest + 1
-    chain = [
-        Link(step.key - lowest, step.makes - lowest, turn.rotation, 2.0)
-        for step, turn in zip(watched.steps, turnings, strict=True)
-        if step.makes is not None
-    ]
-    chain += _joins(watched, lowest, fov)
-    orientation, part = chained(count, chain)
-    keys = sorted(watched.keys.values(), key=lambda k: k.number)
-    where = np.array([k.number - lowest for k in keys], dtype=np.intp)
-    closed = [
-        replace(link, a=int(where[link.a]), b=int(where[link.b]))
-        for link in (loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else [])
-    ]
-    orientation = averaged(orientation, [*chain, *closed], part == np.arange(count))
-    own = np.array([step.key - lowest for step in watched.steps])
-    frames = np.stack([t.rotation for t in turnings]) @ orientation[own]
-    main = np.bincount(part[own]).argmax()
-    sure = [is_believed(t, begins=s.begins) for t, s in zip(turnings, watched.steps, strict=True)]
-    believed = np.array(sure) & (part[own] == main)
-    return frames @ frames[int(np.argmax(believed))].T, believed
-
-
-def _joins(watched: Watched, lowest: int, fov: float) -> list[Link]:
-    """Turns over the gaps between stretches."""
-    stretches = sorted({k.stretch for k in watched.keys.values()})
-    keys = {s: [k for k in watched.keys.values() if k.stretch == s] for s in stretches}
-    found = []
-    for before, after in pairwise(stretches):
-        for a in keys[before][-JOINS:]:
-            for b in keys[after][:JOINS]:
-                if (turn := turn_between(a, b, fov)) is not None:
-                    found.append(Link(a.number - lowest, b.number - lowest, turn.rotation))
-    return found
-
-
-def _up(watched: Watched, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
-    """Up (3,) in the shot's first camera: the gimbal's if there is one, or what most looks agree upon."""
-    stated = [(i, at) for i in _every(time, GIMBAL_EVERY) if (at := gimbal.at(float(time[i]))) is not None]
-    if stated:
-        return common_up(
-            orientation[[i for i, _ in stated]], np.stack([up_in_camera(at[1], at[2]) for _, at in stated])
-        )
-    position = {step.frame: i for i, step in enumerate(watched.steps)}
-    said = [seen.prediction for seen in watched.looks.values()]
-    ups = np.stack([up_in_camera(p.camera_elevation, p.camera_roll) for p in said])
-    return common_up(orientation[[position[f] for f in watched.looks]], ups)
-
-
-def _every(time: Floats, seconds: float) -> NDArray[np.intp]:
-    """Indices of the first frame of each interval."""
-    return np.asarray(np.unique((time - time[0]) // seconds, return_index=True)[1])
-
-
-# --- light
-
-
-def _gains(steps: Sequence[Step]) -> Floats:
-    """Gains (N, 3) of linear values against the first frame's, by way of the keyframes."""
-    found: list[Floats] = []
-    of_key: dict[int, Floats] = {}
-    last: Floats = np.ones(3)
-    for step in steps:
-        base = of_key.setdefault(step.key, last)
-        last = base * step.gain
-        if step.makes is not None:
-            of_key[step.makes] = last
-        found.append(last)
-    gains = np.array(found)
-    return np.asarray(gains / gains[0])
 
 
 def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats) -> Shot:
@@ -193,10 +87,10 @@ def _by_day(at: Mapping[int, Known], first: Known) -> set[int]:
 
 def _compass(path: Path, gimbal: Gimbal) -> float | None:
     """Where azimuth 0 points by the gimbal, deg clockwise from north; None without one."""
-    said = [(i, at[0]) for i in _every(path.time, GIMBAL_EVERY) if (at := gimbal.at(float(path.time[i]))) is not None]
+    said = told_by(gimbal, path.time)
     if not said:
         return None
-    off = np.radians([heading - path.heading[i] for i, heading in said])
+    off = np.radians([heading - path.heading[i] for i, (heading, *_) in said])
     return float(np.degrees(np.arctan2(np.sin(off).mean(), np.cos(off).mean())) % 360.0)
 
 

@@ -16,28 +16,25 @@ from lighting.colour import luminance
 from lighting.decoding import with_ground
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
-from lighting.evidence import Fused, Given, Known, estimate_of
+from lighting.evidence import Given, Known, estimate_of
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.model import Model
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
-from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
-from lighting.turns.upright import angles_of, level, up_in_camera
+from lighting.turns import focal_of, nearest_rotation, rotation_about, rotation_vector
 from lighting.video.bank import FIRST, Bank, Kept
 from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
-from lighting.video.lens import LENS_FLOOR, LENS_SPREAD, tells_lens
-from lighting.video.light import Look, ShotLight
-from lighting.video.shot import is_believed, north_of
-from lighting.video.turning import turning
+from lighting.video.learning import LearntLens, Looks
+from lighting.video.shot import north_of
+from lighting.video.turning import is_believed, turning
 from lighting.video.watch import is_dark, see
-from lighting.video.watched import Circumstances, Seen
+from lighting.video.watched import Circumstances
 
 LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
 LOOK_EVERY = 2.0  # s between the frames that the network sees
 RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is taken at once
-UPS = 64  # looks whose gravity counts; older ones fade
 
 
 @dataclass(frozen=True)
@@ -68,13 +65,13 @@ class Tracker:
         self._model = model or Model.load()
         self._around = Circumstances(given=given or Given(use_exif=False))
         self._look_every, self._due = look_every, -math.inf
-        self._follower, self._lens = Follower(), _Lens(self._around.given.vertical_fov)
+        self._follower, self._lens = Follower(), LearntLens(self._around.given.vertical_fov)
         self._bank = Bank()
         self._chain = self._chains = FIRST  # the one in use, and the last that was begun
         self._before: Key | None = None  # the keyframe before, where the thread was not lost since
         self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
         self._orientation, self._gain = np.eye(3), np.ones(3)
-        self._first = self._seen = _Looks(FIRST)  # what looks tell in the first chain, and in the one last looked from
+        self._first = self._seen = Looks(FIRST)  # what looks tell in the first chain, and in the one last looked from
         self._count = 0
         self._known = Known()  # of the last moment that is not of night
 
@@ -174,7 +171,7 @@ class Tracker:
         seen = see(self._model, frame.pixels)
         self._lens.see(seen.prediction.vertical_fov)
         if self._seen.chain != self._chain:
-            self._seen = _Looks(self._chain)
+            self._seen = Looks(self._chain)
         gain = float(luminance(self._gain))
         self._seen.add(seen, self._orientation, self._lens.fov, gain, self._in_chain(known))
 
@@ -207,64 +204,6 @@ class Tracker:
         )
         red, green, blue = map(float, self._gain)
         return Sighting(lighting, heading, (red, green, blue), followed, self._chain == FIRST)
-
-
-class _Looks:
-    """What looks tell in the frame of one chain: which way is up, and the light."""
-
-    def __init__(self, chain: int) -> None:
-        self.chain = chain
-        self.light = ShotLight()
-        self.fused: Fused | None = None  # the light's last answer; None before the first look
-        self._up: Floats | None = None
-        self._ups = 0
-
-    def add(self, seen: Seen, orientation: Floats, vertical_fov: float, gain: float, known: Known) -> None:
-        """Count a look by a camera of that orientation (3, 3)."""
-        said = seen.prediction
-        up = orientation.T @ up_in_camera(said.camera_elevation, said.camera_roll)
-        self._ups = min(self._ups + 1, UPS)
-        before = up if self._up is None else self._up
-        mean = before + (up - before) / self._ups
-        self._up = np.asarray(mean / np.linalg.norm(mean))
-        self.light.add(Look(seen, self.angles(orientation)[0], vertical_fov, gain, known.evidence))
-        self.fused = self.light.answer(known.evidence)
-
-    def angles(self, orientation: Floats) -> tuple[float, float, float]:
-        """Heading, elevation and roll [deg] of a camera, once there was a look."""
-        assert self._up is not None
-        heading, elevation, roll = angles_of(orientation[None], level(self._up))
-        return float(heading[0]), float(elevation[0]), float(roll[0])
-
-
-class _Lens:
-    """A field of view learnt as frames come: given, or by the network, or by turns between keyframes."""
-
-    def __init__(self, given: float | None) -> None:
-        self._given = given
-        self._sum, self._weight = 0.0, 0.0  # of what turns say
-        self._seen, self._looks = 50.0, 0
-
-    @property
-    def fov(self) -> float:
-        """Vertical, deg."""
-        if self._given is not None:
-            return self._given
-        own = LENS_SPREAD**-2
-        return (self._sum + own * self._seen) / (self._weight + own)
-
-    def see(self, fov: float) -> None:
-        self._looks = min(self._looks + 1, UPS)
-        self._seen += (fov - self._seen) / self._looks
-
-    def learn(self, a: Key, b: Key) -> None:
-        """From the turn between two keyframes, while the lens is not known well."""
-        if self._given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
-            return
-        turn = turn_between(a, b, None)
-        if turn is not None and tells_lens(turn, self._seen):
-            weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
-            self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
 
 
 def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lighting.geometry import Floats
-from lighting.turns.match import Matches
-from lighting.turns.parallax import motion, obeying_more
-from lighting.turns.rays import nearest_rotation, rays
-from lighting.turns.search import search
+from lighting.turns import Matches, motion, nearest_rotation, obeying_more, rays, search
 
 TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
 BLUR = 6.0  # tolerances that points may be off where a picture is blurred
@@ -19,6 +16,8 @@ WALKED = 0.7  # share of points that agree so far with a rotation, below which t
 TIGHT = 0.6  # share of the agreeing points within half the tolerance, from which on others move and the camera does not
 LEAST_TOLD = 0.85  # share of the points that must then agree with a motion; things that move do not
 AGREEING = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
+BELIEVED = 0.3  # share of followed points that must agree with a turn
+FEWEST_AGREEING = 12
 _ROUNDS = 6
 _EXACT = 1e18  # inverse variance of the logarithm of a focal length that is known
 
@@ -48,6 +47,11 @@ def turning(matches: Matches, focal: float, guess: Floats) -> Turning:
         other = _refined(a, b, search(matches, (focal, focal), (1.0,)).rotation, reach)
         found = max(found, other, key=lambda t: t.share)
     return found
+
+
+def is_believed(turn: Turning, *, begins: bool) -> bool:
+    """Whether a frame's turn is to be used."""
+    return begins or (turn.share >= BELIEVED and turn.agreeing >= FEWEST_AGREEING)
 
 
 def _is_parallax(a: Floats, b: Floats, rotation: Floats, reach: float) -> bool:

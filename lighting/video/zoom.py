@@ -11,10 +11,7 @@ from math import atan, degrees, radians, tan
 import numpy as np
 
 from lighting.geometry import Floats
-from lighting.turns.match import Matches
-from lighting.turns.rays import cross_matrix, focal_of, rays, rotation_about
-from lighting.turns.rotation import Turn, rotation_of
-from lighting.turns.zoomed import ONE_LENS
+from lighting.turns import ONE_LENS, Matches, Turn, cross_matrix, focal_of, rays, rotation_about, rotation_of
 from lighting.video.follow import Key, Step
 from lighting.video.keyframes import JOINS, turn_between
 from lighting.video.lens import lens_by

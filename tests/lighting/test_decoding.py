@@ -23,7 +23,8 @@ from lighting.decoding import (
     tinted,
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
-from lighting.records import RANGES, Light, Prediction
+from lighting.ranges import RANGES
+from lighting.records import Light, Prediction
 from lighting.sun_grid import grid_directions, soft_label
 from tests.conftest import TINY
 

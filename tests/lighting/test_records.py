@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import direction
-from lighting.records import OPTIONAL_RANGES, RANGES, Lighting, ModelSpec
+from lighting.ranges import OPTIONAL_RANGES, RANGES
+from lighting.records import Lighting, ModelSpec
 from tests.conftest import TINY
 
 LIGHTING = Lighting(

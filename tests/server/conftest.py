@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 import pytest
 from fastapi import FastAPI
@@ -65,6 +66,12 @@ SKY: dict[str, Any] = {"sun_azimuth": -41.2, "sun_elevation": 33.0, "turbidity":
 
 def jpeg_headers() -> dict[str, str]:
     return {"Content-Type": "image/jpeg"}
+
+
+def together(client: TestClient, *files: bytes, **query: Any) -> Any:
+    """The answer for several photos in one form."""
+    form = [("photo", (f"{number}.jpg", data, "image/jpeg")) for number, data in enumerate(files)]
+    return client.post(f"/v1/lighting?{urlencode(query)}", files=form)
 
 
 def sample(client: TestClient, name: str) -> float:

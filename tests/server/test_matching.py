@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
-from urllib.parse import urlencode
 
 import anyio
 import numpy as np
@@ -27,7 +26,7 @@ from server.settings import Settings
 from tests.conftest import encode
 from tests.lighting.turns.cameras import picture, texture
 from tests.pages import ROOT
-from tests.server.conftest import client_of
+from tests.server.conftest import client_of, together
 from tests.server.test_limiter import Client, until
 
 pytest.importorskip("cv2")
@@ -48,13 +47,8 @@ def noise(seed: int) -> NDArray[np.uint8]:
 FIRST, SECOND, STRANGER = view(0.0), view(25.0), view(0.0, seed=1)
 
 
-def ask(client: TestClient, *files: bytes, **query: Any) -> Any:
-    form = [("photo", (f"{number}.jpg", data, "image/jpeg")) for number, data in enumerate(files)]
-    return client.post(f"/v1/lighting?{urlencode(query)}", files=form)
-
-
 def records(client: TestClient, *files: bytes, **query: Any) -> list[dict[str, Any]]:
-    answer = ask(client, *files, **query)
+    answer = together(client, *files, **query)
     assert answer.status_code == 200, answer.text
     found: list[dict[str, Any]] = answer.json()["lightings"]
     return found
@@ -102,8 +96,8 @@ def test_headings_that_are_given_win_and_matching_can_be_left_out(
 
 def test_one_photo_is_matched_with_nothing(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(turns, "place_apart", never)
-    assert ask(client, FIRST).json() == ask(client, FIRST, match="false").json()
-    assert ask(client, FIRST, match="yes").json()["errors"][0]["field"] == "match"
+    assert together(client, FIRST).json() == together(client, FIRST, match="false").json()
+    assert together(client, FIRST, match="yes").json()["errors"][0]["field"] == "match"
 
 
 def test_without_opencv_the_answer_is_as_before_and_says_so(
@@ -164,7 +158,7 @@ def test_the_service_answers_others_while_it_matches(client: TestClient, monkeyp
 
     monkeypatch.setattr(turns, "place_apart", held)
     with ThreadPoolExecutor(1) as pool:
-        answer = pool.submit(ask, client, FIRST, SECOND)
+        answer = pool.submit(together, client, FIRST, SECOND)
         assert began.wait(60)
         assert client.get("/livez").status_code == 200
         assert not answer.done()

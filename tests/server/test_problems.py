@@ -10,7 +10,7 @@ from starlette.testclient import TestClient
 
 from lighting.errors import LightingError, ModelError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.pipeline import Estimator
-from lighting.records import RANGES
+from lighting.ranges import RANGES
 from server import problems
 from server.schemas import Problem
 from tests.server.conftest import SKY, client_of

@@ -17,11 +17,11 @@ from lighting.cli.given import _OPTIONS
 from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
-from lighting.records import OPTIONAL_RANGES, RANGES
+from lighting.ranges import OPTIONAL_RANGES, RANGES
 from lighting.turns import has_opencv
 from server.queries import GivenQuery, MapQuery
 from tests.conftest import encode, munich, scene
-from tests.server.conftest import client_of, jpeg_headers
+from tests.server.conftest import client_of, jpeg_headers, together
 from tests.server.test_problems import problem
 
 PHONE = encode(scene(320, 240), exif=munich())
@@ -204,11 +204,6 @@ def test_coordinates_are_told_to_nobody_but_who_asks(client: TestClient, caplog:
     logged = [record.getMessage() for record in caplog.records if record.name.startswith(("server", "lighting"))]
     assert any("/v1/envmap" in line for line in logged)
     assert not any(part in line for part in MUNICH for line in logged)
-
-
-def together(client: TestClient, *files: bytes, **query: Any) -> Any:
-    form = [("photo", (f"{number}.jpg", data, "image/jpeg")) for number, data in enumerate(files)]
-    return client.post(f"/v1/lighting?{urlencode(query)}", files=form)
 
 
 @pytest.mark.parametrize("headings", [None, [0.0, 45.0]])

@@ -12,6 +12,7 @@ from starlette.testclient import TestClient
 
 from lighting.pipeline import Estimator
 from tests.conftest import encode, scene
+from tests.pictures import chunk, png
 from tests.server.conftest import client_of
 from tests.server.test_problems import problem
 
@@ -27,17 +28,6 @@ def client(estimator: Estimator) -> Iterator[TestClient]:
     yield client
     assert client.post("/v1/lighting", content=GOOD, headers={"Content-Type": "image/jpeg"}).status_code == 200
     assert client.app.state.service.limiter.admitted == 0  # type: ignore[attr-defined]
-
-
-def chunk(name: bytes, body: bytes) -> bytes:
-    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-
-
-def png(width: int, height: int, *extra: bytes) -> bytes:
-    """A PNG that announces a size and holds one row; grey, 8 bits."""
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
-    pixels = chunk(b"IDAT", zlib.compress(bytes(width + 1)))
-    return b"\x89PNG\r\n\x1a\n" + header + b"".join(extra) + pixels + chunk(b"IEND", b"")
 
 
 TEXT_BOMB = chunk(b"zTXt", b"Comment\0\0" + zlib.compress(bytes(100_000_000), 9))
@@ -58,11 +48,11 @@ BAD_PHOTOS = {
     "1 x 1": (encode(scene(1, 1), "PNG"), 400),
     "30000 x 1": (encode(Image.new("L", (30_000, 1)), "PNG"), 400),
     "1 x 30000": (encode(Image.new("L", (1, 30_000)), "PNG"), 400),
-    "0 x 0": (png(0, 0), 400),
+    "0 x 0": (png(0, 0, b"\0"), 400),
     "a PNG over the pixel limit": (encode(Image.new("L", (2000, 2000)), "PNG"), 413),
-    "a PNG of 10^10 pixels": (png(100_000, 100_000), 413),
-    "a PNG of 2^62 pixels": (png(2**31 - 1, 2**31 - 1), 413),
-    "a PNG whose comment inflates to 100 MB": (png(400, 400, TEXT_BOMB), 400),
+    "a PNG of 10^10 pixels": (png(100_000, 100_000, b"\0" * 100), 413),
+    "a PNG of 2^62 pixels": (png(2**31 - 1, 2**31 - 1, b"\0" * 100), 413),
+    "a PNG whose comment inflates to 100 MB": (png(400, 400, bytes(401), TEXT_BOMB), 400),
     "HEIC brand and nothing else": (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", 400),
     "ZIP with the name of a JPEG": (b"PK\x03\x04" + bytes(26) + b"photo.jpg" + GOOD[:100], 400),
     "HTML before a JPEG": (b"<html><script>alert(1)</script></html>" + GOOD, 400),

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.errors import PhotoError
-from lighting.photo import Curve, PhotoFacts, in_utc, read_time
+from lighting.evidence import location_of
+from lighting.photo import Curve, in_utc, read_time
 from lighting.stereo.normals.images import FORMATS, Exposure, Shot, read_mask, read_shot
 from lighting.stereo.normals.still import check_still
 
@@ -80,15 +81,11 @@ def read_shots(
         images=images,
         times=times,
         mask=kept,
-        place=next((place for f in facts if (place := _place(f))), None),
+        place=next((place for f in facts if (place := location_of(f))), None),
         heading=next((f.heading for f in facts if f.heading is not None and f.heading_reference == "true"), None),
         focal_length=next((f.focal_length for f in facts if f.focal_length is not None), None),
         warnings=_warnings(shots, lost),
     )
-
-
-def _place(facts: PhotoFacts) -> tuple[float, float] | None:
-    return None if facts.latitude is None or facts.longitude is None else (facts.latitude, facts.longitude)
 
 
 def _photos(folder: Path) -> list[Path]:

@@ -21,7 +21,6 @@ from lighting.stereo.normals.solve import NormalMap
 
 Image = NDArray[np.float32]
 
-FILES = ("normals_camera", "normals_world", "albedo", "uncertainty")  # each as .png and .exr
 MESH, RECORD = "mesh.ply", "normals.json"
 
 _HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
@@ -34,7 +33,7 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
 
 
 def write_map(folder: Path, found: NormalMap, pose: Pose) -> None:
-    """Write FILES into a folder that exists; each appears when it is whole."""
+    """Write the pictures, each as .png and .exr, into a folder that exists; each file appears when it is whole."""
     for name, plane, codes in _pictures(found, pose):
         write_png16(folder / f"{name}.png", np.where(found.mask[..., None], codes, 0))
         write_picture(folder / f"{name}.exr", plane)

@@ -10,7 +10,8 @@ import numpy as np
 from lighting.errors import ParameterError, PhotoError
 from lighting.geometry import Floats
 from lighting.photo import Curve
-from lighting.records import GROUND_ALBEDO, check_place
+from lighting.ranges import check_place
+from lighting.records import GROUND_ALBEDO
 from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals.day import SIZE, Shots, read_shots

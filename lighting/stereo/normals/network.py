@@ -1,6 +1,6 @@
 """The network of normals: an ONNX file that takes any number of images of a day, run by onnxruntime.
 
-Inputs: `by_image`, float32 (1, T, BY_IMAGE, H, W), and `shared`, float32 (1, SHARED, H, W), of normals_features.py, H
+Inputs: `by_image`, float32 (1, T, BY_IMAGE, H, W), and `shared`, float32 (1, SHARED, H, W), of features.py, H
 and W multiples of 8. Outputs: `normal`, float32 (1, 3, H, W), unit vectors in the camera frame, and `error`, float32
 (1, 1, H, W), their expected angle to the truth [rad].
 """

@@ -3,23 +3,13 @@
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from export.data.panoramas import PATCH, Panorama, is_permissive, read_index, read_patch
 from export.data.synthetic import write_dataset
 from export.data.tables import DataError
+from tests.export.data.examples import ROW, write_index
 
 PATCH_HEADER = "name,sun,sun_azimuth,sun_elevation,sun_uncertainty,direct,reason"
-
-
-ROW = {"name": "a", "file": "a.png", "kind": "ldr", "place": "here", "split": "train"}
-
-
-def write_index(folder: Path, *rows: dict[str, str]) -> Path:
-    Image.new("RGB", (8, 4), (10, 20, 30)).save(folder / "a.png")
-    lines = [",".join(rows[0]), *[",".join(row.values()) for row in rows]]
-    (folder / "panoramas.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder
 
 
 def test_five_columns_are_enough(tmp_path: Path) -> None:

@@ -11,15 +11,7 @@ from PIL import Image
 from export.data.panoramas import Panorama, read_index
 from export.data.pictures import decode, read_linear, read_picture
 from export.data.tables import DataError
-
-ROW = {"name": "a", "file": "a.png", "kind": "ldr", "place": "here", "split": "train"}
-
-
-def write_index(folder: Path, *rows: dict[str, str]) -> Path:
-    Image.new("RGB", (8, 4), (10, 20, 30)).save(folder / "a.png")
-    lines = [",".join(rows[0]), *[",".join(row.values()) for row in rows]]
-    (folder / "panoramas.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder
+from tests.export.data.examples import ROW, write_index
 
 
 def test_an_ldr_picture_is_read_and_made_linear(tmp_path: Path) -> None:

@@ -2,18 +2,8 @@
 
 import numpy as np
 
-from export.towns.mesh import Mesh, box, join, moved, turned
-
-ALBEDO = (0.2, 0.4, 0.6)
-
-
-def plain(size: float = 400.0) -> Mesh:
-    """A level square of ground."""
-    h = size / 2
-    return Mesh(np.array([[[-h, 0, -h], [-h, 0, h], [h, 0, h], [h, 0, -h]]]), np.array([ALBEDO]))
-
-
-NOTHING = box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(ALBEDO))
+from export.towns.mesh import box, join, moved, turned
+from tests.export.towns.examples import ALBEDO, NOTHING, plain
 
 
 def test_a_box_stands_on_the_ground_and_turns() -> None:

@@ -3,31 +3,12 @@
 import numpy as np
 import pytest
 
-from export.towns.mesh import Mesh, box, join
+from export.towns.mesh import box, join
 from export.towns.path_trace import RenderedPlace, despeckle
 from export.towns.place import EYE
 from export.towns.sky import HEIGHT, Sky
-from lighting.envmap import render
 from lighting.geometry import angle_between, direction, latlong_directions
-from lighting.records import Lighting
-
-ALBEDO = (0.2, 0.4, 0.6)
-
-
-def plain(size: float = 400.0) -> Mesh:
-    """A level square of ground."""
-    h = size / 2
-    return Mesh(np.array([[[-h, 0, -h], [-h, 0, h], [h, 0, h], [h, 0, -h]]]), np.array([ALBEDO]))
-
-
-NOTHING = box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(ALBEDO))
-
-
-def clear(elevation: float = 40.0, sunlight: float = 1.0) -> Sky:
-    lighting = Lighting(sun_azimuth=60.0, sun_elevation=elevation, turbidity=3.0, exposure=0.02)
-    radiance = render(lighting, HEIGHT, sun=False)
-    radiance[HEIGHT // 2 :] = 0.0
-    return Sky(radiance, lighting, sunlight)
+from tests.export.towns.examples import ALBEDO, NOTHING, clear, plain
 
 
 @pytest.mark.usefixtures("llvm")

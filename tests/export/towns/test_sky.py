@@ -2,16 +2,8 @@
 
 import numpy as np
 
-from export.towns.sky import HEIGHT, Sky, random_sky
-from lighting.envmap import render
-from lighting.records import Lighting
-
-
-def clear(elevation: float = 40.0, sunlight: float = 1.0) -> Sky:
-    lighting = Lighting(sun_azimuth=60.0, sun_elevation=elevation, turbidity=3.0, exposure=0.02)
-    radiance = render(lighting, HEIGHT, sun=False)
-    radiance[HEIGHT // 2 :] = 0.0
-    return Sky(radiance, lighting, sunlight)
+from export.towns.sky import HEIGHT, random_sky
+from tests.export.towns.examples import clear
 
 
 def test_skies_are_of_every_kind_and_black_below() -> None:

@@ -10,7 +10,8 @@ from pyarrow.parquet import read_table
 from lighting.batch import require_parquet
 from lighting.batch.table import row, schema
 from lighting.errors import BatchError
-from lighting.records import RANGES, Lighting
+from lighting.ranges import RANGES
+from lighting.records import Lighting
 from tests.conftest import encode, scene
 from tests.lighting.batch.runners import records, run
 

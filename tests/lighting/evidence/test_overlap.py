@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lighting.evidence.overlap import SUN, Correlation, counts, multiplied, overlap
+from lighting.evidence.overlap import SUN, Correlation, counts, multiplied, overlap, power
+from lighting.evidence.together import ELEVATION_CORRELATION
 from lighting.geometry import Floats, direction
 
 FOV = np.array([50.0, 50.0, 50.0])
@@ -60,3 +61,10 @@ def test_cells_count_by_their_area() -> None:
 def test_overlap_falls_from_one_to_nothing() -> None:
     found = overlap(ahead(0.0, 31.25, 62.5), FOV)[0]
     assert found == pytest.approx([1.0, 0.5, 0.0], abs=1e-9)
+
+
+def test_correlated_photos_count_as_fewer() -> None:
+    assert power(1, ELEVATION_CORRELATION) == 1.0
+    assert power(4, 0.0) == 1.0
+    assert power(4, 1.0) == 0.25
+    assert 8 * power(8, ELEVATION_CORRELATION) < 1 / ELEVATION_CORRELATION

@@ -2,16 +2,15 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import Evidence, Fused, fuse
-from lighting.evidence.together import ELEVATION_CORRELATION, elevation_density, fuse_together, power, seen_from
+from lighting.evidence.together import fuse_together
 from lighting.geometry import wrap_azimuth
 from lighting.records import Prediction
 from lighting.turns import Placed
-from tests.lighting.evidence.test_fusion import GRID, UNIFORM, lobe, prediction
+from tests.lighting.evidence.test_fusion import UNIFORM, lobe, prediction
 
 NOTHING = Evidence()
 TURNS = (0.0, 90.0, 200.0)
@@ -202,22 +201,3 @@ def test_what_contradicts_itself_is_refused(
     with pytest.raises(ParameterError, match=sentence) as refused:
         fuse_together([lobe(0.0, 40.0)] * 2, evidence, headings)
     assert refused.value.field is None  # no single option says what contradicts
-
-
-def test_correlated_photos_count_as_fewer() -> None:
-    assert power(1, ELEVATION_CORRELATION) == 1.0
-    assert power(4, 0.0) == 1.0
-    assert power(4, 1.0) == 0.25
-    assert 8 * power(8, ELEVATION_CORRELATION) < 1 / ELEVATION_CORRELATION
-
-
-def test_a_turned_camera_sees_the_sun_turned_the_other_way() -> None:
-    turned = seen_from(lobe(50.0, 40.0).sun_probability, 30.0, GRID)
-    there = lobe(20.0, 40.0).sun_probability
-    assert np.corrcoef(turned, there)[0, 1] > 0.98
-
-
-def test_the_elevations_density_is_flat_for_a_flat_sky_and_peaks_at_the_sun() -> None:
-    elevation = np.arange(0.0, 91.0, 5.0)
-    assert elevation_density(prediction(UNIFORM), elevation) == pytest.approx(1 / (2 * np.pi), rel=1e-5)
-    assert elevation[elevation_density(lobe(10.0, 35.0, 100.0), elevation).argmax()] == 35.0

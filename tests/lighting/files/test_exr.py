@@ -20,7 +20,8 @@ from lighting.envmap import render
 from lighting.errors import EnvironmentMapError
 from lighting.files import full_record
 from lighting.files.exr import read_exr, read_map, write_exr
-from lighting.records import RANGES, Lighting
+from lighting.ranges import RANGES
+from lighting.records import Lighting
 
 LIGHT = Lighting(
     sun_azimuth=-41.2,

@@ -1,8 +1,6 @@
 """Floods of PNG chunks."""
 
-import struct
 import time
-import zlib
 
 import pytest
 
@@ -10,9 +8,10 @@ from lighting.errors import PhotoError
 from lighting.photo import read_photo
 from lighting.photo.png import MOST_CHUNKS, check_chunks
 from tests.conftest import encode, scene
+from tests.pictures import chunk
 
 GOOD = encode(scene(64, 48), "PNG")
-EMPTY = struct.pack(">I", 0) + b"teSt" + struct.pack(">I", zlib.crc32(b"teSt"))
+EMPTY = chunk(b"teSt", b"")
 HEADER = 33  # bytes: signature and IHDR
 
 

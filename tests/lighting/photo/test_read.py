@@ -3,7 +3,6 @@
 import struct
 import sys
 import warnings
-import zlib
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from math import ceil
@@ -23,6 +22,7 @@ from lighting.photo import read as photo_module
 from lighting.photo.memory import BYTES, PER_PIXEL
 from lighting.photo.read import Photo, Source, read_photo
 from tests.conftest import encode, scene
+from tests.pictures import png
 
 pillow_heif.register_heif_opener()
 
@@ -67,17 +67,6 @@ def refusal(data: bytes, **limits: int) -> str:
     with pytest.raises(PhotoError) as caught:
         read_photo(data, **limits)
     return sentence(caught.value)
-
-
-def png(width: int, height: int, depth: int, colour_type: int, rows: bytes) -> bytes:
-    """A PNG from its parts, for what Pillow does not write."""
-
-    def chunk(name: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-
-    header = struct.pack(">IIBBBBB", width, height, depth, colour_type, 0, 0, 0)
-    body = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
-    return b"\x89PNG\r\n\x1a\n" + body
 
 
 def assert_close(photo: Photo, expected: NDArray[np.uint8], tolerance: int = 4) -> None:
@@ -226,7 +215,7 @@ def test_sixteen_bit_colour_and_alpha_are_scaled(colour_type: int, channels: int
     ramp = np.linspace(0, 65535, 40).round().astype(">u2")
     samples = np.full((40, 40, channels), 65535, dtype=">u2")
     samples[..., 0] = ramp[None]
-    photo = read_photo(png(40, 40, 16, colour_type, b"".join(b"\0" + row.tobytes() for row in samples)))
+    photo = read_photo(png(40, 40, b"".join(b"\0" + row.tobytes() for row in samples), depth=16, colour=colour_type))
     assert np.abs(photo.pixels[..., 0] - np.linspace(0, 255, 40)).max() <= 1
 
 
@@ -389,7 +378,7 @@ def test_too_many_pixels_are_refused(file_format: str) -> None:
 @pytest.mark.parametrize(("width", "height"), [(12_000, 11_000), (60_000, 60_000), (2**31 - 1, 2**31 - 1)])
 def test_a_bomb_is_refused_by_its_header(width: int, height: int) -> None:
     with pytest.raises(PhotoTooLargeError) as caught:
-        read_photo(png(width, height, 8, 2, b"\0" * 100))
+        read_photo(png(width, height, b"\0" * 100, colour=2))
     sentence(caught.value)
 
 
@@ -397,7 +386,7 @@ def test_a_photo_between_the_limit_of_pillow_and_ours_is_read_quietly() -> None:
     rows = (b"\0" + b"\x55" * (10_000 // 8)) * 10_000
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert read_photo(png(10_000, 10_000, 1, 0, rows)).width == 10_000
+        assert read_photo(png(10_000, 10_000, rows, depth=1)).width == 10_000
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (31, 400), (400, 31), (100, 801), (6000, 40)])

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from export.data.pictures import decode
-from export.data.synthetic import SyntheticPanorama, render_panorama
+from export.data.synthetic import render_panorama
 from lighting.geometry import angle_between, direction, latlong_directions
 from lighting.probe.sky_fit import fit_sky, sky_mask
-
-
-def sun_of(scene: SyntheticPanorama) -> np.ndarray:
-    return np.asarray(direction(scene.sun_azimuth or 0.0, scene.sun_elevation or 0.0))
+from tests.lighting.probe.examples import sun_of
 
 
 def test_the_fit_ignores_clouds_and_white_balance() -> None:

@@ -1,10 +1,10 @@
 """Where words and balls stand in a preview film."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from lighting import Lighting
 from lighting.preview.ink import text_width
@@ -15,17 +15,7 @@ from tests.lighting.video.clips import Pixels
 BEHIND = Lighting(sun_azimuth=-149.9, sun_elevation=68.3, turbidity=3.0, exposure=0.1, vertical_fov=50.0)
 
 
-class Balls:
-    """A white panel of a size."""
-
-    def __init__(self, width: int, height: int) -> None:
-        self.shape = (height, width, 3)
-
-    def at(self, _: Any) -> Any:
-        return np.ones(self.shape, np.float32)
-
-
-def words_of(width: int, height: int, balls: Balls) -> Pixels:
+def words_of(width: int, height: int, balls: NDArray[np.float32]) -> Pixels:
     """Where (height, width) the words of a frame in a hurry differ from those of a slow one."""
     grey = np.full((height, width, 3), 110, np.uint8)
     slow = FrameLight(1, 0, 0.4, replace(BEHIND, relative_heading=5.0), (1.0, 1.0, 1.0), bridged=False)
@@ -35,7 +25,7 @@ def words_of(width: int, height: int, balls: Balls) -> Pixels:
 
 @pytest.mark.parametrize(("width", "height"), [(432, 768), (360, 640), (640, 360), (320, 180), (100, 200)])
 def test_words_stand_inside_the_picture_and_beside_the_balls(width: int, height: int) -> None:
-    balls = Balls(round(0.6 * width), round(0.25 * width))
+    balls = np.ones((round(0.25 * width), round(0.6 * width), 3), np.float32)
     rows, columns = np.nonzero(words_of(width, height, balls))
     assert columns.min() >= 4
     assert columns.max() <= width - 10

@@ -5,8 +5,7 @@ import pytest
 
 from lighting.geometry import Floats
 from lighting.turns.rays import focal_of, rotation_vector
-from lighting.video.follow import Follower
-from lighting.video.shot import _gains
+from lighting.video.follow import Follower, gains_of
 from lighting.video.turning import turning
 from tests.lighting.video.clips import FOV, SIZE, Pixels, frames, look, orientation, pan, seen
 
@@ -49,7 +48,7 @@ def test_a_turn_is_no_gain() -> None:
     wide = [seen(dots, 0.0, 1.5 * i, fov=70.0) for i in range(15)]
     steps = [follower.follow(frame) for frame in frames(wide)]
     assert {step.stretch for step in steps} == {0}
-    assert _gains(steps)[-1] == pytest.approx([1.0] * 3, rel=0.02)
+    assert gains_of(steps)[-1] == pytest.approx([1.0] * 3, rel=0.02)
 
 
 def cuts(pictures: list[Pixels]) -> list[int]:

@@ -14,7 +14,7 @@ from lighting.evidence import Given
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
 from lighting.turns.rays import rotation_vector
-from lighting.video import Tracker, shot
+from lighting.video import Tracker, turning
 from lighting.video.bank import FIRST
 from lighting.video.turning import Turning
 from tests.lighting.video.clips import FOV, look, orientation
@@ -150,7 +150,7 @@ def test_a_keyframe_whose_turn_is_not_believed_ends_the_link(model: Model, monke
     views = [*line((0, 0), (90, 0), 46), *line((88, 0), (10, 0), 40)]
 
     def is_believed(turn: Turning, *, begins: bool) -> bool:
-        return tracker._count - 1 not in lost and shot.is_believed(turn, begins=begins)
+        return tracker._count - 1 not in lost and turning.is_believed(turn, begins=begins)
 
     monkeypatch.setattr("lighting.video.tracker.is_believed", is_believed)
     found = followed(tracker, views)

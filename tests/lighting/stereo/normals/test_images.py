@@ -1,7 +1,5 @@
 """Photos as linear values: 16 bits exactly, coded ones said to be, gamma tags not passed over."""
 
-import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ from lighting.files import write_exr
 from lighting.stereo.normals.files import write_picture, write_png16
 from lighting.stereo.normals.images import read_shot
 from tests.lighting.photo.test_linear import plain_dng
+from tests.pictures import chunk
 
 
 def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:
@@ -49,9 +48,7 @@ def test_a_jpeg_is_decoded_from_srgb_turned_upright_and_its_white_is_clipped(tmp
 def test_16_bits_that_say_they_are_coded_are_refused_unless_told(tmp_path: Path) -> None:
     write_png16(tmp_path / "a.png", np.full((8, 8, 3), 30000.0))
     data = (tmp_path / "a.png").read_bytes()
-    tag = b"sRGB\0"
-    chunk = struct.pack(">I", 1) + tag + struct.pack(">I", zlib.crc32(tag))
-    (tmp_path / "a.png").write_bytes(data[:33] + chunk + data[33:])
+    (tmp_path / "a.png").write_bytes(data[:33] + chunk(b"sRGB", b"\0") + data[33:])
     with pytest.raises(PhotoError, match="gamma-coded"):
         read_shot(tmp_path / "a.png")
     assert abs(float(read_shot(tmp_path / "a.png", "linear").pixels[0, 0, 0]) - 30000 / 65535) < 1e-6

@@ -1,0 +1,111 @@
+"""How the JSON record of a light groups its fields."""
+
+import reprlib
+from collections.abc import Mapping
+from typing import Any
+
+from lighting.errors import ParameterError
+from lighting.geometry import Floats
+
+_SECTIONS = {  # the groups of the JSON record: each name in it, and the attribute that it holds
+    "sun": {
+        "azimuth": "sun_azimuth",
+        "elevation": "sun_elevation",
+        "visibility": "sun_visibility",
+        "radius_50": "radius_50",
+        "radius_90": "radius_90",
+    },
+    "sky": {
+        "turbidity": "turbidity",
+        "ground_albedo": "ground_albedo",
+        "exposure": "exposure",
+        "cover": "sky_cover",
+    },
+    "camera": {
+        "elevation": "camera_elevation",
+        "roll": "camera_roll",
+        "vertical_fov": "vertical_fov",
+        "heading": "camera_heading",
+        "heading_radius_50": "camera_heading_radius_50",
+        "heading_radius_90": "camera_heading_radius_90",
+        "relative_heading": "relative_heading",
+    },
+    "place": {"latitude": "latitude", "longitude": "longitude"},
+}
+_COLOURS = {  # where the JSON record has them
+    "sun.irradiance": "sun_irradiance",
+    "sky.irradiance": "sky_irradiance",
+    "ground.color": "ground_color",
+}
+
+
+def record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any]:
+    """The JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown."""
+    record: dict[str, Any] = {"model": {"name": values["model_name"], "version": values["model_version"]}}
+    for section, names in _SECTIONS.items():
+        found = {name: values[attribute] for name, attribute in names.items()}
+        record[section] = {name: value for name, value in found.items() if value not in (None, ())}
+    record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
+    for path, attribute in _COLOURS.items():
+        if (colour := values[attribute]) is not None:
+            section, name = path.split(".")
+            record.setdefault(section, {})[name] = list(colour)
+    record["sky"]["model"] = values["sky_model"]
+    if values["suitable"] is not None:
+        record["suitable"] = values["suitable"]
+    if values["camera_heading_probability"]:
+        record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
+    if not record["place"]:
+        del record["place"]
+    return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
+
+
+def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type."""
+    names = (*_SECTIONS, "model", "ground")
+    found = {name: _section(record, name, required=name in ("sun", "sky")) for name in names}
+    values = {
+        attribute: found[section].get(name) for section, names in _SECTIONS.items() for name, attribute in names.items()
+    }
+    for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
+        if values[name] is None:
+            raise ParameterError(f"The lighting record lacks {name}.")
+    values |= {f"model_{name}": _text(found["model"], name) for name in ("name", "version")}
+    values |= {name: _texts(record, name) for name in ("evidence", "warnings")}
+    values["camera_heading_probability"] = _numbers(
+        found["camera"], "heading_probability", "camera.heading_probability"
+    )
+    for path, attribute in _COLOURS.items():
+        section, name = path.split(".")
+        values[attribute] = _numbers(found[section], name, path) or None
+    values |= {"sky_model": found["sky"].get("model"), "suitable": record.get("suitable")}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _text(section: Mapping[str, Any], name: str) -> str | None:
+    if not isinstance(section.get(name, ""), str):
+        raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(section[name])}.")
+    return section.get(name)
+
+
+def _texts(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    texts = () if record.get(name) is None else record[name]
+    if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
+        raise ParameterError(f"{name} must be a list of texts, not {reprlib.repr(texts)}.")
+    return tuple(texts)
+
+
+def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
+    numbers = () if section.get(name) is None else section[name]
+    if not isinstance(numbers, list | tuple):
+        raise ParameterError(f"{path} must be a list of numbers, not {reprlib.repr(numbers)}.")
+    return tuple(numbers)
+
+
+def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
+    section = record.get(name) if isinstance(record, Mapping) else None
+    if section is None and not required:
+        return {}
+    if not isinstance(section, Mapping):
+        raise ParameterError(f"The lighting record needs an object {name!r}.")
+    return section

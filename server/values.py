@@ -1,0 +1,93 @@
+"""The values of parameters and of records: each with its unit, its range and an example in the OpenAPI document."""
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    WithJsonSchema,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
+from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
+
+MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
+
+Format = Literal["exr", "hdr", "png"]
+MEDIA_TYPES: dict[Format, str] = {"exr": "image/x-exr", "hdr": "image/vnd.radiance", "png": "image/png"}
+
+
+class Between:
+    """A number must lie in [low, high]; the error for any other value states that range."""
+
+    def __init__(self, low: float, high: float, **documented: Any) -> None:
+        self.limits = {"minimum": low, "maximum": high}  # also members of the error
+        self.documented = documented
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_wrap_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        plain = handler(schema)
+        plain = plain.get("anyOf", [plain])[0]  # a parameter that may be left out is never null
+        return {**plain, **self.limits, **self.documented}
+
+    def _check(self, value: Any, parse: Callable[[Any], float]) -> float:
+        try:
+            number = parse(value)
+        except ValidationError:
+            number = float("nan")
+        if self.limits["minimum"] <= number <= self.limits["maximum"]:
+            return number
+        low, high = self.limits.values()
+        raise PydanticCustomError("range", f"must be a number from {low:g} to {high:g}", self.limits)
+
+
+def named(name: str, meaning: str, example: float) -> Between:
+    """The range of a parameter in RANGES or OPTIONAL_RANGES, with its documentation."""
+    return Between(*(RANGES | OPTIONAL_RANGES)[name], description=meaning, examples=[example])
+
+
+def _even(number: int) -> int:
+    if number % 2:
+        raise PydanticCustomError("even", "must be an even number")
+    return number
+
+
+def _flag(value: object) -> object:
+    """Accept only `true` and `false`, as the OpenAPI document says."""
+    if isinstance(value, str):
+        if value not in ("true", "false"):
+            raise PydanticCustomError("flag", "must be true or false")
+        return value == "true"
+    return value
+
+
+Flag = Annotated[bool, BeforeValidator(_flag)]
+FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
+Height = Annotated[
+    int,
+    Between(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),
+    AfterValidator(_even),
+]
+
+SunAzimuth = Annotated[float, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)]
+SunElevation = Annotated[float, named("sun_elevation", "deg above the horizon", 33.0)]
+Turbidity = Annotated[float, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)]
+Exposure = Annotated[float, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)]
+GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
+CameraElevation = Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)]
+CameraRoll = Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)]
+VerticalFov = Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)]
+SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
+Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]
+Reflectance = Annotated[float, Between(*COLOUR_RANGES["ground_color"])]
+SUN_IRRADIANCE = "red, green, blue of a surface that faces the sun, in the photo's linear units"
+SKY_IRRADIANCE = "red, green, blue of open level ground by the sky without the sun, in the photo's linear units"
+GROUND_COLOR = "red, green, blue: the ground's reflectance; unknown, `ground_albedo` counts, or 0.12 with irradiances"
