@@ -267,7 +267,9 @@ def shade(count: int, model: Path | None) -> None:
 @data
 @click.option("--count", type=click.IntRange(1), default=8, show_default=True, help="Clips of each kind.")
 @click.option("--kind", "kinds", type=click.Choice(KINDS), multiple=True, help="Only clips of these kinds. [all]")
-@click.option("--only", type=click.Choice(("clips", "streams", "speed")), help="One part of the report. [all]")
+@click.option(
+    "--only", type=click.Choice(("clips", "dissolves", "streams", "speed")), help="One part of the report. [all]"
+)
 @network
 def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
     """Print how well clips are followed, and how fast, by cameras moved in `val` panoramas and rendered places."""

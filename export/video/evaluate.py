@@ -7,6 +7,7 @@ import numpy as np
 
 from export.data import Panorama, read_index
 from export.evaluation.tables import table
+from export.video.dissolves import dissolve_report
 from export.video.sequences import Sequenced, sequences
 from export.video.speed import speed_report
 from export.video.streams import stream_report
@@ -22,7 +23,7 @@ from lighting.video.watch import EVERY, see, shots_watched
 from lighting.video.watched import Circumstances
 from lighting.video.zoom import zoomed_fov
 
-PARTS = ("clips", "streams", "speed")
+PARTS = ("clips", "dissolves", "streams", "speed")
 SMOOTH = 1.0  # s of the smooth curve that trembling is measured against
 EXPLAINED = (
     "Medians over the clips, angles in deg. `heading`: error of the camera's heading against the first frame, in the "
@@ -47,10 +48,12 @@ MEDIANS = (
 
 
 def evaluate(data: Path, count: int, kinds: Sequence[str], model: Model, only: str | None = None) -> Iterator[str]:
-    """The report's parts: clips of `count` `val` panoramas each, streams, and speed, or `only` one of PARTS."""
+    """The report's parts: clips and dissolves of `count` `val` panoramas, streams and speed, or `only` one of PARTS."""
     panoramas = chosen(data, count)
     if only in (None, "clips"):
         yield clip_report(panoramas, kinds, model)
+    if only in (None, "dissolves"):
+        yield dissolve_report(panoramas, kinds, model)
     if only in (None, "streams"):
         yield stream_report(panoramas, model)
     if only in (None, "speed"):

@@ -100,7 +100,7 @@ def _report(clip: str, done: "Done", quiet: bool) -> None:
 
     name = click.format_filename(clip)
     if len(done.shots) > 1:
-        click.echo(f"{name}: {len(done.shots)} shots, for there are cuts.", err=True)
+        click.echo(f"{name}: {len(done.shots)} shots, for there are cuts or dissolves.", err=True)
     for number, shot in enumerate(done.shots, 1):
         if isinstance(shot, Exception):
             click.echo(f"Error: {name}: {shot}", err=True)

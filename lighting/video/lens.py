@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from lighting.turns import Matches, Turn, rotation_of
-from lighting.video.follow import Key
+from lighting.video.follow import Key, Step
 from lighting.video.keyframes import turn_between
 from lighting.video.watched import Circumstances, Watched
 
@@ -58,9 +58,14 @@ def _lens_turns(watched: Watched) -> Iterator[Turn | None]:
     for a, b in pairs:
         yield turn_between(a, b, None)
     if len(pairs) < FEW_PAIRS:
-        far = [step for step in watched.steps if step.makes is not None] + [watched.steps[-1]]
-        for step in [s for s in far if moved(s.matches) > LEAST_MOVED][-FEW_PAIRS:]:
+        for step in [s for s in far_steps(watched) if moved(s.matches) > LEAST_MOVED][-FEW_PAIRS:]:
             yield rotation_of(step.matches, watched.size, watched.size)
+
+
+def far_steps(watched: Watched) -> list[Step]:
+    """Frames that are far from their keyframes: those that became the next one, and the last that was followed."""
+    followed = [step for step in watched.steps if len(step.matches)]
+    return [step for step in watched.steps if step.makes is not None] + followed[-1:]
 
 
 def tells_lens(turn: Turn, said: float) -> bool:

@@ -18,10 +18,14 @@ from lighting.video.orientations import orientations, told_by, up_of
 from lighting.video.path import Path, path_of
 from lighting.video.telemetry import Gimbal
 from lighting.video.watched import Circumstances, Watched
-from lighting.video.zoom import OneLens, as_one_lens, zoomed_fov
+from lighting.video.zoom import TOLD, OneLens, as_one_lens, zoomed_fov
 
 _NIGHT_FALLS = (
     "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
+)
+_ZOOM_LOST = (
+    "The lens is zoomed, and in {:.0f} % of the frames their points do not tell by how much: headings and fields of "
+    "view may be off."
 )
 
 
@@ -73,6 +77,8 @@ def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats) -> Shot
             light.add(Look(seen, float(path.heading[i]), own, gain, at[frame].evidence))
     if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
         there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
+    if one.told < TOLD:
+        there = replace(there, warnings=(*there.warnings, _ZOOM_LOST.format(100.0 * (1.0 - one.told))))
     fused = light.answer(there.evidence)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])

@@ -14,7 +14,8 @@ from lighting.evidence import said_of
 from lighting.model import Model
 from lighting.photo import Photo
 from lighting.video.clip import Frame
-from lighting.video.cuts import split
+from lighting.video.cuts import divided, split
+from lighting.video.dissolves import Dissolve, Dissolves
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.watched import Seen, Watched
 
@@ -31,7 +32,8 @@ class Watcher:
     def __init__(self, model: Model, every: float = EVERY) -> None:
         """The network sees the first frame of each shot and one every `every` seconds; MissingExtraError."""
         self._model, self._every, self._due = model, every, 0.0
-        self._follower = Follower()
+        self._follower, self._dissolves = Follower(), Dissolves()
+        self._is_to_judge = False  # whether a new stretch is to be compared with what was before
         self._steps: list[Step] = []
         self._keys: dict[int, Key] = {}
         self._looks: dict[int, Seen] = {}
@@ -41,23 +43,46 @@ class Watcher:
         """Counts a frame; hands out the shots that it shows to be over, as one of another size does."""
         size = (frame.pixels.shape[1], frame.pixels.shape[0])
         if self._steps and size != self._size:
-            yield from split(self.watched())
-            self._steps, self._keys, self._looks = [], {}, {}
-        self._size = size
+            yield from self.finish()
+            self._keep(Watched(size, [], {}, {}))
+        self._size, self._frame = size, frame
         step = self._follower.follow(frame)
         self._steps.append(step)
         if (key := self._follower.new_key) is not None:
             self._keys[key.number] = key
         if frame.time >= self._due or (step.begins and step.frame > 0):
             self._look(frame)
-        if self._is_time_to_judge(step.stretch):
+        if (dissolve := self._dissolves.take(frame)) is not None:
+            yield from self._divide(dissolve)
+        self._is_to_judge |= self._is_time_to_judge(step.stretch)
+        if self._is_to_judge and not self._dissolves.is_open:
             *over, rest = split(self.watched())
             yield from over
-            self._steps, self._keys, self._looks = list(rest.steps), dict(rest.keys), dict(rest.looks)
+            self._keep(rest)
+
+    def finish(self) -> Iterator[Watched]:
+        """Hands out the shots that are left, once no frame comes any more."""
+        if (dissolve := self._dissolves.finish()) is not None:
+            yield from self._divide(dissolve)
+        if self._steps:
+            yield from split(self.watched())
 
     def watched(self) -> Watched:
         """What was gathered of the frames that are not of a shot handed out."""
         return Watched(self._size, self._steps, self._keys, self._looks)
+
+    def _keep(self, rest: Watched) -> None:
+        self._steps, self._keys, self._looks = list(rest.steps), dict(rest.keys), dict(rest.looks)
+        self._is_to_judge = False
+
+    def _divide(self, dissolve: Dissolve) -> Iterator[Watched]:
+        """Hands out what is before a dissolve."""
+        *before, rest = divided(self.watched(), dissolve)
+        for part in before:
+            yield from split(part)
+        self._keep(rest)
+        if not rest.looks:
+            self._look(self._frame)
 
     def _look(self, frame: Frame) -> None:
         if is_dark(frame.pixels):
@@ -89,8 +114,7 @@ def shots_watched(
                 progress(frame.time)
     except KeyboardInterrupt as error:
         interruption = error
-    if (rest := watcher.watched()).steps:
-        yield from split(rest)
+    yield from watcher.finish()
     if interruption is not None:
         raise interruption
 

@@ -5,6 +5,7 @@ nearly all points and a rotation or a walk less (turns/zoomed.py). If so, each f
 followed together with its turn. Points of a picture that is divided by its zoom obey all that points of one lens do.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import atan, degrees, radians, tan
 
@@ -14,13 +15,16 @@ from lighting.geometry import Floats
 from lighting.turns import ONE_LENS, Matches, Turn, cross_matrix, focal_of, rays, rotation_about, rotation_of
 from lighting.video.follow import Key, Step
 from lighting.video.keyframes import JOINS, turn_between
-from lighting.video.lens import lens_by
+from lighting.video.lens import far_steps, lens_by
 from lighting.video.path import smoothed
 from lighting.video.turning import TOLERANCE
 from lighting.video.watched import Circumstances, Seen, Watched
 
 GUESS_SPREAD = 7.0  # deg, of the field of view before anything was followed
 LEAST_TOLD = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
+TOLD = 0.9  # share of a shot's frames whose zoom must be told, or the answer says that it is not sure
+BEGINNING = 1.0  # s of a shot, whose looks tell the lens that it begins with
+_STARTS = (1.0, 0.8, 1.25)  # times that lens, from which the zoom is followed: from one far off it is lost on the way
 _PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
 _ROUNDS = 8
 
@@ -32,20 +36,39 @@ class OneLens:
     watched: Watched
     zoom: Floats  # (N,) focal lengths of the frames by the first one's
     lens: tuple[float, float]  # vertical field of view of the first frame and its standard deviation [deg]
+    told: float = 1.0  # share of the frames whose zoom their points told
 
 
 def as_one_lens(watched: Watched, around: Circumstances) -> OneLens | None:
     """A shot whose lens is zoomed, as through one lens; None where one lens does."""
-    lens = lens_by(watched, around, ())
-    turns = _zooming(watched, lens[0])
-    if not turns:
-        return None
+    turns = _zooming(watched, lens_by(watched, around, ())[0])
+    first = lens_by(_beginning(watched), around, ())[0]
+    found: OneLens | None = None
+    for start in _STARTS if turns else ():
+        one = _followed(watched, around, turns, start * first)
+        if found is None or one.told > found.told:
+            found = one
+        if found.told >= TOLD:
+            break
+    return None if found is None or np.all(found.zoom == 1.0) else found
+
+
+def _beginning(watched: Watched) -> Watched:
+    """The shot with its first looks alone."""
+    time = {step.frame: step.time for step in watched.steps}
+    end = min(time[frame] for frame in watched.looks) + BEGINNING
+    return replace(watched, looks={frame: seen for frame, seen in watched.looks.items() if time[frame] <= end})
+
+
+def _followed(watched: Watched, around: Circumstances, turns: Sequence[tuple[int, Turn]], start: float) -> OneLens:
+    """The shot through a lens that is taken to be `start` [deg] at first, or through the one given."""
+    lens = (start, GUESS_SPREAD) if around.given.vertical_fov is None else (around.given.vertical_fov, 0.0)
     for _ in range(_PASSES):
-        zoom = zooms_of(watched, lens[0])
+        zoom, told = zooms_of(watched, lens[0])
         one = _through_the_first(watched, zoom)
-        told = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_sigma) for key, turn in turns]
-        lens = lens_by(one, around, told)
-    return None if np.all(zoom == 1.0) else OneLens(one, zoom, lens)
+        by_turns = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_sigma) for key, turn in turns]
+        lens = lens_by(one, around, by_turns)
+    return OneLens(one, zoom, lens, told)
 
 
 def _zooming(watched: Watched, vertical_fov: float) -> list[tuple[int, Turn]]:
@@ -54,10 +77,10 @@ def _zooming(watched: Watched, vertical_fov: float) -> list[tuple[int, Turn]]:
     None where more turns are those of a walk.
     """
     focal = focal_of(vertical_fov, *watched.size)
-    far = [step for step in watched.steps if step.makes is not None] + [watched.steps[-1]]
     found = []
-    for step in far:
-        if len(step.matches) and abs(np.log(_grown(step.matches, focal, np.eye(3), 1.0)[1])) > 0.5 * ONE_LENS:
+    for step in far_steps(watched):
+        grown = _grown(step.matches, focal, np.eye(3), 1.0)
+        if grown is not None and abs(np.log(grown[1])) > 0.5 * ONE_LENS:
             turn = rotation_of(step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESS_SPREAD)
             if turn is not None and step.key in watched.keys:
                 found.append((step.key, turn))
@@ -65,29 +88,33 @@ def _zooming(watched: Watched, vertical_fov: float) -> list[tuple[int, Turn]]:
     return zoomed if len(zoomed) >= sum(turn.translates for _, turn in found) else []
 
 
-def zooms_of(watched: Watched, vertical_fov: float) -> Floats:
+def zooms_of(watched: Watched, vertical_fov: float) -> tuple[Floats, float]:
     """Focal lengths (N,) of the frames by the first one's, whose lens has about `vertical_fov` [deg].
 
-    All are 1 where they change by less than those of two photos of one lens may.
+    Beside them the share of the frames whose points tell it. All are 1 where they change by less than those of two
+    photos of one lens may.
     """
     focal = focal_of(vertical_fov, *watched.size)
     of_key: dict[int, float] = {}
     turned: Floats = np.eye(3)
-    found, zoom, last = [], 1.0, -1
+    found, told, zoom, last = [], [True], 1.0, -1
     for step in watched.steps:
         if step.begins:
             of_key[step.key] = zoom = _rejoined(watched, step, of_key, zoom)
-        else:
-            base = of_key[step.key]
+        elif len(step.matches):
+            base = of_key.setdefault(step.key, zoom)
             guess = turned if step.key == last else np.eye(3)
-            turned, growth = _grown(step.matches, focal * base, guess, zoom / base)
+            grown = _grown(step.matches, focal * base, guess, zoom / base)
+            told.append(grown is not None)
+            turned, growth = grown or (guess, zoom / base)
             zoom = base * growth
         if step.makes is not None:
             of_key[step.makes] = zoom
         found.append(zoom)
         last = step.key
     logs = smoothed(np.array([step.time for step in watched.steps]), np.log(found))
-    return np.exp(logs - logs[0]) if np.ptp(logs) > ONE_LENS else np.ones(len(logs))
+    zooms = np.exp(logs - logs[0]) if np.ptp(logs) > ONE_LENS else np.ones(len(logs))
+    return zooms, float(np.mean(told))
 
 
 def _through_the_first(watched: Watched, zoom: Floats) -> Watched:
@@ -137,10 +164,10 @@ def _ratio(turn: Turn, key: Key) -> float:
     return second / first
 
 
-def _grown(matches: Matches, focal: float, rotation: Floats, growth: float) -> tuple[Floats, float]:
+def _grown(matches: Matches, focal: float, rotation: Floats, growth: float) -> tuple[Floats, float] | None:
     """The turn (3, 3) of a frame and its focal length by its keyframe's `focal` [half diagonals]; from guesses of both.
 
-    Gauss-Newton on both together under Geman and McClure's weights; the guesses stay where few points obey the answer.
+    Gauss-Newton on both together under Geman and McClure's weights; None where few points obey the answer.
     """
     a, reach = rays(matches.a, focal), TOLERANCE * matches.pixel
     turned, grown = rotation, growth
@@ -157,4 +184,4 @@ def _grown(matches: Matches, focal: float, rotation: Floats, growth: float) -> t
         change = np.linalg.solve(normal + 1e-12 * np.eye(4), np.einsum("n,nki,nk->i", weight, slope, off))
         turned, grown = rotation_about(change[:3]) @ turned, grown * float(np.exp(np.clip(change[3], -0.2, 0.2)))
     agreeing = np.mean(np.sum(np.square(off), axis=1) < (2.0 * reach) ** 2)
-    return (turned, grown) if agreeing >= LEAST_TOLD else (rotation, growth)
+    return (turned, grown) if agreeing >= LEAST_TOLD else None

@@ -1,5 +1,6 @@
 """A lens that is zoomed while it films."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,3 +91,22 @@ def test_a_gap_is_bridged_by_the_zoom_of_both_sides(model: Model) -> None:
     shot = solved(pictures, model)
     assert shot.zoom[-1] == pytest.approx(1.6, rel=0.03)
     np.testing.assert_allclose(shot.path.heading, TURNED, atol=1.5)
+
+
+def test_a_zoom_begins_with_the_lens_that_is_seen_first(model: Model) -> None:
+    """The mean of all looks is another lens, from which a zoom by far is lost on the way."""
+    (found,) = shots_watched(frames(filmed(zooms(0.5)), 10.0), model, 0.2)
+    fovs = {frame: FOV if frame < 12 else 120.0 for frame in found.looks}
+    looks = {f: replace(s, prediction=replace(s.prediction, vertical_fov=fovs[f])) for f, s in found.looks.items()}
+    one = as_one_lens(replace(found, looks=looks), Circumstances())
+    assert one is not None
+    assert one.zoom[-1] == pytest.approx(0.5, rel=0.01)
+    assert one.told > 0.95
+
+
+def test_a_zoom_that_is_lost_on_the_way_is_told(model: Model) -> None:
+    given = Circumstances(given=Given(vertical_fov=95.0))
+    shot = solve(watched(filmed(zooms(0.5)), model), given)
+    assert any("zoomed" in warning for warning in shot.known.warnings)
+    right = solve(watched(filmed(zooms(0.5)), model), Circumstances(given=Given(vertical_fov=FOV)))
+    assert not any("zoomed" in warning for warning in right.known.warnings)

@@ -1,0 +1,176 @@
+"""Dissolves: places in a clip where one picture fades into another one.
+
+About ten times a second a frame is compared with one before and one after it, both moved onto it by dense flow. Where
+things move, each part of the frame is explained by one of the two; in a dissolve only a mixture of both explains it,
+with the same share everywhere, and the two have little in common.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.geometry import Floats
+from lighting.turns.match import opencv
+from lighting.video.clip import Frame
+from lighting.video.follow import FEATURE_SIDE, Key
+from lighting.video.keyframes import turn_between
+
+EVERY = 0.1  # s between the frames that are compared
+LONGEST_GAP = 0.25  # s between them, beyond which nothing is told
+LAGS = (3, 6, 12)  # of them, from a frame to the ones before and after: for dissolves of up to 0.6, 1.2 and 2.4 s
+MIXED = (0.2, 0.8)  # the earlier picture's share, within which a frame counts as mixed
+LEAST_UNLIKE = 100.0  # mean square by which neither picture alone explains a mixed frame
+NOISE = 15.0  # the same by which the mixture may miss it
+ALIKE = 0.8  # correlation of the two pictures, from which they are one
+
+_SIDE = 64  # pixels of the longer side
+_SPREAD = 40.0  # grey values, to which the standard deviation of every picture is brought
+_FLAT = 16.0  # grey values, that of a picture with too little in it to be brought there
+_LEAST_SHARED = 0.3  # share of a frame that both other pictures must show
+_GAP = 4  # frames without a mixed one that a dissolve may have
+_CLEAR = 5  # frames to both sides of a dissolve, from where on nothing is mixed
+_MOST = 32  # frames of a dissolve; what lasts longer is no dissolve
+_KEPT = 56  # frames: the longest dissolve, what is before it, and the wait for its end
+
+
+@dataclass(frozen=True)
+class Dissolve:
+    """When two pictures are mixed."""
+
+    first: float  # s
+    last: float  # s
+
+
+@dataclass(frozen=True, eq=False)
+class _Small:
+    """A frame that is compared."""
+
+    number: int
+    time: float  # s
+    picture: NDArray[np.uint8]  # (h, w) grey, as keyframes have it
+    even: NDArray[np.uint8]  # (h, w) smaller, of one mean and spread whatever the exposure
+
+
+class Dissolves:
+    """Takes a clip's frames one by one; tells a dissolve somewhat later than it is over."""
+
+    def __init__(self) -> None:
+        """Raises MissingExtraError without OpenCV."""
+        self._cv2 = opencv()
+        self._flow = self._cv2.DISOpticalFlow_create(self._cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+        self._flow.setFinestScale(0)
+        self._flow.setPatchSize(8)
+        self._flow.setPatchStride(4)
+        self._flow.setGradientDescentIterations(5)
+        self._kept: deque[_Small] = deque(maxlen=_KEPT)
+        self._mixed: list[int] = []  # numbers of the frames that were found to be mixed, of one dissolve
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a dissolve has begun and was not yet told."""
+        return bool(self._mixed)
+
+    def take(self, frame: Frame) -> Dissolve | None:
+        """The dissolve that this frame shows to be over."""
+        last = self._kept[-1] if self._kept else None
+        if last is not None and frame.time < last.time + EVERY - 1e-3:
+            return None
+        small = self._small(frame, 0 if last is None else last.number + 1)
+        if last is not None and (small.even.shape != last.even.shape or frame.time > last.time + LONGEST_GAP):
+            self._kept.clear()
+            self._mixed = []
+        self._kept.append(small)
+        for lag in LAGS:
+            middle = len(self._kept) - 1 - lag
+            if middle >= lag and self._kept[middle].number % (lag // LAGS[0]) == 0:
+                self._judge(self._kept[middle - lag], self._kept[middle], small)
+        is_over = bool(self._mixed) and small.number - max(self._mixed) > _GAP + LAGS[-1]
+        return self.finish() if is_over else None
+
+    def finish(self) -> Dissolve | None:
+        """The dissolve that was not yet told, once no frame comes any more."""
+        if not self._mixed:
+            return None
+        first, last = min(self._mixed), max(self._mixed)
+        self._mixed = []
+        margin = round(0.6 * (last - first) + 2.0)
+        first, last = first - margin, last + margin
+        lowest, highest = self._kept[0].number, self._kept[-1].number
+
+        def at(number: int) -> _Small:
+            return self._kept[min(max(number, lowest), highest) - lowest]
+
+        if last - first > _MOST or _show_the_same(at(first - _CLEAR), at(last + _CLEAR)):
+            return None
+        return Dissolve(at(first).time, at(last).time)
+
+    def _judge(self, before: _Small, middle: _Small, after: _Small) -> None:
+        if self._mixed and middle.number > max(self._mixed) + _GAP:
+            return  # of another dissolve, or none: this one is told first
+        if self._is_mixed(before.even, middle.even, after.even):
+            self._mixed.append(middle.number)
+
+    def _small(self, frame: Frame, number: int) -> _Small:
+        grey = self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY)
+        picture = self._shrunk(grey, FEATURE_SIDE)
+        tiny = self._shrunk(picture, _SIDE)
+        mean, spread = self._cv2.meanStdDev(tiny)
+        scale = _SPREAD / max(float(spread[0, 0]), _FLAT)
+        even = self._cv2.convertScaleAbs(np.maximum(tiny * scale + (128.0 - scale * float(mean[0, 0])), 0.0))
+        return _Small(number, frame.time, picture, np.asarray(even))
+
+    def _shrunk(self, grey: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:
+        scale = min(1.0, side / max(grey.shape))
+        size = (max(1, round(grey.shape[1] * scale)), max(1, round(grey.shape[0] * scale)))
+        return np.asarray(self._cv2.resize(grey, size, interpolation=self._cv2.INTER_AREA))
+
+    def _is_mixed(self, before: NDArray[np.uint8], middle: NDArray[np.uint8], after: NDArray[np.uint8]) -> bool:
+        """Whether a frame is a mixture of two others, and not in part the one and in part the other."""
+        shown, by_first = middle.astype(np.float32), self._moved(before, middle)
+        there = np.isfinite(by_first)
+        if there.mean() < _LEAST_SHARED or np.square((shown - by_first)[there]).mean() < LEAST_UNLIKE:
+            return False
+        by_second = self._moved(after, middle)
+        there &= np.isfinite(by_second)
+        return bool(there.mean() >= _LEAST_SHARED) and is_mixture(by_first[there], shown[there], by_second[there])
+
+    def _moved(self, other: NDArray[np.uint8], onto: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Another picture (h, w) as seen from this one, NaN where it shows nothing."""
+        height, width = onto.shape
+        rows, columns = np.mgrid[:height, :width].astype(np.float32)
+        flow: Any = self._flow.calc(onto, other, None)
+        return np.asarray(
+            self._cv2.remap(
+                other.astype(np.float32),
+                columns + flow[..., 0],
+                rows + flow[..., 1],
+                self._cv2.INTER_LINEAR,
+                borderValue=np.nan,
+            )
+        )
+
+
+def is_mixture(first: Floats, shown: Floats, second: Floats) -> bool:
+    """Whether values (N,) are those of two pictures (N,) with one share throughout, and the two differ."""
+    apart = first - second
+    share = float(apart @ (shown - second)) / max(float(apart @ apart), 1e-6)
+    if not MIXED[0] < share < MIXED[1]:
+        return False
+    missed = float(np.square(shown - second - share * apart).mean()) + NOISE
+    unlike = float(np.minimum(np.square(shown - first), np.square(shown - second)).mean())
+    if unlike < max(LEAST_UNLIKE, missed):
+        return False
+    return bool(_correlation(first, second) < ALIKE)
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    return float(a @ b) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-6)
+
+
+def _show_the_same(before: _Small, after: _Small) -> bool:
+    a, b = (Key(small.number, 0, small.number, small.time, small.picture) for small in (before, after))
+    return turn_between(a, b, None) is not None
