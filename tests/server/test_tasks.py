@@ -122,7 +122,7 @@ def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_ne
 
 
 def test_a_plan_of_one_day_ends_when_its_client_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
+    asked: list[None] = []
 
     def check() -> None:
         asked.append(None)

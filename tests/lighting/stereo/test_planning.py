@@ -110,7 +110,7 @@ def test_days_are_checked(first: date, last: date, said: str) -> None:
 
 
 def test_the_work_of_one_day_ends_where_it_is_asked_to() -> None:
-    asked = []
+    asked: list[None] = []
 
     def check() -> None:
         asked.append(None)
