@@ -13,8 +13,8 @@ from export.stereo.relief import relief
 from export.stereo.trials import SEASONS, Trial, angle, photograph, session
 from lighting.colour import srgb_encode
 from lighting.files.formats import encode_png
+from lighting.stereo import Network
 from lighting.stereo.days import in_grey
-from lighting.stereo.normals.network import Network
 
 SIDE, SEED, WORST = 192, 37, 45.0  # pixels; of the shape; deg, drawn white
 

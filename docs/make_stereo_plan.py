@@ -9,9 +9,7 @@ from pathlib import Path
 import click
 
 from lighting.files import encode_png
-from lighting.stereo.picture import draw_plan, shown_error
-from lighting.stereo.plan import Plan, Question, clock
-from lighting.stereo.request import ModelledSkies, conditions, plan_photos, title
+from lighting.stereo import ModelledSkies, Plan, Question, clock, conditions, draw_plan, plan_photos, shown_error, title
 
 PICTURE = Path(__file__).with_name("stereo-plan.png")
 WALL = Question(facing=180.0)

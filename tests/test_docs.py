@@ -159,6 +159,13 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert not fragment or file.suffix != ".md" or fragment in anchors(file), link
 
 
+@pytest.mark.parametrize("page", EVERY_PAGE, ids=named)
+def test_files_that_a_page_names_are_there(page: Path) -> None:
+    rooms = "|".join(path.name for path in ROOT.iterdir() if path.is_dir())
+    for name in re.findall(rf"`((?:{rooms})/[\w./]+)`", page.read_text(encoding="utf-8")):
+        assert (ROOT / name).exists(), name
+
+
 def test_the_index_leads_to_every_page_and_readme_to_the_index() -> None:
     index = ROOT / "docs" / "README.md"
     assert {page.name for page in DOCS if page != index} <= set(links(index))

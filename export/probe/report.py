@@ -13,7 +13,7 @@ from export.probe.scans import report as scans_report
 from export.probe.synthetic import TIMES, Camera, expose, gain_of, photograph
 from lighting.envmap import render, sun_irradiance
 from lighting.geometry import Floats, angle_between, camera_axes, latlong_directions
-from lighting.photo.linear import LinearPhoto
+from lighting.photo import LinearPhoto
 from lighting.probe.align import yaw_rotation
 from lighting.probe.develop import Probe, make_probe, make_series
 from lighting.probe.exposures import Bracket, bracket_of, read_bracket

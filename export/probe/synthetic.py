@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.photo.linear import LinearPhoto
+from lighting.photo import LinearPhoto
 from lighting.probe.lens import Lens, lens_directions, lens_pixels
 from lighting.records import Lighting
 from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance

@@ -16,7 +16,7 @@ from export.turns.sets import exposed
 from export.turns.walk import Standpoint, Walk
 from lighting.colour import srgb_decode, tone_map
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_directions
-from lighting.video.clip import Frame
+from lighting.video import Frame
 from lighting.video.zoom import zoomed_fov
 
 WIDTH, HEIGHT = 640, 360  # pixels

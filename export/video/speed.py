@@ -13,7 +13,7 @@ from export.data import Panorama
 from export.video.sequences import displayed, look
 from lighting.cpus import available_cpus
 from lighting.model import Model
-from lighting.video.output import Job, process
+from lighting.video import Job, process
 
 SECONDS, RATE, SIZE, FOV = 30, 30, (1920, 1080), 45.0
 

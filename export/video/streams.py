@@ -14,7 +14,7 @@ from export.video.sequences import displayed, look, sun_of
 from lighting.evidence import Given
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.model import Model
-from lighting.video.tracker import Tracker
+from lighting.video import Tracker
 
 SECONDS, RATE = 90.0, 10.0
 SIZE = (640, 480)

@@ -15,9 +15,7 @@ from lighting.cli.options import preview_file, quiet_option
 from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
-    from lighting.stereo.plan import Plan, Window
-    from lighting.stereo.planning import Progress
-    from lighting.stereo.request import Skies
+    from lighting.stereo import AskedSkies, Plan, Progress, Window
 
 
 @cli.group()
@@ -84,7 +82,7 @@ def plan(
         click.echo(_in_words(skies, found))
 
 
-def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "Skies":
+def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "AskedSkies":
     """The skies asked for; wrong usage where what they need is missing or would do nothing."""
     from lighting.stereo import MeasuredSkies, ModelledSkies
 
@@ -106,19 +104,17 @@ def _progress(quiet: bool) -> "Progress":
     return lambda days: tqdm(days, unit="day", disable=quiet or len(days) < 2 or not sys.stderr.isatty())
 
 
-def _draw(output: str, skies: "Skies", found: "Plan") -> None:
+def _draw(output: str, skies: "AskedSkies", found: "Plan") -> None:
     from lighting.files import encode_png
-    from lighting.stereo.picture import draw_plan
-    from lighting.stereo.request import conditions, title
+    from lighting.stereo import conditions, draw_plan, title
 
     headline = f"When to photograph: {title(skies, found)}"
     write_png(output, encode_png(draw_plan(found, headline, conditions(skies, found.question))))
 
 
-def _in_words(skies: "Skies", found: "Plan") -> str:
+def _in_words(skies: "AskedSkies", found: "Plan") -> str:
     """A line for each window, and a table of the errors by orientation."""
-    from lighting.stereo.picture import shown_error
-    from lighting.stereo.request import conditions, title
+    from lighting.stereo import conditions, shown_error, title
 
     names = [orientation.name for orientation in found.windows[0].orientations]
     width = max(map(len, names))
@@ -131,8 +127,7 @@ def _in_words(skies: "Skies", found: "Plan") -> str:
 
 
 def _line(window: "Window") -> str:
-    from lighting.stereo.picture import shown_error
-    from lighting.stereo.plan import clock
+    from lighting.stereo import clock, shown_error
 
     gain = f"{window.gain:.1f}" if window.gain < 1e4 else "infinite"
     return (
@@ -143,7 +138,7 @@ def _line(window: "Window") -> str:
 
 def _verdict(found: "Plan") -> list[str]:
     """A sentence where no window is any good."""
-    from lighting.stereo.picture import HOPELESS
+    from lighting.stereo import HOPELESS
 
     if min(window.error for window in found.windows) <= HOPELESS:
         return []

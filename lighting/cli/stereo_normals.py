@@ -12,8 +12,7 @@ from lighting.cli.options import FiniteRange, quiet_option, results_folder
 from lighting.cli.stereo import stereo
 
 if TYPE_CHECKING:
-    from lighting.stereo.normals.job import Known, Solved, Watch
-    from lighting.stereo.normals.network import Network
+    from lighting.stereo import Known, Network, Solved, Watch
 
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
@@ -72,7 +71,7 @@ def _known(sky: str | None, noise: float | None, size: int | None, **said: Any) 
 
 
 def _network() -> "Network":
-    from lighting.stereo.normals.network import Network
+    from lighting.stereo import Network
 
     return Network.load()
 
@@ -80,7 +79,7 @@ def _network() -> "Network":
 def _watch(quiet: bool) -> "Watch":
     from tqdm import tqdm
 
-    from lighting.stereo.normals.job import Watch
+    from lighting.stereo import Watch
 
     hidden = quiet or not sys.stderr.isatty()
 

@@ -14,8 +14,7 @@ from lighting.cli.words import shown
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
-    from lighting.video.output import Done
-    from lighting.video.shot import Shot
+    from lighting.video import Done, Shot
 
 
 @cli.command()
@@ -58,7 +57,7 @@ def video(
     """
     from lighting.errors import VideoError
     from lighting.model import Model
-    from lighting.video.output import FILM, PART, Job, Wanted, check_folder, process
+    from lighting.video import FILM, PART, Job, Wanted, check_folder, process
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
@@ -96,7 +95,7 @@ def _progress(clip: str, quiet: bool) -> Any:
 
 def _report(clip: str, done: "Done", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
-    from lighting.video.records import light_of
+    from lighting.video import light_of
 
     name = click.format_filename(clip)
     if len(done.shots) > 1:
@@ -114,7 +113,7 @@ def _report(clip: str, done: "Done", quiet: bool) -> None:
 
 def in_words(number: int, shot: "Shot") -> str:
     """One line for people about a shot."""
-    from lighting.video.records import light_of
+    from lighting.video import light_of
 
     path, light = shot.path, light_of(shot)
     turned = path.heading.max() - path.heading.min()

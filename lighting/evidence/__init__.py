@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lighting.evidence.facts import location_of, zones
     from lighting.evidence.fit import KINDS, Fit, Range, series_of
     from lighting.evidence.frames import check_heading, check_headings, read_headings
-    from lighting.evidence.fusion import Evidence, Fused, fuse, stand
+    from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, stand
     from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given
     from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
@@ -41,6 +41,7 @@ __all__ = [
     "camera_evidence",
     "check_heading",
     "check_headings",
+    "compass_prior",
     "elevation_density",
     "estimate_of",
     "fuse",
@@ -52,8 +53,10 @@ __all__ = [
     "known_together",
     "location_of",
     "magnetic_declination",
+    "on_rings",
     "power",
     "read_headings",
+    "ring_density",
     "ring_of",
     "said_of",
     "seen_from",
@@ -85,6 +88,7 @@ __getattr__ = from_homes(
         "camera_evidence": "metadata",
         "check_heading": "frames",
         "check_headings": "frames",
+        "compass_prior": "fusion",
         "elevation_density": "distributions",
         "estimate_of": "answer",
         "fuse": "fusion",
@@ -96,8 +100,10 @@ __getattr__ = from_homes(
         "known_together": "metadata",
         "location_of": "facts",
         "magnetic_declination": "declination",
+        "on_rings": "fusion",
         "power": "overlap",
         "read_headings": "frames",
+        "ring_density": "fusion",
         "ring_of": "distributions",
         "said_of": "said",
         "seen_from": "distributions",

@@ -7,12 +7,13 @@ from lighting.lazy import from_homes
 if TYPE_CHECKING:
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
-    from lighting.photo.exif import PhotoFacts, vertical_fov
+    from lighting.photo.exif import PhotoFacts, read_facts, vertical_fov
     from lighting.photo.gravity import SENSOR_SPREAD, STEEP
     from lighting.photo.held import checked_pixels, photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
     from lighting.photo.read import (
+        MAX_ASPECT,
         MAX_BYTES,
         MAX_PIXELS,
         MIN_SIDE,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "MAX_ASPECT",
     "MAX_BYTES",
     "MAX_PIXELS",
     "MIN_SIDE",
@@ -52,6 +54,7 @@ __all__ = [
     "photo_data",
     "photo_of",
     "place",
+    "read_facts",
     "read_linear",
     "read_offset",
     "read_photo",
@@ -63,6 +66,7 @@ __all__ = [
 __getattr__ = from_homes(
     __name__,
     {
+        "MAX_ASPECT": "read",
         "MAX_BYTES": "read",
         "MAX_PIXELS": "read",
         "MIN_SIDE": "read",
@@ -90,6 +94,7 @@ __getattr__ = from_homes(
         "photo_data": "read",
         "photo_of": "held",
         "place": "canvas",
+        "read_facts": "exif",
         "read_linear": "linear",
         "read_offset": "clock",
         "read_photo": "read",

@@ -9,10 +9,13 @@ from lighting.lazy import from_homes
 from lighting.scene.tools import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
 
 if TYPE_CHECKING:
+    from lighting.scene.axes import to_z_up
     from lighting.scene.common import PLATE_SIDE, Scene, make_scene
     from lighting.scene.files import check_target, write_scene, zip_scene
+    from lighting.scene.usd import APERTURE_UNIT
 
 __all__ = [
+    "APERTURE_UNIT",
     "PLATE_SIDE",
     "TOOLS",
     "TOOLS_WITHOUT_MAP",
@@ -24,15 +27,18 @@ __all__ = [
     "check_target",
     "make_scene",
     "misplaced",
+    "to_z_up",
     "write_scene",
     "zip_scene",
 ]
 
 _HOME = {
+    "APERTURE_UNIT": "usd",
     "PLATE_SIDE": "common",
     "Scene": "common",
     "check_target": "files",
     "make_scene": "common",
+    "to_z_up": "axes",
     "write_scene": "files",
     "zip_scene": "files",
 }

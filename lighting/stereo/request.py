@@ -62,10 +62,10 @@ class MeasuredSkies:
         return found
 
 
-Skies = ModelledSkies | MeasuredSkies
+AskedSkies = ModelledSkies | MeasuredSkies
 
 
-def plan_photos(skies: Skies, question: Question, progress: Progress = iter, check: Check = go_on) -> Plan:
+def plan_photos(skies: AskedSkies, question: Question, progress: Progress = iter, check: Check = go_on) -> Plan:
     """The plan of the best day; raises ParameterError where no window of any day has light, and what `check` raises."""
     if isinstance(skies, MeasuredSkies):
         files = skies.days()
@@ -79,7 +79,7 @@ def plan_photos(skies: Skies, question: Question, progress: Progress = iter, che
     )
 
 
-def plan_record(skies: Skies, plan: Plan) -> dict[str, Any]:
+def plan_record(skies: AskedSkies, plan: Plan) -> dict[str, Any]:
     """The question and its answer as JSON."""
     if isinstance(skies, MeasuredSkies):
         return {"sky": "probes", "utc_offset": skies.utc_offset, **plan.to_dict()}
@@ -88,7 +88,7 @@ def plan_record(skies: Skies, plan: Plan) -> dict[str, Any]:
     return {**where, "sky": skies.sky, **plan.to_dict()}
 
 
-def title(skies: Skies, plan: Plan) -> str:
+def title(skies: AskedSkies, plan: Plan) -> str:
     """A headline: where and when, under which sky."""
     if isinstance(skies, MeasuredSkies):
         return f"{plan.day}, measured skies of {skies.folder.name}"
@@ -98,7 +98,7 @@ def title(skies: Skies, plan: Plan) -> str:
     return f"{plan.day}, {where}, {_SKY[skies.sky]}"
 
 
-def conditions(skies: Skies, question: Question) -> str:
+def conditions(skies: AskedSkies, question: Question) -> str:
     """What the plan holds for, in words."""
     clock = f"times UTC{_hours(skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.place.utc_offset)}"
     facing = "surface all around and up" if question.facing is None else f"surface facing {question.facing:g}°"

@@ -9,23 +9,50 @@ from lighting.lazy import from_homes
 
 if TYPE_CHECKING:
     from lighting.video.clip import Clip, Frame
-    from lighting.video.records import FrameLight, frame_lights, world_map
+    from lighting.video.output import FILM, PART, Done, Job, Wanted, check_folder, process
+    from lighting.video.records import FrameLight, frame_lights, light_of, world_map
     from lighting.video.run import shots_of
     from lighting.video.shot import Shot
     from lighting.video.tracker import Sighting, Tracker
 
-__all__ = ["Clip", "Frame", "FrameLight", "Shot", "Sighting", "Tracker", "frame_lights", "shots_of", "world_map"]
+__all__ = [
+    "FILM",
+    "PART",
+    "Clip",
+    "Done",
+    "Frame",
+    "FrameLight",
+    "Job",
+    "Shot",
+    "Sighting",
+    "Tracker",
+    "Wanted",
+    "check_folder",
+    "frame_lights",
+    "light_of",
+    "process",
+    "shots_of",
+    "world_map",
+]
 
 _HOME = {
+    "FILM": "output",
+    "PART": "output",
     "Clip": "clip",
+    "Done": "output",
     "Frame": "clip",
     "FrameLight": "records",
-    "frame_lights": "records",
-    "world_map": "records",
-    "shots_of": "run",
+    "Job": "output",
     "Shot": "shot",
     "Sighting": "tracker",
     "Tracker": "tracker",
+    "Wanted": "output",
+    "check_folder": "output",
+    "frame_lights": "records",
+    "light_of": "records",
+    "process": "output",
+    "shots_of": "run",
+    "world_map": "records",
 }
 
 __getattr__ = from_homes(__name__, _HOME)

@@ -17,10 +17,7 @@ from numpy.typing import NDArray
 from lighting.files import replacing
 from lighting.geometry import Floats, camera_axes
 from lighting.photo import Photo
-from lighting.scene.axes import to_z_up
-from lighting.scene.common import Scene, make_scene
-from lighting.scene.files import write_scene
-from lighting.scene.usd import APERTURE_UNIT
+from lighting.scene import APERTURE_UNIT, Scene, make_scene, to_z_up, write_scene
 from lighting.video.records import light_of
 from lighting.video.shot import Shot
 

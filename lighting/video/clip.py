@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import MissingExtraError, VideoError
-from lighting.photo import MAX_PIXELS, MIN_SIDE, PhotoFacts
-from lighting.photo.read import MAX_ASPECT
+from lighting.photo import MAX_ASPECT, MAX_PIXELS, MIN_SIDE, PhotoFacts
 from lighting.video.picture import shown_size, upright
 from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
 from lighting.video.transfer import CURVES

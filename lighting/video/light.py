@@ -11,8 +11,7 @@ import numpy as np
 
 from lighting.circular import HEADINGS
 from lighting.decoding import light_numbers, light_of_numbers
-from lighting.evidence import seen_from
-from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density
+from lighting.evidence import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, seen_from
 from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts, multiplied
 from lighting.geometry import Floats, direction
 from lighting.records import Light, Prediction

@@ -1,13 +1,10 @@
 """A folder with the photos of one day from a camera that stands still.
 
-The moments come from EXIF, or from `times.csv` beside the photos with the columns `file` and `time` (ISO 8601); a mask
-from `mask.png`, white where the thing is.
+The moments come from EXIF or from `times.csv` (moments.py); a mask from `mask.png`, white where the thing is.
 """
 
-import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +14,20 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.evidence import location_of
-from lighting.photo import Curve, in_utc, read_time
-from lighting.stereo.normals.images import FORMATS, Exposure, Shot, read_mask, read_shot
+from lighting.photo import Curve
+from lighting.stereo.normals.alike import check_alike
+from lighting.stereo.normals.images import FORMATS, Shot, read_mask, read_shot
+from lighting.stereo.normals.moments import check_times, times_of
 from lighting.stereo.normals.still import check_still
 
 Pixels = NDArray[np.float32]
 
-MASK, TIMES = "mask.png", "times.csv"
+MASK = "mask.png"
 LEAST = 3  # photos, for a normal and an albedo
-SPAN = 20.0  # min, the shortest day
 SIZE = 1024  # pixels of the longer side, to which photos are reduced
 LEAST_SIDE = 2  # pixels, that a slope is between
 
 _MOST_CLIPPED = 0.1  # share of the thing that may be clipped in some photo
-_ALIKE = 0.02  # relative difference of exposures that cameras round alike
 
 
 @dataclass(frozen=True)
@@ -65,12 +62,12 @@ def read_shots(
     shots = [_reduced(read_shot(path, curve), size) for path in progress(_photos(folder))]
     if len(shots) < LEAST:
         raise PhotoError(f"{folder} holds {len(shots)} photos; normals need at least {LEAST} of one day.")
-    times = _times(folder, shots, utc_offset)
+    times = times_of(folder, shots, utc_offset)
     order = np.argsort(times, kind="stable")
     shots, times = [shots[index] for index in order], times[order]
-    _check_alike(shots)
+    check_alike(shots)
     _check_size(shots[0])
-    _check_times(times)
+    check_times(times)
     area = _mask(folder, mask, shots[0].pixels.shape[:2])
     images = np.stack([shot.pixels for shot in shots])
     check_still(images.mean(axis=-1), [shot.name for shot in shots])
@@ -107,78 +104,12 @@ def _reduced(shot: Shot, size: int | None) -> Shot:
     return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=np.asarray(clipped.any(axis=(1, 3))))
 
 
-def _times(folder: Path, shots: list[Shot], utc_offset: float | None) -> NDArray[np.datetime64]:
-    """UTC times (T,) of the photos."""
-    listed = _listed_times(folder / TIMES)
-    moments = [_moment(shot, listed.get(shot.name), utc_offset) for shot in shots]
-    return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
-
-
-def _listed_times(file: Path) -> dict[str, datetime]:
-    if not file.exists():
-        return {}
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.DictReader(stream))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise PhotoError(f"{file} is not a CSV file in UTF-8.") from error
-    if rows and not {"file", "time"} <= rows[0].keys():
-        raise PhotoError(f"{file} needs the columns file and time.")
-    return {row["file"]: read_time(row["time"] or "") for row in rows}
-
-
-def _moment(shot: Shot, listed: datetime | None, utc_offset: float | None) -> datetime:
-    """When a photo was taken, in UTC."""
-    local = listed or shot.facts.local_time
-    if listed is None and shot.facts.utc_time is not None:
-        return shot.facts.utc_time.astimezone(UTC)
-    if local is None:
-        raise PhotoError(f"{shot.name} does not say when it was taken; list the times in {TIMES}.")
-    if local.tzinfo is not None:
-        return local.astimezone(UTC)
-    if utc_offset is None:
-        raise PhotoError(f"The clock of {shot.name} does not say its offset from UTC; give --utc-offset.")
-    return in_utc(local, utc_offset)
-
-
-def _check_times(times: NDArray[np.datetime64]) -> None:
-    """PhotoError unless the times (T,), in order, differ, and by enough for the sun to move."""
-    gaps = np.diff(times) / np.timedelta64(1, "m")
-    if (gaps <= 0).any():
-        raise PhotoError("The photos' times do not differ; photos of several moments of a day are needed.")
-    if gaps.sum() < SPAN:
-        raise PhotoError(f"The photos span {gaps.sum():.0f} minutes; the sun hardly moved. Take them over hours.")
-    if gaps.sum() > 24 * 60:
-        raise PhotoError("The photos are of more than one day.")
-
-
-def _check_alike(shots: list[Shot]) -> None:
-    """PhotoError unless size, lens and exposure are those of the first photo throughout."""
-    first = shots[0]
-    for shot in shots[1:]:
-        if shot.pixels.shape != first.pixels.shape:
-            raise PhotoError(f"{shot.name} and {first.name} differ in size; the camera must not move or change.")
-        if _differ(shot.exposure.focal_length, first.exposure.focal_length):
-            raise PhotoError(f"{shot.name} and {first.name} differ in focal length; the lens must not change.")
-        if _exposures_differ(shot.exposure, first.exposure):
-            raise PhotoError(f"{shot.name} and {first.name} differ in exposure; fix time, aperture and ISO.")
-
-
 def _check_size(shot: Shot) -> None:
     height, width = shot.clipped.shape
     if min(height, width) < LEAST_SIDE:
         raise PhotoError(
             f"{shot.name} is reduced to {width} x {height} pixels; normals need {LEAST_SIDE} or more each way."
         )
-
-
-def _exposures_differ(a: Exposure, b: Exposure) -> bool:
-    pairs = ((a.seconds, b.seconds), (a.aperture, b.aperture), (a.sensitivity, b.sensitivity))
-    return any(_differ(one, other) for one, other in pairs)
-
-
-def _differ(a: float | None, b: float | None) -> bool:
-    return a is not None and b is not None and abs(a - b) > _ALIKE * max(a, b)
 
 
 def _mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:

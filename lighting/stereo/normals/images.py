@@ -17,8 +17,7 @@ from PIL import ExifTags, Image, ImageCms
 from lighting.colour import srgb_decode
 from lighting.errors import EnvironmentMapError, PhotoError, PhotoExtraError
 from lighting.files import read_exr
-from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw
-from lighting.photo.exif import read_facts
+from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw, read_facts
 
 Pixels = NDArray[np.float32]
 
