@@ -2,7 +2,8 @@
 
 Orientations are chained from keyframe to keyframe. Earlier keyframes (bank.py) are recognised by their features, which
 takes back the drift; the sun does so too where time and place are known. Where the thread is lost, another chain
-begins, with looks of its own, until it is recognised how it lies to the first.
+begins, with looks of its own, until it is recognised how it lies to the first. A lens that is zoomed loses the thread:
+what comes then is seen through another lens.
 """
 
 import math
@@ -22,6 +23,7 @@ from lighting.model import Model
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
 from lighting.turns.rays import focal_of, nearest_rotation, rotation_about, rotation_vector
+from lighting.turns.rotation import Turn
 from lighting.turns.upright import angles_of, level, up_in_camera
 from lighting.video.bank import FIRST, Bank, Kept
 from lighting.video.clip import SIDE, Frame
@@ -33,10 +35,12 @@ from lighting.video.shot import is_believed, north_of
 from lighting.video.turning import turning
 from lighting.video.watch import is_dark, see
 from lighting.video.watched import Circumstances, Seen
+from lighting.video.zoom import GUESS_SPREAD, is_zoomed
 
 LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
 LOOK_EVERY = 2.0  # s between the frames that the network sees
 RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is taken at once
+ZOOM_EVERY = 4  # frames, of which one is asked whether the lens was zoomed
 UPS = 64  # looks whose gravity counts; older ones fade
 
 
@@ -69,6 +73,8 @@ class Tracker:
         self._around = Circumstances(given=given or Given(use_exif=False))
         self._look_every, self._due = look_every, -math.inf
         self._follower, self._lens = Follower(), _Lens(self._around.given.vertical_fov)
+        self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
+        self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
         self._bank = Bank()
         self._chain = self._chains = FIRST  # the one in use, and the last that was begun
         self._before: Key | None = None  # the keyframe before, where the thread was not lost since
@@ -115,12 +121,21 @@ class Tracker:
         believed = is_believed(turned, begins=False)
         if believed:
             self._orientation = turned.rotation @ base
+        if self._is_zoomed(step, size):
+            self._zoomed_key, self._lens, self._lens_spread = step.key, _Lens(None), GUESS_SPREAD
+            self._lose()
+        elif step.makes is not None and not believed:
+            self._lose()
         if step.makes is not None:
-            if not believed:
-                self._lose()
             self._of_key[step.makes] = (self._orientation, self._gain)
         self._of_key = {k: v for k, v in self._of_key.items() if k >= step.key}
         return believed
+
+    def _is_zoomed(self, step: Step, size: tuple[int, int]) -> bool:
+        """Whether the lens was zoomed since the keyframe, asked once of a keyframe and when the next one begins."""
+        if step.makes is None and (step.key == self._zoomed_key or step.frame % ZOOM_EVERY):
+            return False
+        return self._first.fused is not None and is_zoomed(step.matches, self._lens.fov, size)
 
     def _lose(self) -> None:
         """Begin another chain; all begins anew where there was no answer yet."""
@@ -149,7 +164,9 @@ class Tracker:
     def _recognised(self, key: Key, among: Sequence[Kept]) -> tuple[Kept, Floats] | None:
         """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
         for kept in among:
-            if (turn := turn_between(kept.key, key, self._lens.fov)) is not None:
+            if (turn := turn_between(kept.key, key, self._lens.fov, self._lens_spread)) is not None:
+                if self._lens_spread:
+                    self._lens.count(turn)
                 return kept, self._of_key[key.number][0].T @ turn.rotation @ kept.orientation
         return None
 
@@ -262,9 +279,14 @@ class _Lens:
         if self._given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
             return
         turn = turn_between(a, b, None)
-        if turn is not None and tells_lens(turn, self._seen):
+        if turn is not None and not turn.zoomed:
+            self.count(turn)
+
+    def count(self, turn: Turn) -> None:
+        """Learn from a turn to a picture that was seen through this lens."""
+        if turn.zoomed or tells_lens(turn, self._seen):
             weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
-            self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
+            self._sum, self._weight = self._sum + weight * turn.vertical_fov[1], self._weight + weight
 
 
 def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
