@@ -35,15 +35,15 @@ class Link:
     weight: float = 1.0
 
 
-def turn_between(a: Key, b: Key, vertical_fov: float | None) -> Turn | None:
+def turn_between(a: Key, b: Key, vertical_fov: float | None, fov_sigma: float = 0.0) -> Turn | None:
     """The turn from a to b by their features, None where they have too little in common.
 
-    The lens is given [deg], or unknown.
+    The lens is given [deg], exactly or with a standard deviation of both pictures' lenses, or unknown.
     """
     if a.picture.shape != b.picture.shape:
         return None
     size = (a.picture.shape[1], a.picture.shape[0])
-    return rotation_of(match(a.features, b.features), size, size, (vertical_fov, vertical_fov))
+    return rotation_of(match(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_sigma)
 
 
 def chained(count: int, links: Sequence[Link]) -> tuple[Floats, NDArray[np.intp]]:

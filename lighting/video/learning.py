@@ -4,7 +4,7 @@ import numpy as np
 
 from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
-from lighting.turns import angles_of, level, up_in_camera
+from lighting.turns import Turn, angles_of, level, up_in_camera
 from lighting.video.follow import Key
 from lighting.video.keyframes import turn_between
 from lighting.video.lens import LENS_FLOOR, LENS_SPREAD, tells_lens
@@ -68,6 +68,11 @@ class LearntLens:
         if self._given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
             return
         turn = turn_between(a, b, None)
-        if turn is not None and tells_lens(turn, self._seen):
+        if turn is not None and not turn.zoomed:
+            self.count(turn)
+
+    def count(self, turn: Turn) -> None:
+        """Learn from a turn to a picture that was seen through this lens."""
+        if turn.zoomed or tells_lens(turn, self._seen):
             weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
-            self._sum, self._weight = self._sum + weight * turn.vertical_fov[0], self._weight + weight
+            self._sum, self._weight = self._sum + weight * turn.vertical_fov[1], self._weight + weight

@@ -2,7 +2,8 @@
 
 Orientations are chained from keyframe to keyframe. Earlier keyframes (bank.py) are recognised by their features, which
 takes back the drift; the sun does so too where time and place are known. Where the thread is lost, another chain
-begins, with looks of its own, until it is recognised how it lies to the first.
+begins, with looks of its own, until it is recognised how it lies to the first. A lens that is zoomed loses the thread:
+what comes then is seen through another lens.
 """
 
 import math
@@ -31,10 +32,12 @@ from lighting.video.shot import north_of
 from lighting.video.turning import is_believed, turning
 from lighting.video.watch import is_dark, see
 from lighting.video.watched import Circumstances
+from lighting.video.zoom import GUESS_SPREAD, is_zoomed
 
 LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
 LOOK_EVERY = 2.0  # s between the frames that the network sees
 RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is taken at once
+ZOOM_EVERY = 4  # frames, of which one is asked whether the lens was zoomed
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,8 @@ class Tracker:
         self._around = Circumstances(given=given or Given(use_exif=False))
         self._look_every, self._due = look_every, -math.inf
         self._follower, self._lens = Follower(), LearntLens(self._around.given.vertical_fov)
+        self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
+        self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
         self._bank = Bank()
         self._chain = self._chains = FIRST  # the one in use, and the last that was begun
         self._before: Key | None = None  # the keyframe before, where the thread was not lost since
@@ -112,12 +117,21 @@ class Tracker:
         believed = is_believed(turned, begins=False)
         if believed:
             self._orientation = turned.rotation @ base
+        if self._is_zoomed(step, size):
+            self._zoomed_key, self._lens, self._lens_spread = step.key, LearntLens(None), GUESS_SPREAD
+            self._lose()
+        elif step.makes is not None and not believed:
+            self._lose()
         if step.makes is not None:
-            if not believed:
-                self._lose()
             self._of_key[step.makes] = (self._orientation, self._gain)
         self._of_key = {k: v for k, v in self._of_key.items() if k >= step.key}
         return believed
+
+    def _is_zoomed(self, step: Step, size: tuple[int, int]) -> bool:
+        """Whether the lens was zoomed since the keyframe, asked once of a keyframe and when the next one begins."""
+        if step.makes is None and (step.key == self._zoomed_key or step.frame % ZOOM_EVERY):
+            return False
+        return self._first.fused is not None and is_zoomed(step.matches, self._lens.fov, size)
 
     def _lose(self) -> None:
         """Begin another chain; all begins anew where there was no answer yet."""
@@ -146,7 +160,9 @@ class Tracker:
     def _recognised(self, key: Key, among: Sequence[Kept]) -> tuple[Kept, Floats] | None:
         """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
         for kept in among:
-            if (turn := turn_between(kept.key, key, self._lens.fov)) is not None:
+            if (turn := turn_between(kept.key, key, self._lens.fov, self._lens_spread)) is not None:
+                if self._lens_spread:
+                    self._lens.count(turn)
                 return kept, self._of_key[key.number][0].T @ turn.rotation @ kept.orientation
         return None
 

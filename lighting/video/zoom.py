@@ -24,6 +24,7 @@ GUESS_SPREAD = 7.0  # deg, of the field of view before anything was followed
 LEAST_TOLD = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
 TOLD = 0.9  # share of a shot's frames whose zoom must be told, or the answer says that it is not sure
 BEGINNING = 1.0  # s of a shot, whose looks tell the lens that it begins with
+LEAST_SEEN = 0.9  # share of the points that must agree with a zoom alone, where one pair of frames decides
 _STARTS = (1.0, 0.8, 1.25)  # times that lens, from which the zoom is followed: from one far off it is lost on the way
 _PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
 _ROUNDS = 8
@@ -131,6 +132,12 @@ def _through_the_first(watched: Watched, zoom: Floats) -> Watched:
     return replace(watched, steps=steps, keys=keys, looks=looks)
 
 
+def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> bool:
+    """Whether the lens was zoomed between a keyframe with `vertical_fov` [deg] and a frame, by their points alone."""
+    grown = _grown(matches, focal_of(vertical_fov, *size), np.eye(3), 1.0, LEAST_SEEN)
+    return grown is not None and abs(np.log(grown[1])) > ONE_LENS
+
+
 def zoomed_fov(vertical_fov: float, zoom: float) -> float:
     """The vertical field of view [deg] where a focal length is `zoom` times that of one with `vertical_fov` [deg]."""
     return degrees(2.0 * atan(tan(radians(vertical_fov) / 2.0) / zoom))
@@ -164,10 +171,13 @@ def _ratio(turn: Turn, key: Key) -> float:
     return second / first
 
 
-def _grown(matches: Matches, focal: float, rotation: Floats, growth: float) -> tuple[Floats, float] | None:
+def _grown(
+    matches: Matches, focal: float, rotation: Floats, growth: float, least: float = LEAST_TOLD
+) -> tuple[Floats, float] | None:
     """The turn (3, 3) of a frame and its focal length by its keyframe's `focal` [half diagonals]; from guesses of both.
 
-    Gauss-Newton on both together under Geman and McClure's weights; None where few points obey the answer.
+    Gauss-Newton on both together under Geman and McClure's weights; None where less than a share `least` of the points
+    obeys.
     """
     a, reach = rays(matches.a, focal), TOLERANCE * matches.pixel
     turned, grown = rotation, growth
@@ -184,4 +194,4 @@ def _grown(matches: Matches, focal: float, rotation: Floats, growth: float) -> t
         change = np.linalg.solve(normal + 1e-12 * np.eye(4), np.einsum("n,nki,nk->i", weight, slope, off))
         turned, grown = rotation_about(change[:3]) @ turned, grown * float(np.exp(np.clip(change[3], -0.2, 0.2)))
     agreeing = np.mean(np.sum(np.square(off), axis=1) < (2.0 * reach) ** 2)
-    return (turned, grown) if agreeing >= LEAST_TOLD else None
+    return (turned, grown) if agreeing >= least else None

@@ -17,7 +17,8 @@ from lighting.turns.rays import rotation_vector
 from lighting.video import Tracker, turning
 from lighting.video.bank import FIRST
 from lighting.video.turning import Turning
-from tests.lighting.video.clips import FOV, look, orientation
+from lighting.video.zoom import zoomed_fov
+from tests.lighting.video.clips import FOV, look, orientation, panorama, seen
 
 BLACK = np.zeros((180, 320, 3), np.uint8)
 THERE = Given(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.0, longitude=11.0)
@@ -244,3 +245,26 @@ def test_memory_does_not_grow(model: Model) -> None:
     assert len(tracker._bank.kept) <= 32
     assert len(tracker._of_key) <= 2
     assert len(tracker._seen.light._sectors) <= 24
+
+
+def test_a_zoom_ends_the_link_until_what_was_seen_before_is_recognised(model: Model) -> None:
+    """Turns to and fro; from 10 to 15 s the focal length grows by half, which bent all turns after it."""
+    tracker = Tracker(model, Given(vertical_fov=FOV), look_every=1.0)
+    time = np.arange(250) / 10.0
+    headings, zoom = 25.0 * np.sin(time / 2.0), 1.5 ** np.clip((time - 10.0) / 5.0, 0.0, 1.0)
+    answers = [
+        tracker(seen(panorama(), h, fov=zoomed_fov(FOV, z)), t)
+        for h, z, t in zip(headings.tolist(), zoom.tolist(), time.tolist(), strict=True)
+    ]
+    linked = np.array([a is not None and a.linked for a in answers])
+    off = np.array([np.nan if a is None else a.heading for a in answers]) - headings
+    assert linked[:100].all()
+    assert not linked[100:150].all()
+    assert linked[150:].any()
+    assert np.abs(off[150:][linked[150:]]).max() < 3.0
+
+
+def test_turning_alone_is_no_zoom(model: Model) -> None:
+    tracker = Tracker(model, look_every=1.0)  # the network says 50 deg
+    answers = [tracker(look(3.0 * i, 4.0 * np.sin(i / 5.0)), 0.1 * i) for i in range(60)]
+    assert all(a is not None and a.linked for a in answers)
