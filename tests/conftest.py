@@ -11,7 +11,7 @@ import onnx
 import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
-from onnx import NodeProto, TensorProto, helper, numpy_helper
+from onnx import GraphProto, NodeProto, TensorProto, helper, numpy_helper
 from PIL import ExifTags, Image
 
 from lighting.records import ModelSpec
@@ -97,15 +97,23 @@ def write_network(
     `more` are further outputs by name, the same for every photo.
     """
     count = len(grid_directions(spec.sun_grid)) if cells is None else cells
-    constant = dict(more or {})
+    graph = _graph(spec, count, bias, dict(more or {}))
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
+    helper.set_model_props(model, {"spec": spec.to_json()} if metadata is None else metadata)
+    onnx.checker.check_model(model)
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+def _graph(spec: ModelSpec, count: int, bias: float, constant: Mapping[str, NDArray[np.float64]]) -> GraphProto:
+    """The network, the sun's probability having `count` cells."""
     random = np.random.default_rng(7)
-    parameters = np.array([3.0, 0.1, 4.0, -1.0, 50.0, 0.8]) + bias
     constants = {
         "sun_weight": random.normal(0, 3, (3, count)),
         "parameter_weight": random.normal(0, 0.05, (3, 6)),
-        "parameter_bias": parameters,
+        "parameter_bias": np.array([3.0, 0.1, 4.0, -1.0, 50.0, 0.8]) + bias,
     }
-    graph = helper.make_graph(
+    return helper.make_graph(
         [
             helper.make_node("ReduceMean", ["photo"], ["colour"], axes=[2, 3], keepdims=0),
             helper.make_node("MatMul", ["colour", "sun_weight"], ["logits"]),
@@ -127,11 +135,6 @@ def write_network(
         + [numpy_helper.from_array(v[None].astype(np.float32), f"{k}_value") for k, v in constant.items()]
         + [numpy_helper.from_array(np.array([-1] + [1] * v.ndim, np.int64), f"{k}_shape") for k, v in constant.items()],
     )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
-    helper.set_model_props(model, {"spec": spec.to_json()} if metadata is None else metadata)
-    onnx.checker.check_model(model)
-    path.write_bytes(model.SerializeToString())
-    return path
 
 
 @pytest.fixture(scope="session")
