@@ -1,6 +1,6 @@
 """A shot solved, once its end is known: its lens, the camera's path, its one sun."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ from lighting.turns.rays import focal_of
 from lighting.turns.upright import common_up, level, up_in_camera
 from lighting.video.follow import Step
 from lighting.video.keyframes import JOINS, Link, averaged, chained, loops, turn_between
-from lighting.video.lens import lens_of
+from lighting.video.lens import LENS_SPREAD, MOST_SPREADS, lens_of, said_lens
 from lighting.video.light import Look, ShotLight
 from lighting.video.path import Path, path_of
 from lighting.video.telemetry import Gimbal
@@ -25,6 +25,7 @@ from lighting.video.zoom import TOLD, OneLens, as_one_lens, zoomed_fov
 
 BELIEVED = 0.3  # share of followed points that must agree with a turn
 FEWEST_AGREEING = 12
+LEAST_AGREED = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
 GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
 _NIGHT_FALLS = (
     "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
@@ -32,6 +33,14 @@ _NIGHT_FALLS = (
 _ZOOM_LOST = (
     "The lens is zoomed, and in {:.0f} % of the frames their points do not tell by how much: headings and fields of "
     "view may be off."
+)
+_AT_ODDS = (
+    "In most frames only {:.0f} % of the points agree with one turn, or fewer, as where things move before the camera: "
+    "headings and the sun may be off."
+)
+_ODD_LENS = (
+    "The points tell a field of view of {:.0f}°, the pictures or metadata one of {:.0f}°: they may be those of moving "
+    "things, and headings and the sun off."
 )
 
 
@@ -66,7 +75,7 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
     up = _up(watched, orientation, time, around.gimbal)
     path = path_of(time, orientation, believed, level(up))
     gains = _gains(watched.steps)
-    return _lit(one, around, path, gains)
+    return _lit(one, around, path, gains, tuple(_doubts(one, around, turnings)))
 
 
 # --- orientations
@@ -168,7 +177,19 @@ def _gains(steps: Sequence[Step]) -> Floats:
     return np.asarray(gains / gains[0])
 
 
-def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats) -> Shot:
+def _doubts(one: OneLens, around: Circumstances, turnings: Sequence[Turning]) -> Iterator[str]:
+    """Sentences on why headings may be wrong though points were followed."""
+    shares = [turn.share for turn, step in zip(turnings, one.watched.steps, strict=True) if len(step.matches)]
+    fov, said = one.lens[0], said_lens(one.watched, around)[0]
+    if one.told < TOLD:
+        yield _ZOOM_LOST.format(100.0 * (1.0 - one.told))
+    if shares and (agreed := float(np.median(shares))) < LEAST_AGREED:
+        yield _AT_ODDS.format(100.0 * agreed)
+    if around.given.vertical_fov is None and abs(fov - said) > MOST_SPREADS * LENS_SPREAD:
+        yield _ODD_LENS.format(fov, said)
+
+
+def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats, doubts: tuple[str, ...]) -> Shot:
     watched, (fov, sigma) = one.watched, one.lens
     there = around.known_at(float(path.time[0]), _compass(path, around.gimbal))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
@@ -183,8 +204,7 @@ def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats) -> Shot
             light.add(Look(seen, float(path.heading[i]), own, gain, at[frame].evidence))
     if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
         there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
-    if one.told < TOLD:
-        there = replace(there, warnings=(*there.warnings, _ZOOM_LOST.format(100.0 * (1.0 - one.told))))
+    there = replace(there, warnings=(*there.warnings, *doubts))
     fused = light.answer(there.evidence)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])
