@@ -5,6 +5,7 @@ KINDS = (
     "tilt",
     "hand",
     "moving things",
+    "crowd",
     "motion blur",
     "exposure",
     "zoom",

@@ -31,7 +31,7 @@ EXPLAINED = (
     "its error against a smooth curve (a parabola through one second). `to best`: from the clip's sun to what the "
     "network says of five frames a second, truly turned. `sun`, `best's sun`: errors of both. `gain`: error "
     "of the exposure against the first frame [%]. `bridged`: frames in which nothing could be followed [%]. `split`: "
-    "clips that were taken for several shots."
+    "clips that were taken for several shots. `doubted`: clips whose answer has a warning."
 )
 MEDIANS = (
     "heading",
@@ -101,6 +101,7 @@ def measured(truth: Sequenced, model: Model) -> dict[str, float]:
         "in 50 %": 100.0 * (error <= shot.fused.sun.radius_50),
         "in 90 %": 100.0 * (error <= shot.fused.sun.radius_90),
         "split": float(len(shots) > 1),
+        "doubted": float(bool(shot.known.warnings)),
     }
 
 
@@ -162,4 +163,4 @@ def figures(clips: Iterable[dict[str, float]]) -> dict[str, float]:
     found = {name: float(np.median(every[name])) for name in MEDIANS}
     worst = {f"{name}, worst": float(every[name].max()) for name in ("trembling", "to best")}
     means = {name: float(every[name].mean()) for name in ("in 50 %", "in 90 %", "bridged")}
-    return {**found, **worst, **means, "split": float(every["split"].sum())}
+    return {**found, **worst, **means, **{name: float(every[name].sum()) for name in ("split", "doubted")}}

@@ -4,7 +4,7 @@ Each is decided by its panorama's name and its kind alone.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -66,7 +66,7 @@ def turned(panorama: Panorama, kind: str, rng: np.random.Generator) -> Sequenced
         ZOOM ** (rng.choice([-1, 1]) * np.clip(1.5 * time / time[-1] - 0.25, 0, 1)) if kind == "zoom" else 1 + 0 * time
     )
     picture = displayed(panorama)
-    things = _things(rng) if kind == "moving things" else []
+    things = {"moving things": _things, "crowd": _crowd}.get(kind, lambda _: [])(rng)
 
     def shot(i: int) -> Pixels:
         if kind == "motion blur":
@@ -176,6 +176,12 @@ def _things(rng: np.random.Generator) -> list[_Thing]:
         start = rng.uniform([0, 0.35 * HEIGHT], [WIDTH, 0.8 * HEIGHT])
         found.append(_Thing(texture, start, rng.uniform([-120, -10], [120, 10])))
     return found
+
+
+def _crowd(rng: np.random.Generator) -> list[_Thing]:
+    """Twelve boxes that go one way."""
+    speed = np.array([rng.choice([-1, 1]) * rng.uniform(40, 110), 0.0])
+    return [replace(thing, speed=speed) for _ in range(3) for thing in _things(rng)]
 
 
 def _crossed(picture: Pixels, things: Sequence[_Thing], time: float) -> Pixels:

@@ -22,7 +22,7 @@ LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
 
 def lens_of(watched: Watched, around: Circumstances) -> tuple[float, float]:
     """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
-    said = _said(watched, around)[0]
+    said = said_lens(watched, around)[0]
     turns = (turn for turn in _lens_turns(watched) if turn is not None and tells_lens(turn, said))
     return lens_by(watched, around, ((turn.vertical_fov[0], turn.fov_sigma) for turn in turns))
 
@@ -31,11 +31,11 @@ def lens_by(watched: Watched, around: Circumstances, told: Iterable[tuple[float,
     """The same where fields of view and their standard deviations [deg] are `told` by turns."""
     if around.given.vertical_fov is not None:
         return around.given.vertical_fov, 0.0
-    said = _said(watched, around)
+    said = said_lens(watched, around)
     return _agreed([said, *((fov, math.hypot(sigma, LENS_FLOOR)) for fov, sigma in told)])
 
 
-def _said(watched: Watched, around: Circumstances) -> tuple[float, float]:
+def said_lens(watched: Watched, around: Circumstances) -> tuple[float, float]:
     """The field of view, and its standard deviation, that metadata or else the network say."""
     if around.given.use_exif and (stated := around.facts.vertical_fov):
         return stated, STATED_LENS_SPREAD

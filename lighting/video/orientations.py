@@ -1,5 +1,6 @@
 """How the camera of a shot was turned, frame by frame, and which way is up."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -16,12 +17,11 @@ from lighting.video.watched import Watched
 GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
 
 
-def orientations(watched: Watched, fov: float) -> tuple[Floats, NDArray[np.bool_]]:
+def orientations(watched: Watched, turnings: Sequence[Turning], fov: float) -> tuple[Floats, NDArray[np.bool_]]:
     """Orientations (N, 3, 3) of the frames against the shot's first camera, and which of them are believed (N,).
 
-    `fov` is the vertical field of view [deg].
+    `turnings` are those of `turnings_of`, `fov` the vertical field of view [deg].
     """
-    turnings = _turnings(watched, focal_of(fov, *watched.size))
     lowest = watched.steps[0].key
     numbers = [n for s in watched.steps for n in (s.key, s.makes) if n is not None]
     count = max(numbers) - lowest + 1
@@ -47,8 +47,9 @@ def orientations(watched: Watched, fov: float) -> tuple[Floats, NDArray[np.bool_
     return frames @ frames[int(np.argmax(believed))].T, believed
 
 
-def _turnings(watched: Watched, focal: float) -> list[Turning]:
-    """Each frame's turn against its keyframe."""
+def turnings_of(watched: Watched, fov: float) -> list[Turning]:
+    """Each frame's turn against its keyframe, through a lens of a vertical field of view [deg]."""
+    focal = focal_of(fov, *watched.size)
     found: list[Turning] = []
     guess: Floats = np.eye(3)
     last = -1

@@ -1,6 +1,6 @@
 """A shot solved, once its end is known: its lens, the camera's path, its one sun."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,20 +12,30 @@ from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
 from lighting.turns import level
 from lighting.video.follow import gains_of
-from lighting.video.lens import lens_of
+from lighting.video.lens import LENS_SPREAD, MOST_SPREADS, lens_of, said_lens
 from lighting.video.light import Look, ShotLight
-from lighting.video.orientations import orientations, told_by, up_of
+from lighting.video.orientations import orientations, told_by, turnings_of, up_of
 from lighting.video.path import Path, path_of
 from lighting.video.telemetry import Gimbal
+from lighting.video.turning import Turning
 from lighting.video.watched import Circumstances, Watched
 from lighting.video.zoom import TOLD, OneLens, as_one_lens, zoomed_fov
 
+LEAST_AGREED = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
 _NIGHT_FALLS = (
     "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
 )
 _ZOOM_LOST = (
     "The lens is zoomed, and in {:.0f} % of the frames their points do not tell by how much: headings and fields of "
     "view may be off."
+)
+_AT_ODDS = (
+    "In most frames only {:.0f} % of the points agree with one turn, or fewer, as where things move before the camera: "
+    "headings and the sun may be off."
+)
+_ODD_LENS = (
+    "The points tell a field of view of {:.0f}°, the pictures or metadata one of {:.0f}°: they may be those of moving "
+    "things, and headings and the sun off."
 )
 
 
@@ -54,15 +64,28 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
         raise VideoError("No frame of the shot is bright enough for daylight.")
     one = as_one_lens(watched, around) or OneLens(watched, np.ones(len(watched.steps)), lens_of(watched, around))
     watched, fov = one.watched, one.lens[0]
-    orientation, believed = orientations(watched, fov)
+    turnings = turnings_of(watched, fov)
+    orientation, believed = orientations(watched, turnings, fov)
     time = np.array([step.time for step in watched.steps])
     up = up_of(watched, orientation, time, around.gimbal)
     path = path_of(time, orientation, believed, level(up))
     gains = gains_of(watched.steps)
-    return _lit(one, around, path, gains)
+    return _lit(one, around, path, gains, tuple(_doubts(one, around, turnings)))
 
 
-def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats) -> Shot:
+def _doubts(one: OneLens, around: Circumstances, turnings: Sequence[Turning]) -> Iterator[str]:
+    """Sentences on why headings may be wrong though points were followed."""
+    shares = [turn.share for turn, step in zip(turnings, one.watched.steps, strict=True) if len(step.matches)]
+    fov, said = one.lens[0], said_lens(one.watched, around)[0]
+    if one.told < TOLD:
+        yield _ZOOM_LOST.format(100.0 * (1.0 - one.told))
+    if shares and (agreed := float(np.median(shares))) < LEAST_AGREED:
+        yield _AT_ODDS.format(100.0 * agreed)
+    if around.given.vertical_fov is None and abs(fov - said) > MOST_SPREADS * LENS_SPREAD:
+        yield _ODD_LENS.format(fov, said)
+
+
+def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats, doubts: tuple[str, ...]) -> Shot:
     watched, (fov, sigma) = one.watched, one.lens
     there = around.known_at(float(path.time[0]), _compass(path, around.gimbal))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
@@ -77,8 +100,7 @@ def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats) -> Shot
             light.add(Look(seen, float(path.heading[i]), own, gain, at[frame].evidence))
     if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
         there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
-    if one.told < TOLD:
-        there = replace(there, warnings=(*there.warnings, _ZOOM_LOST.format(100.0 * (1.0 - one.told))))
+    there = replace(there, warnings=(*there.warnings, *doubts))
     fused = light.answer(there.evidence)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])

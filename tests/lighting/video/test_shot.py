@@ -1,5 +1,6 @@
 """Shots of a made-up place: lens, path, cuts, gaps."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from lighting.video.shot import Shot, solve
 from lighting.video.telemetry import Gimbal
 from lighting.video.watch import shots_watched
 from lighting.video.watched import Circumstances
-from tests.lighting.video.clips import FOV, Pixels, frames, look, pan
+from tests.lighting.video.clips import FOV, Pixels, frames, look, pan, panorama
 
 BLACK = np.zeros((180, 320, 3), np.uint8)
 
@@ -109,3 +110,34 @@ def test_exposure_is_followed_through_keyframes(model: Model) -> None:
     (shot,) = shots(pictures, model)
     assert shot.gains[-1] == pytest.approx([0.7**2.3] * 3, rel=0.12)  # sRGB is near a power of 2.3
     assert shot.gains[0] == pytest.approx([1.0] * 3)
+
+
+def before_moving_things(speeds: Sequence[tuple[float, float]], top: int) -> list[Pixels]:
+    """A place that stands still, and below `top` a thing beside the other, each with its own speed [pixels a frame]."""
+    place, things = look(10.0), panorama(5)[100:500]
+    width = 320 // len(speeds)
+    pictures = []
+    for i in range(40):
+        picture = place.copy()
+        for number, (right, down) in enumerate(speeds):
+            row, column = top + 80 - round(down * i), number * width + 350 - round(right * i)
+            picture[top:, number * width : (number + 1) * width] = things[
+                row : row + 180 - top, column : column + width
+            ]
+        pictures.append(picture)
+    return pictures
+
+
+def test_points_that_obey_no_one_turn_are_told(model: Model) -> None:
+    (shot,) = shots(before_moving_things([(2.0, 1.0), (-1.0, 1.5), (1.0, -2.0), (-2.0, -1.0)], 20), model)
+    assert any("agree with one turn" in warning for warning in shot.known.warnings)
+
+
+def test_points_of_a_thing_that_passes_are_told_by_the_lens_they_would_need(model: Model) -> None:
+    (shot,) = shots(before_moving_things([(-3.0, 0.0)], 20), model)
+    assert any("The points tell a field of view" in warning for warning in shot.known.warnings)
+
+
+def test_a_pan_has_no_doubts(model: Model) -> None:
+    (shot,) = shots(pan(30, 40.0), model)
+    assert shot.known.warnings == ()
