@@ -12,6 +12,7 @@ from lighting.colour import luminance, tone_map
 from lighting.geometry import Floats, camera_directions
 
 _BOX, _BICUBIC = Image.Resampling.BOX, Image.Resampling.BICUBIC
+_CASTS = (0.025, 0.0075, 0.025)  # spread of the logarithms of red, green and blue; a low sun is told by its colour
 
 
 def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], Floats, bool]:
@@ -95,7 +96,7 @@ def _haze(linear: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.f
 
 
 def _white_balance(rng: np.random.Generator) -> NDArray[np.float32]:
-    gains = np.exp(rng.normal(0, (0.1, 0.03, 0.1)))
+    gains = np.exp(rng.normal(0, _CASTS))
     return np.asarray(gains / gains.mean(), dtype=np.float32)
 
 
