@@ -16,7 +16,9 @@ SCRIPT = "lighting/scene/data/blender.py"
 SKY = (
     "lighting/errors.py",
     "lighting/geometry.py",
+    "lighting/ranges.py",
     "lighting/records.py",
+    "lighting/sections.py",
     "lighting/colour.py",
     *(f"lighting/envmap/{name}.py" for name in ("changing", "clear", "disc", "mixture", "render")),
     *(f"lighting/sky/{path.name}" for path in sorted((ROOT / "lighting" / "sky").glob("*.py"))),
