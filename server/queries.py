@@ -14,9 +14,15 @@ from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
 from lighting.sky import Model as SkyModel
 from server.texts import Headings, Irradiances, Offset, Reflectances, Time, in_words, misfit
 from server.values import (
+    CAMERA_ELEVATION,
+    CAMERA_ROLL,
+    EXPOSURE,
     GROUND_COLOR,
     SKY_IRRADIANCE,
+    SUN_AZIMUTH,
+    SUN_ELEVATION,
     SUN_IRRADIANCE,
+    TURBIDITY,
     Between,
     CameraElevation,
     CameraRoll,
@@ -136,17 +142,12 @@ class StatedQuery(Query):
 class ChangeQuery(StatedQuery):
     """Parameters of a sky and its camera that replace what is estimated; power that is not stated follows the sky."""
 
-    sun_azimuth: Annotated[
-        float | None, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
-    ] = None
-    sun_elevation: Annotated[float | None, named("sun_elevation", "deg above the horizon", 33.0)] = None
-    turbidity: Annotated[float | None, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)] = None
-    exposure: Annotated[
-        float | None, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
-    ] = None
-
-    camera_elevation: Annotated[float | None, named("camera_elevation", "deg, positive looks up", 4.1)] = None
-    camera_roll: Annotated[float | None, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)] = None
+    sun_azimuth: Annotated[float | None, SUN_AZIMUTH] = None
+    sun_elevation: Annotated[float | None, SUN_ELEVATION] = None
+    turbidity: Annotated[float | None, TURBIDITY] = None
+    exposure: Annotated[float | None, EXPOSURE] = None
+    camera_elevation: Annotated[float | None, CAMERA_ELEVATION] = None
+    camera_roll: Annotated[float | None, CAMERA_ROLL] = None
     vertical_fov: Annotated[
         float | None, named("vertical_fov", "deg; unlike `fov` it leaves the estimate of the sun as it is", 48.7)
     ] = None

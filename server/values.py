@@ -77,13 +77,20 @@ Height = Annotated[
     AfterValidator(_even),
 ]
 
-SunAzimuth = Annotated[float, named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)]
-SunElevation = Annotated[float, named("sun_elevation", "deg above the horizon", 33.0)]
-Turbidity = Annotated[float, named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)]
-Exposure = Annotated[float, named("exposure", "factor from sky radiance to the photo's linear values", 5.0)]
+SUN_AZIMUTH = named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
+SUN_ELEVATION = named("sun_elevation", "deg above the horizon", 33.0)
+TURBIDITY = named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)
+EXPOSURE = named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
+CAMERA_ELEVATION = named("camera_elevation", "deg, positive looks up", 4.1)
+CAMERA_ROLL = named("camera_roll", "deg, positive turns the camera clockwise", -0.6)
+
+SunAzimuth = Annotated[float, SUN_AZIMUTH]
+SunElevation = Annotated[float, SUN_ELEVATION]
+Turbidity = Annotated[float, TURBIDITY]
+Exposure = Annotated[float, EXPOSURE]
+CameraElevation = Annotated[float, CAMERA_ELEVATION]
+CameraRoll = Annotated[float, CAMERA_ROLL]
 GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
-CameraElevation = Annotated[float, named("camera_elevation", "deg, positive looks up", 4.1)]
-CameraRoll = Annotated[float, named("camera_roll", "deg, positive turns the camera clockwise", -0.6)]
 VerticalFov = Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)]
 SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
 Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]
