@@ -1,7 +1,7 @@
 """How the cameras of several photos are turned against each other, from what they see in common."""
 
 from lighting.turns.apart import place_apart
-from lighting.turns.match import MAX_SIDE, Features, Matches, centred, features, has_opencv, match, opencv
+from lighting.turns.match import MAX_SIDE, Features, Matches, centred, features, has_opencv, match, opencv, shrunk
 from lighting.turns.parallax import motion, obeying_more
 from lighting.turns.rays import cross_matrix, focal_of, nearest_rotation, rays, rotation_about, rotation_vector
 from lighting.turns.rotation import Turn, relative_rotation, rotation_of
@@ -41,5 +41,6 @@ __all__ = [
     "rotation_of",
     "rotation_vector",
     "search",
+    "shrunk",
     "up_in_camera",
 ]

@@ -68,7 +68,7 @@ def has_opencv() -> bool:
 def features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
     """The features of a photo (H, W, 3) sRGB, or (H, W) grey, upright."""
     cv2 = opencv()
-    grey = _shrunk(cv2, pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
+    grey = shrunk(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
     height, width = grey.shape
     even = cv2.createCLAHE(CONTRAST, (8, 8)).apply(grey)  # shade has features too
     found, described = cv2.SIFT_create(max_features, contrastThreshold=FAINTEST).detectAndCompute(even, None)
@@ -78,7 +78,9 @@ def features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: 
     return Features(centred(corner, width, height), _rooted(described), width, height)
 
 
-def _shrunk(cv2: Any, grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
+def shrunk(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
+    """A grey picture (H, W) with `max_side` pixels along its longer side, if it has more."""
+    cv2 = opencv()
     scale = max_side / max(grey.shape)
     if scale >= 1.0:
         return np.ascontiguousarray(grey)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lighting.turns.match import Matches
+from lighting.turns import Matches
 from lighting.video.dissolves import Dissolve
 from lighting.video.follow import Key, Step
 from lighting.video.keyframes import JOINS, turn_between

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.turns.match import opencv
+from lighting.turns import opencv, shrunk
 from lighting.video.clip import Frame
 from lighting.video.follow import FEATURE_SIDE, Key
 from lighting.video.keyframes import turn_between
@@ -114,18 +114,12 @@ class Dissolves:
             self._mixed.append(middle.number)
 
     def _small(self, frame: Frame, number: int) -> _Small:
-        grey = self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY)
-        picture = self._shrunk(grey, FEATURE_SIDE)
-        tiny = self._shrunk(picture, _SIDE)
+        picture = shrunk(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
+        tiny = shrunk(picture, _SIDE)
         mean, spread = self._cv2.meanStdDev(tiny)
         scale = _SPREAD / max(float(spread[0, 0]), _FLAT)
         even = self._cv2.convertScaleAbs(np.maximum(tiny * scale + (128.0 - scale * float(mean[0, 0])), 0.0))
         return _Small(number, frame.time, picture, np.asarray(even))
-
-    def _shrunk(self, grey: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:
-        scale = min(1.0, side / max(grey.shape))
-        size = (max(1, round(grey.shape[1] * scale)), max(1, round(grey.shape[0] * scale)))
-        return np.asarray(self._cv2.resize(grey, size, interpolation=self._cv2.INTER_AREA))
 
     def _is_mixed(self, before: NDArray[np.uint8], middle: NDArray[np.uint8], after: NDArray[np.uint8]) -> bool:
         """Whether a frame is a mixture of two others, and not in part the one and in part the other."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import SRGB_LINEAR
 from lighting.geometry import Floats
-from lighting.turns import Features, Matches, centred, features, opencv
+from lighting.turns import Features, Matches, centred, features, opencv, shrunk
 from lighting.video.clip import Frame
 
 POINTS = 200  # sought in a keyframe
@@ -132,11 +132,8 @@ class Follower:
         """Hand out the keyframe, once: what nothing can be followed from is not worth keeping."""
         if self._unproven is not None:
             frame, self._unproven = self._unproven, None
-            grey = self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY)
-            scale = min(1.0, FEATURE_SIDE / max(grey.shape))
-            size = (round(grey.shape[1] * scale), round(grey.shape[0] * scale))
-            small = self._cv2.resize(grey, size, interpolation=self._cv2.INTER_AREA)
-            self.new_key = Key(self._number, self._stretch, frame.index, frame.time, np.asarray(small))
+            small = shrunk(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
+            self.new_key = Key(self._number, self._stretch, frame.index, frame.time, small)
 
     def _make_key(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
         """Seek corners in the frame, to be followed from now on."""
