@@ -90,6 +90,12 @@ def camera_axes(azimuth: float, elevation: float, roll: float) -> Floats:
     return np.stack([c * right - s * up, s * right + c * up, forward])
 
 
+def up_in_camera(elevation: ArrayLike, roll: ArrayLike) -> Floats:
+    """The world's up (3, ...) along the right, up and forward of cameras with these angles (...) [deg]."""
+    el, ro = np.broadcast_arrays(np.radians(elevation), np.radians(roll))
+    return np.stack([-np.sin(ro) * np.cos(el), np.cos(ro) * np.cos(el), np.sin(el)])
+
+
 def focal_length(height: float, vertical_fov: float) -> float:
     """Focal length [pixels] of a pinhole camera whose picture is `height` pixels tall."""
     return float(0.5 * height / np.tan(np.radians(vertical_fov) / 2.0))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.overlap import power
-    from lighting.evidence.said import said_of
+    from lighting.evidence.said import said_of, upright
     from lighting.evidence.seen import fuse_photo
     from lighting.evidence.together import fuse_together
 
@@ -64,6 +64,7 @@ __all__ = [
     "stand",
     "sun_position",
     "tilt_spread",
+    "upright",
     "zones",
 ]
 
@@ -111,6 +112,7 @@ __getattr__ = from_homes(
         "stand": "fusion",
         "sun_position": "ephemeris",
         "tilt_spread": "gravity",
+        "upright": "said",
         "zones": "facts",
     },
 )

@@ -1,7 +1,12 @@
-"""What the network says of one photo's pixels, and what the pixels say of that."""
+"""What the pixels of one photo say: the network's answer, and what the picture shows beside it."""
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.evidence.seen import shown_sun, through_camera
+from lighting.evidence.verticals import with_verticals
 from lighting.model import Model
 from lighting.photo import Photo, is_empty, is_panorama, to_tensor
 from lighting.records import Prediction
@@ -10,8 +15,23 @@ _NO_PHOTO = 0.01  # the most that `suitable` is for pictures that are no photo o
 
 
 def said_of(model: Model, photo: Photo) -> Prediction:
-    """The network's answer for a photo; it does not suit where it is an empty frame or a whole panorama."""
+    """The network's answer for a photo, with the camera by its verticals too.
+
+    An empty frame or a whole panorama keeps the network's camera, and does not suit.
+    """
     said = model.predict(to_tensor(photo, model.spec))[0]
-    if said.light is None or not (is_empty(photo.pixels) or is_panorama(photo.pixels)):
+    if not (is_empty(photo.pixels) or is_panorama(photo.pixels)):
+        return upright(said, photo.pixels)
+    if said.light is None:
         return said
     return replace(said, light=replace(said.light, suitable=min(said.light.suitable, _NO_PHOTO)))
+
+
+def upright(said: Prediction, pixels: NDArray[np.uint8]) -> Prediction:
+    """The same with the camera by the verticals of the photo's pixels (h, w, 3) too.
+
+    A sun that the photo shows stays on its pixel.
+    """
+    known = with_verticals(said, pixels)
+    sun = shown_sun(said, pixels)
+    return known if sun is None else replace(known, sun_probability=through_camera(said, known, sun))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.decoding import best_guess
-from lighting.evidence.fusion import Evidence, Fused, Stood, fuse_stood, stand
+from lighting.evidence.fusion import Evidence, Fused, fuse_stood, stand
 from lighting.evidence.gravity import tilt_spread
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, camera_pixel, direction, wrap_azimuth
 from lighting.ranges import RANGES
@@ -39,23 +39,30 @@ def fuse_photo(prediction: Prediction, evidence: Evidence, pixels: NDArray[np.ui
     With its `pixels` (h, w, 3), a photo that is not white where the network has the sun counts as not showing it: then
     the network knows the direction by more than a pixel.
     """
-    stood, sun = stand(prediction, evidence), shown_sun(prediction)
-    if sun is None or (pixels is not None and not _glares(pixels, prediction, sun)):
+    stood, sun = stand(prediction, evidence), shown_sun(prediction, pixels)
+    if sun is None:
         return fuse_stood(stood)
-    moved = _through_camera(prediction, stood, sun)
+    lens = stood.evidence.vertical_fov or prediction.vertical_fov
+    probability = through_camera(prediction, replace(stood.prediction, vertical_fov=lens), sun)
+    moved = replace(stood.prediction, sun_probability=probability)
     fused = fuse_stood(replace(stood, prediction=moved))
     return _levelled(fused, moved, tilt_spread(stood.evidence.gravity))
 
 
-def shown_sun(prediction: Prediction) -> Floats | None:
-    """Unit vector (3,) towards the sun by the pixels alone if the picture shows it, else None."""
+def shown_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None) -> Floats | None:
+    """Unit vector (3,) towards the sun by the pixels alone if the picture shows it, else None.
+
+    With its `pixels` (h, w, 3), a photo that is not white there does not show it.
+    """
     probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
     sun = best_guess(probability, prediction.spec.sun_grid)
     right, up, forward = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll) @ sun
     edge = forward * math.tan(math.radians(prediction.vertical_fov) / 2)
     inside = abs(up) <= edge and abs(right) <= _WIDEST * edge
     sure = float(probability @ (cells @ sun >= math.cos(math.radians(_NEAR)))) >= _SHOWN
-    return sun if inside and sure and prediction.sun_visibility >= 0.5 else None
+    if not (inside and sure and prediction.sun_visibility >= 0.5):
+        return None
+    return sun if pixels is None or _glares(pixels, prediction, sun) else None
 
 
 def _glares(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> bool:
@@ -69,22 +76,24 @@ def _glares(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> b
     return around.size > 0 and float(np.mean(luminance(around) >= _WHITE)) >= _WHITE_SHARE
 
 
-def _through_camera(prediction: Prediction, stood: Stood, sun: Floats) -> Prediction:
-    """What `stood` says, with the seen sun (3,) and what lies around it where their pixels look by its camera."""
-    vertical_fov = stood.evidence.vertical_fov or prediction.vertical_fov
-    ratio = math.tan(math.radians(vertical_fov) / 2) / math.tan(math.radians(prediction.vertical_fov) / 2)
-    said, known = (camera_axes(0.0, p.camera_elevation, p.camera_roll) for p in (prediction, stood.prediction))
-    if abs(math.log(ratio)) < _SAME and float(np.abs(said - known).max()) < _SAME:
-        return stood.prediction
+def through_camera(prediction: Prediction, known: Prediction, sun: Floats) -> NDArray[np.float32]:
+    """The sun's probability with the seen sun (3,) and what lies around it where their pixels look by `known`'s camera.
+
+    What the network said is in directions by the camera of `prediction`.
+    """
+    ratio = math.tan(math.radians(known.vertical_fov) / 2) / math.tan(math.radians(prediction.vertical_fov) / 2)
+    said, there = (camera_axes(0.0, p.camera_elevation, p.camera_roll) for p in (prediction, known))
+    if abs(math.log(ratio)) < _SAME and float(np.abs(said - there).max()) < _SAME:
+        return prediction.sun_probability
     cells = grid_directions(prediction.spec.sun_grid)
     right, up, forward = (cells @ said.T).T
-    there = (cells @ sun >= math.cos(math.radians(_MOVED))) & (forward > 0)
-    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[there] @ known
+    near = (cells @ sun >= math.cos(math.radians(_MOVED))) & (forward > 0)
+    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[near] @ there
     rays[:, 1] = np.maximum(rays[:, 1], 0.0)  # no sun stands below the horizon
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     p = np.asarray(prediction.sun_probability, dtype=np.float64)
-    moved = np.where(there, 0.0, p) + over_cells(p[there], rays, prediction.spec.sun_grid)
-    return replace(stood.prediction, sun_probability=moved.astype(np.float32))
+    moved = np.where(near, 0.0, p) + over_cells(p[near], rays, prediction.spec.sun_grid)
+    return np.asarray(moved, dtype=np.float32)
 
 
 def _levelled(fused: Fused, prediction: Prediction, spread: float) -> Fused:

@@ -1,0 +1,85 @@
+"""The camera by the verticals of its picture."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lighting.evidence.verticals import MOST_SIDE, with_verticals
+from lighting.geometry import Pinhole, angles, camera_directions
+from lighting.records import Prediction
+from tests.lighting.evidence.samples import prediction
+
+FINER = 3  # pixels drawn for each one along an axis
+
+
+def poles(elevation: float, roll: float, fov: float, size: tuple[int, int] = (400, 300)) -> NDArray[np.uint8]:
+    """What a camera sees among poles all around it, each 3 deg wide, in fog that thickens by the pole."""
+    width, height = size
+    camera = Pinhole(FINER * width, FINER * height, fov, 0.0, elevation, roll)
+    azimuth, _ = angles(camera_directions(camera))
+    shade = np.where(np.floor(azimuth / 3.0) % 2 == 0, 70.0, 160.0)
+    grey = shade.reshape(height, FINER, width, FINER).mean(axis=(1, 3))
+    return np.repeat(grey[..., None], 3, axis=2).round().astype(np.uint8)
+
+
+def said(elevation: float, roll: float, fov: float = 50.0) -> Prediction:
+    return replace(prediction(), camera_elevation=elevation, camera_roll=roll, vertical_fov=fov)
+
+
+def convergence(camera: Prediction) -> float:
+    """One over the height [picture heights] in which verticals meet: all that they tell of elevation and lens."""
+    half = np.tan(np.radians(camera.vertical_fov) / 2)
+    return float(2 * half * np.tan(np.radians(camera.camera_elevation)))
+
+
+@pytest.mark.parametrize(
+    ("elevation", "roll"), [(0.0, 0.0), (12.0, 0.0), (-15.0, 2.0), (25.0, -8.0), (3.0, 6.0), (-30.0, 0.0)]
+)
+@pytest.mark.parametrize(("above", "aside"), [(4.0, 0.0), (-4.0, 1.0), (0.0, -1.5)])
+def test_a_wrong_camera_is_put_where_verticals_are_upright(
+    elevation: float, roll: float, above: float, aside: float
+) -> None:
+    known = with_verticals(said(elevation + above, roll + aside), poles(elevation, roll, 50.0))
+    assert convergence(known) == pytest.approx(convergence(said(elevation, roll)), abs=0.015)
+    assert known.camera_roll == pytest.approx(roll, abs=0.4)
+    assert abs(known.camera_elevation - elevation) <= 0.75 * abs(above) + 0.5
+    assert known.vertical_fov == pytest.approx(50.0, abs=6.0)
+
+
+@pytest.mark.parametrize(("size", "fov"), [((300, 400), 65.0), ((2 * MOST_SIDE, MOST_SIDE), 50.0), ((90, 60), 50.0)])
+def test_portraits_large_and_small_pictures_are_read_alike(size: tuple[int, int], fov: float) -> None:
+    known = with_verticals(said(6.0, 0.0, fov), poles(2.0, 0.0, fov, size))
+    assert known.camera_elevation == pytest.approx(2.0, abs=1.0)
+
+
+def test_verticals_of_a_level_camera_do_not_tell_the_lens_and_those_of_a_steep_one_do() -> None:
+    level = with_verticals(said(0.0, 0.0, 44.0), poles(0.0, 0.0, 50.0)).vertical_fov
+    steep = with_verticals(said(30.0, 0.0, 44.0), poles(30.0, 0.0, 50.0)).vertical_fov
+    assert level == pytest.approx(44.0, abs=1.0)
+    assert 45.5 < steep < 52.0
+
+
+def test_a_picture_without_verticals_leaves_the_camera_as_it_is() -> None:
+    camera = said(7.0, -2.0)
+    rows = np.repeat(np.arange(300) // 20 % 2 * 60 + 90, 400).reshape(300, 400)
+    for grey in (rows, np.full((300, 400), 120), np.full((1, 1), 7)):
+        pixels = np.repeat(grey[..., None], 3, axis=2).astype(np.uint8)
+        assert with_verticals(camera, pixels) is camera
+
+
+def test_one_leaning_pole_is_not_believed() -> None:
+    """It may be a mast, a trunk or a person: the network's level camera stays nearly so."""
+    y, x = np.mgrid[:300, :400].astype(float)
+    pole = np.where(np.abs(x - 200 + 0.17 * (y - 150)) < 6, 60, 150)
+    known = with_verticals(said(0.0, 0.0), np.repeat(pole[..., None], 3, axis=2).astype(np.uint8))
+    assert abs(known.camera_roll) < 1.0
+    assert abs(known.camera_elevation) < 1.0
+
+
+def test_everything_else_stays() -> None:
+    before = said(4.0, 1.0)
+    after = with_verticals(before, poles(0.0, 0.0, 50.0))
+    for name in ("spec", "sun_probability", "sun_visibility", "turbidity", "exposure", "light"):
+        assert getattr(after, name) is getattr(before, name)
