@@ -2,7 +2,7 @@
 
 from export.crops.augment import augment
 from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, pinhole, training_camera
-from export.crops.crops import Crop, is_resolved, take
+from export.crops.crops import Crop, finest_side, is_resolved, take
 from export.crops.exposure import automatic_gain
 from export.crops.irradiance import Irradiance, irradiance_of
 from export.crops.mosaic import companions, joined, same_view
@@ -25,6 +25,7 @@ __all__ = [
     "augment",
     "automatic_gain",
     "companions",
+    "finest_side",
     "generator",
     "irradiance_of",
     "is_resolved",

@@ -86,6 +86,14 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
     )
 
 
+def finest_side(source: Source, camera: Camera) -> int:
+    """Pixels along the longer side of a picture that is as fine as its panorama.
+
+    One that is finer shows the panorama's own rows and columns, which are horizontals and verticals of the world.
+    """
+    return int(max(camera.aspect, 1.0) * _finest(source, camera))
+
+
 def _view(source: Source, camera: Camera, width: int, height: int, sharpness: float) -> NDArray[np.float32]:
     """Linear samples of a camera's view, at most (height, width), no finer than the panorama or `sharpness` allow."""
     finest = _finest(source, camera)

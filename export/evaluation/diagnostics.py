@@ -29,6 +29,7 @@ class Judged:
     truth: Truth
     predictions: Sequence[Prediction]  # of our network
     said: dict[str, Answers]  # of each method, our network first
+    alone: dict[str, Answers]  # of each network without what else the pictures show
 
     @property
     def ours(self) -> str:

@@ -20,7 +20,7 @@ from export.evaluation.photos import photo_methods, photo_report
 from export.evaluation.records import answers, select
 from export.evaluation.report import in_view_report, report
 from export.evaluation.simulated_metadata import take_metadata
-from export.evaluation.views import CROPS_EACH, aimed, cameras, interpret, see
+from export.evaluation.views import CROPS_EACH, aimed, cameras, interpret, look
 from lighting.colour import tone_map
 from lighting.files import replacing
 from lighting.model import Model
@@ -89,17 +89,17 @@ def evaluate(options: Options) -> Evaluation:
 
 def _judge(methods: _Methods, sources: Sequence[Source], protocol: str) -> Judged:
     views = cameras(sources, protocol)
-    results = {name: see(model, views) for name, model in methods.models.items()}
-    truth, predictions = next(iter(results.values()))
-    said = {name: interpret(p, truth.sun) for name, (_, p) in results.items()}
+    looked = look(methods.models, views)
+    truth, ours = looked.truth, next(iter(methods.models))
+    alone, said = ({n: interpret(p, truth.sun) for n, p in by.items()} for by in (looked.alone, looked.said))
     if methods.peer:
         suns = suncompass.suns(methods.peer, suncompass.crop_pictures(views), methods.elevation)
         said[suncompass.NAME] = answers(suns)
-    return Judged(views, truth, predictions, said | without_network(truth, methods.training))
+    return Judged(views, truth, looked.said[ours], said | without_network(truth, methods.training), alone)
 
 
 def _sections(options: Options, methods: _Methods, sources: Sequence[Source], judged: dict[str, Judged]) -> list[str]:
-    sections = [report(protocol, j.truth, j.said, j.ours) for protocol, j in judged.items()]
+    sections = [report(protocol, j.truth, j.said, j.alone, j.ours) for protocol, j in judged.items()]
     sections += sun_in_view(sources, methods.models)
     if (options.data / PHOTOS).exists():
         known = photo_methods(methods.models, methods.peer, methods.elevation)
@@ -117,13 +117,13 @@ def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str
     views = aimed(sources)
     if not views:
         return []
-    seen = {name: see(model, views) for name, model in models.items()}
-    truth = next(iter(seen.values()))[0]
+    looked = look(models, views)
+    truth = looked.truth
     chosen = truth.scored & (truth.in_view == "sun in view")
-    said = {name: select(interpret(predictions, truth.sun), chosen) for name, (_, predictions) in seen.items()}
+    said = {name: select(interpret(predictions, truth.sun), chosen) for name, predictions in looked.said.items()}
     if not chosen.any():
         return []
-    ours = next(iter(seen.values()))[1]
+    ours = next(iter(looked.said.values()))
     spec, shown = next(iter(models.values())).spec, np.flatnonzero(chosen).tolist()
     pictures = [tone_map(take(*views[i], spec).linear) for i in shown]
     known = in_view_evidence(select(truth, chosen), [ours[i] for i in shown], pictures)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from export.crops import Crop, Source, load_sources, take
 from export.data import read_index
@@ -23,10 +22,10 @@ from export.evaluation.views import CROPS_EACH, View, cameras
 from lighting.colour import luminance, tone_map
 from lighting.decoding import colour
 from lighting.envmap import Place, level_irradiance, render, sky_irradiance, sun_irradiance, surround, with_irradiance
-from lighting.evidence import NOTHING_GIVEN, estimate_of, fuse, known
+from lighting.evidence import NOTHING_GIVEN, estimate_of, fuse, known, said_of
 from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
-from lighting.photo import Photo, PhotoFacts, place
+from lighting.photo import Photo, PhotoFacts, photo_of
 from lighting.pipeline import with_seen_colours
 from lighting.records import Estimate, Lighting, ModelSpec
 
@@ -89,17 +88,16 @@ def estimates(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, Place
     """What a network says of each crop by its pixels alone, by the path that users take."""
     found = []
     for crop in crops:
-        pixels = tone_map(crop.linear)
-        photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "PNG")
-        (estimate,) = with_seen_colours([photo], [by_network(model, pixels)])
-        found.append((estimate, Place(pixels, estimate.around)))
+        photo = photo_of(tone_map(crop.linear))
+        (estimate,) = with_seen_colours([photo], [by_network(model, photo)])
+        found.append((estimate, Place(photo.pixels, estimate.around)))
     return found
 
 
-def by_network(model: Model, pixels: NDArray[np.uint8]) -> Estimate:
-    """What a network says of a crop's pixels (h, w, 3), before the colours that they show are looked at."""
+def by_network(model: Model, photo: Photo) -> Estimate:
+    """What a network says of a crop, before the colours that it shows are looked at."""
     facts = known(PhotoFacts(), NOTHING_GIVEN)
-    return estimate_of(fuse(model.predict(place(pixels, model.spec)[None])[0], facts.evidence), facts)
+    return estimate_of(fuse(said_of(model, photo), facts.evidence), facts)
 
 
 def guesses(name: str, model: Model, shown: Judged) -> dict[str, Guess]:

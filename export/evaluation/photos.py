@@ -12,9 +12,10 @@ from export.evaluation.metrics import median, share
 from export.evaluation.records import Bools, Names
 from export.evaluation.tables import figures_table
 from lighting.decoding import lighting_from
+from lighting.evidence import said_of
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model
-from lighting.photo import Photo, read_photo, to_tensor
+from lighting.photo import Photo, read_photo
 
 Method = Callable[[Sequence[Photo]], Floats]  # photos to sun directions (N, 3)
 
@@ -33,8 +34,7 @@ def photo_methods(models: dict[str, Model], peer: suncompass.Peer | None, elevat
 
 def photo_suns(model: Model, photos: Sequence[Photo]) -> Floats:
     """Directions (N, 3), decoded as users get them."""
-    said = model.predict(np.concatenate([to_tensor(photo, model.spec) for photo in photos]))
-    return np.array([lighting_from(p).sun_direction for p in said])
+    return np.array([lighting_from(said_of(model, photo)).sun_direction for photo in photos])
 
 
 def photo_report(index: Path, methods: dict[str, Method]) -> str:

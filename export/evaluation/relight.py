@@ -23,10 +23,11 @@ from export.evaluation.views import View, cameras
 from lighting.colour import tone_map
 from lighting.decoding import lighting_from
 from lighting.envmap import render, rotate
+from lighting.evidence import said_of
 from lighting.files import replacing
 from lighting.geometry import Floats
 from lighting.model import Model
-from lighting.photo import place
+from lighting.photo import photo_of
 from lighting.records import Lighting, ModelSpec
 
 SHOWN = 6  # rows of the drawing
@@ -71,7 +72,7 @@ def lit_crops(data: Path, labels: Path, spec: ModelSpec) -> LitCrops:
 def estimated(model: Model, views: list[View]) -> list[Floats]:
     """The environment maps that a network's answers give."""
     crops = [take(source, camera, model.spec) for source, camera in views]
-    said = [model.predict(place(tone_map(c.linear), model.spec)[None])[0] for c in crops]
+    said = [said_of(model, photo_of(tone_map(c.linear))) for c in crops]
     return [np.asarray(render(lighting_from(p), HEIGHT)) for p in said]
 
 

@@ -1,22 +1,25 @@
 """The views on which networks are scored, what is true of them, and what a network answers."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, generator, pinhole, take
+from export.crops import PROTOCOLS, Camera, Crop, Source, aimed_camera, finest_side, generator, pinhole, take
 from export.data import Panorama
 from export.evaluation.records import Answers, Truth
 from lighting.colour import tone_map
 from lighting.decoding import lighting_from
+from lighting.evidence import upright
 from lighting.geometry import Floats, camera_directions
 from lighting.model import Model
-from lighting.photo import place
-from lighting.records import Prediction
+from lighting.photo import TARGET, place
+from lighting.records import ModelSpec, Prediction
 from lighting.sun_grid import density
 
 View = tuple[Source, Camera]
+Said = dict[str, list[Prediction]]  # of the same views, by each network
 
 CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # views of each panorama and protocol
@@ -24,6 +27,15 @@ AIMED_EACH = 4  # views of each panorama that shows its sun
 BATCH = 16  # photos that a network sees at once
 SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
 LEAST_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """What is true of views, and what networks say of them."""
+
+    truth: Truth
+    alone: Said  # by the network alone
+    said: Said  # by the network and what else the pictures show, as users get it
 
 
 def cameras(sources: Sequence[Source], protocol: str) -> list[View]:
@@ -50,7 +62,7 @@ def aimed(sources: Sequence[Source]) -> list[View]:
 
 
 def see(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
-    """The truth about the views' crops and the network's answers, by the path that users take."""
+    """The truth about the views' crops and what a network says of them, without what else the pictures show."""
     crops: list[Crop] = []
     said: list[Prediction] = []
     for first in range(0, len(views), BATCH):
@@ -58,6 +70,24 @@ def see(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
         said += model.predict(np.stack([place(tone_map(crop.linear), model.spec) for crop in part]))
         crops += part
     return collect([source.panorama for source, _ in views], crops), said
+
+
+def look(models: dict[str, Model], views: Sequence[View]) -> Looked:
+    """The truth about the views, and what each network says of them alone and as users get it."""
+    results = {name: see(model, views) for name, model in models.items()}
+    truth, first = next(iter(results.values()))
+    said: Said = {name: [] for name in models}
+    for i, view in enumerate(views):
+        pixels = picture(view, first[i].spec)
+        for name, (_, alone) in results.items():
+            said[name].append(upright(alone[i], pixels))
+    return Looked(truth, {name: alone for name, (_, alone) in results.items()}, said)
+
+
+def picture(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
+    """The view (h, w, 3) as a photo that was read: TARGET pixels along its longer side, or what the panorama has."""
+    side = min(TARGET, finest_side(*view))
+    return tone_map(take(*view, replace(spec, width=side, height=side)).linear)
 
 
 def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:

@@ -8,10 +8,10 @@ from tqdm import tqdm
 
 from export.data import Panorama
 from export.turns.sets import Taken, sweep
-from lighting.evidence import Evidence, Fused, fuse_together
+from lighting.evidence import Evidence, Fused, fuse_together, said_of
 from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
 from lighting.model import Model
-from lighting.photo import Photo, to_tensor
+from lighting.photo import photo_of
 from lighting.records import Prediction
 from lighting.turns import Placed, Shot, features, place
 
@@ -62,8 +62,7 @@ def _group(model: Model, panorama: Panorama, size: int) -> Group:
 
 def predictions(model: Model, taken: Sequence[Taken]) -> list[Prediction]:
     """What the network says of each photo alone."""
-    photos = [Photo(t.pixels, t.pixels.shape[1], t.pixels.shape[0], "JPEG") for t in taken]
-    return model.predict(np.concatenate([to_tensor(photo, model.spec) for photo in photos]))
+    return [said_of(model, photo_of(t.pixels)) for t in taken]
 
 
 def figures(found: Sequence[Group]) -> dict[str, float]:

@@ -33,7 +33,10 @@ def test_a_protocol_counts_its_crops_and_names_every_method() -> None:
     truth = truth_of(4)
     camera = {"camera": truth.camera, "exposure": truth.exposure}
     said = {"ours": answers(turned(10.0), **camera), "other": answers(turned(40.0))}
-    text = report("paper", truth, said, "ours")
+    alone = {"ours": said["ours"]}
+    text = report("paper", truth, said, alone, "ours")
     assert "## Protocol `paper`: 32 crops, 32 with a sun to score (4 panoramas of 2 places)" in text
     assert sum(line.startswith("| other |") for line in text.splitlines()) == 2  # it says nothing of the camera
+    assert sum(line.startswith("| ours |") for line in text.splitlines()) > 4
+    assert "by the networks alone, without the verticals" in text
     assert "32 crops of 4 panoramas" in in_view_report(truth, said, "| what metadata add |")
