@@ -3,8 +3,9 @@
     python benchmarks/latency.py [--runs 15] [--cpu]
 
 A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the
-same graph, a copy of the map, Pillow's resizing of the photo and of the coarse panorama to the map's scale, OpenEXR's
-writing of the same array into memory. Every EXR is a new file: replacing one costs the file system milliseconds.
+same graph, a small grey picture and its gradient by numpy, a copy of the map, Pillow's resizing of the photo and of
+the coarse panorama to the map's scale, OpenEXR's writing of the same array into memory. Every EXR is a new file:
+replacing one costs the file system milliseconds.
 The whole is what `lighting envmap` does: the photo's own sky and ground in the answer, and a map with the place. The
 map stands beside Mitsuba's `sunsky` in the same directions as well, where mitsuba is installed, in LLVM mode where
 LLVM 15 or newer is found. Then the command as a process of its own, its peak memory, and what it imports.
@@ -45,6 +46,7 @@ from export.data import DataError
 from export.towns import find_llvm
 from lighting.envmap import Place, place_of, render, surround
 from lighting.envmap.photo_view import shown_size
+from lighting.evidence.verticals import MOST_SIDE, with_verticals
 from lighting.files import write_exr
 from lighting.files.compression import packed_with
 from lighting.geometry import latlong_directions
@@ -53,7 +55,7 @@ from lighting.photo.apart import read_apart
 from lighting.pipeline import Estimator
 from lighting.records import Lighting
 
-PARTS = ("decode", "network", "sky and sun", "place", "EXR")
+PARTS = ("decode", "network", "verticals", "sky and sun", "place", "EXR")
 
 
 def decode_alone(path: Path) -> Image.Image:
@@ -62,6 +64,13 @@ def decode_alone(path: Path) -> Image.Image:
     image.draft(None, (TARGET, TARGET * image.height // image.width))
     image.load()
     return image
+
+
+def gradient_alone(pixels: NDArray[np.uint8]) -> None:
+    """Pillow's small grey picture of pixels (h, w, 3), and numpy's gradient of it."""
+    grey = Image.fromarray(pixels).convert("L")
+    grey.thumbnail((MOST_SIDE, MOST_SIDE), Image.Resampling.BOX, reducing_gap=None)
+    np.gradient(np.asarray(grey, dtype=np.float32))
 
 
 def write_alone(image: NDArray[np.float32]) -> None:
@@ -139,6 +148,7 @@ def measure_parts(
     estimator = Estimator()
     photo = read_photo(jpeg)
     tensor = to_tensor(photo, estimator.model.spec)
+    alone = estimator.model.predict(tensor)[0]
     estimate = estimator(photo)
     light = estimate.lighting
     there = Place(photo.pixels, estimate.around)
@@ -164,6 +174,8 @@ def measure_parts(
         "decode apart": lambda: read_apart(jpeg.read_bytes()),
         "network": lambda: estimator(photo),
         "network floor": lambda: estimator.model.session.run(None, {"photo": tensor}),
+        "verticals": lambda: with_verticals(alone, photo.pixels),
+        "verticals floor": lambda: gradient_alone(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,
         "place": lambda: surround(light, there, height, sun=True),
@@ -175,6 +187,7 @@ def measure_parts(
         work |= {"mitsuba": mitsuba[1], "mitsuba above": above[1]}
     took = milliseconds(work, runs, clock)
     took["place"] -= took["sky and sun"]  # which it paints first
+    took["network"] -= took["verticals"]  # whose answer holds them
     return took, mitsuba[0] if mitsuba else None
 
 
