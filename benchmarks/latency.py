@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -128,11 +128,11 @@ def _z_up(vector: Any) -> NDArray[Any]:
     return np.stack([v[..., 0], -v[..., 2], v[..., 1]], axis=-1)
 
 
-def import_profile(command: list[str]) -> Counter[str]:
+def import_profile(command: list[str]) -> dict[str, float]:
     """Milliseconds to import each package, without the packages that it imports."""
     profiled = [sys.executable, "-X", "importtime", "-m", "lighting", *command]
     lines = subprocess.run(profiled, capture_output=True, text=True, check=True).stderr.splitlines()
-    spent: Counter[str] = Counter()
+    spent: defaultdict[str, float] = defaultdict(float)
     for line in lines:
         if found := re.match(r"import time:\s+(\d+) \|\s+\d+ \|\s+([\w.]+)", line):
             top = found[2].split(".")[0]
@@ -160,7 +160,7 @@ def measure_parts(
     def whole() -> None:
         seen = read_photo(jpeg)
         found = estimator(seen)
-        place = place_of(found, seen.pixels, height, lambda side: read_photo(jpeg, side).pixels, wanted=True)
+        place = place_of(found, seen.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, wanted=True)
         assert place is not None
         write_exr(next(exr), surround(found.lighting, place, height, sun=True), found.lighting)
 
@@ -234,8 +234,8 @@ def print_process(command: list[str], runs: int) -> None:
     print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, of the processors {1000 * busy:.0f} ms")
     print(f"its peak memory: {peak_memory(*command):.0f} MB")
     profile = import_profile(command)
-    print(f"of that importing, as python -X importtime sees it: {profile.total():.0f} ms")
-    for name, spent in profile.most_common(8):
+    print(f"of that importing, as python -X importtime sees it: {sum(profile.values()):.0f} ms")
+    for name, spent in sorted(profile.items(), key=lambda item: -item[1])[:8]:
         print(f"  {name:<14}{spent:7.1f} ms")
 
 
