@@ -93,7 +93,7 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
     if len(data) > MOST_OF_RECORD:
         raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
     try:
-        record = json.loads(data.decode("utf-8-sig"))
+        record = json.loads(data)  # PowerShell writes UTF-16
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"{shown(name)} does not hold one JSON record: {error}.") from error
     if isinstance(record, dict) and "error" in record:
