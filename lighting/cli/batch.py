@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from lighting.cli.given import given_of_many_options
 from lighting.cli.group import cli
-from lighting.cli.options import map_options, model_option, quiet_option, surroundings_option
+from lighting.cli.options import folder_name, map_options, model_option, quiet_option, surroundings_option
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class _Options:
 
 @cli.command()
 @click.argument("input")
-@click.argument("out")
+@click.argument("out", callback=folder_name)
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @map_options
 @surroundings_option

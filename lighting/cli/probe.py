@@ -90,6 +90,8 @@ def merge(
 
 def _check_output(output: str, series: bool) -> None:
     path = Path(output)
+    if not output:
+        raise click.UsageError("The name of the output is empty.")
     if output == "-":
         raise click.UsageError("A probe goes to a file or a folder, not to stdout.")
     if path.is_dir():
