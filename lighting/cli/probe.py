@@ -10,6 +10,7 @@ import click
 from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
+from lighting.cli.words import shown
 from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -195,12 +196,13 @@ def _bracket(shot: "Shot", settings: "Settings") -> "Bracket":
 
 def _report(made: "Probe", path: Path, quiet: bool) -> None:
     """Warnings on stderr, and on stdout where the probe is and how it fits the ephemeris."""
+    name = shown(str(path))
     for warning in made.warnings:
-        click.echo(f"Warning: {path}: {warning}", err=True)
+        click.echo(f"Warning: {name}: {warning}", err=True)
     if quiet:
         return
     azimuth, elevation = made.moment.sun
-    click.echo(f"{path}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_fit_in_words(made)}")
+    click.echo(f"{name}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_fit_in_words(made)}")
 
 
 def _fit_in_words(made: "Probe") -> str:

@@ -81,7 +81,7 @@ def video(
 def _tell_interrupted(records: Path) -> None:
     """Where the records of what was read lie, if there are any."""
     if records.is_file() and records.stat().st_size:
-        name = click.format_filename(records)
+        name = shown(str(records))
         click.echo(f"Interrupted: what was read so far is in {name}; --overwrite starts over.", err=True)
 
 
@@ -90,14 +90,14 @@ def _progress(clip: str, quiet: bool) -> Any:
     from tqdm import tqdm
 
     form = "{desc}: {n:.1f} s of the clip [{elapsed}]"
-    return tqdm(desc=click.format_filename(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
+    return tqdm(desc=shown(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
 
 
 def _report(clip: str, done: "Done", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
     from lighting.video import light_of
 
-    name = click.format_filename(clip)
+    name = shown(clip)
     if len(done.shots) > 1:
         click.echo(f"{name}: {len(done.shots)} shots, for there are cuts or dissolves.", err=True)
     for number, shot in enumerate(done.shots, 1):
