@@ -150,3 +150,4 @@ map_output = click.option(
 preview_file = output_file(".png")
 model_option = click.option("--model", metavar="FILE.onnx", help="Another network than the one in this package.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
+unwarned_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")

@@ -9,7 +9,7 @@ import click
 from lighting.cli.files import refuse_collisions
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
-from lighting.cli.options import FiniteRange, height_option, model_option, quiet_option, results_folder, sun_option
+from lighting.cli.options import FiniteRange, height_option, model_option, results_folder, sun_option, unwarned_option
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @sun_option
 @given_options
 @model_option
-@quiet_option
+@unwarned_option
 @click.pass_context
 def video(
     ctx: click.Context,
