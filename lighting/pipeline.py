@@ -9,7 +9,7 @@ import numpy as np
 
 from lighting.decoding import colour, with_ground
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
-from lighting.errors import PhotoError
+from lighting.errors import ParameterError, PhotoError
 from lighting.evidence import (
     NOTHING_GIVEN,
     Evidence,
@@ -57,7 +57,7 @@ class Estimator:
         Raises ModelError, PhotoError for what is no Photo, and ParameterError where the user's own time and place are
         of night.
         """
-        _check_photo(photo)
+        _check_asked([photo], given)
         return estimate_from(photo, self.predict(photo), given)
 
     def together(
@@ -75,12 +75,11 @@ class Estimator:
         elsewhere, such as `lighting.turns.place_apart`. Raises as a call does, ParameterError unless there is one
         heading for each of several photos, and MissingExtraError without OpenCV.
         """
+        _check_asked(photos, given)
         check_headings(len(photos), headings)
         check_heading(len(photos), given.heading)
         if len(photos) < 2:
             return [self(photo, given) for photo in photos]
-        for photo in photos:
-            _check_photo(photo)
         facts = known_together([photo.facts for photo in photos], given)
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
         placing = None if headings is not None else _placing(match)
@@ -98,8 +97,12 @@ class Estimator:
         """The heading, the latitude, or date and clock (`kind` "heading", "latitude" or "time") by the sun's path.
 
         The photos are of one place over hours; without headings they are matched as `together` does. ParameterError
-        where they do not say what it needs; MissingExtraError without OpenCV.
+        for another kind, and where they do not say what it needs; MissingExtraError without OpenCV.
         """
+        _check_asked(photos, given)
+        if not photos:
+            raise ParameterError("There are no photos to fit anything to.")
+        check_headings(len(photos), headings)
         said = [self.predict(photo) for photo in photos]
         evidence = [camera_evidence(photo.facts, given) for photo in photos]
         placed = _place(_views(photos, said, evidence)) if headings is None and len(photos) > 1 else None
@@ -118,10 +121,12 @@ def estimate_from(photo: Photo, said: Prediction, given: Given = NOTHING_GIVEN) 
     return with_seen_colours([photo], [estimate_of(fused, facts)])[0]
 
 
-def _check_photo(photo: object) -> None:
-    if not isinstance(photo, Photo):
-        kind = type(photo).__name__
+def _check_asked(photos: Sequence[object], given: object) -> None:
+    """Raise PhotoError for what is no Photo, ParameterError for what is no Given."""
+    for kind in (type(photo).__name__ for photo in photos if not isinstance(photo, Photo)):
         raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
+    if not isinstance(given, Given):
+        raise ParameterError(f"What is known of a photo is a Given, not {type(given).__name__}.")
 
 
 def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:

@@ -5,9 +5,10 @@ from lighting.batch.photos import find_photos, other_pictures
 from lighting.batch.pool import open_batch, run_pool
 from lighting.batch.ray import find_photos_at, run_ray
 from lighting.batch.summary import Summary
-from lighting.batch.table import require_parquet, write_table
+from lighting.batch.table import TABLE, require_parquet, write_table
 
 __all__ = [
+    "TABLE",
     "Job",
     "Maps",
     "Summary",

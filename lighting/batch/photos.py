@@ -42,10 +42,18 @@ def find_photos(pattern: str) -> tuple[str, list[str]]:
 
 
 def other_pictures(pattern: str) -> Counter[str]:
-    """How many pictures of each kind that is not read lie in a folder, by suffix; none for a glob."""
+    """How many pictures of each kind that is not read lie in a folder, by suffix; none for a glob.
+
+    Maps that a batch wrote beside their photos are no such pictures.
+    """
     folder = Path(pattern)
     names = _files_below(folder, OTHERS) if folder.is_dir() else ()
-    return Counter(Path(name).suffix.lower() for name in names)
+    return Counter(Path(name).suffix.lower() for name in names if not _is_map(name))
+
+
+def _is_map(name: str) -> bool:
+    """Whether a file is named as a batch names a photo's map."""
+    return name.endswith(".exr") and name.removesuffix(".exr").lower().endswith(SUFFIXES)
 
 
 def _files_below(source: Path, suffixes: tuple[str, ...]) -> Iterator[str]:

@@ -26,7 +26,7 @@ from lighting.batch.job import (
 from lighting.batch.journal import JOURNAL, Journal, open_journal
 from lighting.batch.table import TABLE
 from lighting.batch.workers import work_through
-from lighting.errors import EnvironmentMapError
+from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files import json_line, replacing
 
 LOST = "The process that worked on this photo ended, twice."
@@ -37,9 +37,11 @@ LONG_NAME = "The photo's name is too long for a map of that name."
 def open_batch(job: Job, *, overwrite: bool = False) -> Iterator[Journal]:
     """The journal of a job, with the results of an interrupted run; `overwrite` discards them.
 
-    Raises BatchError if the folder holds results of another job, or another process is writing to it.
+    Raises BatchError if the folder holds results of another job, or is a file, or another process is writing to it.
     """
     out = Path(job.out)
+    if out.exists() and not out.is_dir():
+        raise BatchError(f"{job.out} is a file; the results need a folder.")
     out.mkdir(parents=True, exist_ok=True)
     asked = settings(job)
     if not overwrite:

@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from lighting.cli.given import given_of_many_options
 from lighting.cli.group import cli
-from lighting.cli.options import map_options, model_option, quiet_option, surroundings_option
+from lighting.cli.options import folder_name, map_options, model_option, quiet_option, surroundings_option
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class _Options:
 
 @cli.command()
 @click.argument("input")
-@click.argument("out")
+@click.argument("out", callback=folder_name)
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @map_options
 @surroundings_option
@@ -107,12 +107,22 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 
 def _run_pool(asked: _Options) -> "Summary":
     """Returns what became of the photos."""
-    from lighting.batch import Summary, find_photos, open_batch, other_pictures, require_parquet, run_pool, write_table
+    from lighting.batch import (
+        TABLE,
+        Summary,
+        find_photos,
+        open_batch,
+        other_pictures,
+        require_parquet,
+        run_pool,
+        write_table,
+    )
     from lighting.cpus import available_cpus
 
     began = monotonic()
 
-    if asked.parquet:
+    parquet = asked.parquet or (Path(asked.out, TABLE).is_file() and not asked.overwrite)
+    if parquet:
         require_parquet()
     source, names = find_photos(asked.input)
     job = replace(asked.job, source=source)
@@ -121,7 +131,7 @@ def _run_pool(asked: _Options) -> "Summary":
         finished = run_pool(job, names, journal, asked.workers or available_cpus())
         for _name in _progress(finished, done, len(names), asked.progress):
             pass
-        if asked.parquet:
+        if parquet:
             write_table(Path(job.out))
     done = len(journal.done) - journal.failed
     return Summary(done, journal.failed, earlier, monotonic() - began, other_pictures(asked.input))

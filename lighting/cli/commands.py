@@ -27,8 +27,8 @@ from lighting.cli.options import (
     map_output,
     model_option,
     preview_file,
-    quiet_option,
     surroundings_option,
+    unwarned_option,
 )
 from lighting.cli.words import in_words, progress_over, report, report_failure, report_unmatched, report_warnings
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 @fit_option
 @given_options
 @model_option
-@quiet_option
+@unwarned_option
 @click.pass_context
 def estimate(
     ctx: click.Context,
@@ -90,7 +90,7 @@ def estimate(
 @click.option("--preview", metavar="FILE.png", callback=preview_file, help="Also draw what `lighting preview` draws.")
 @given_options
 @model_option
-@quiet_option
+@unwarned_option
 def envmap(
     photo: str,
     output: str,
@@ -136,11 +136,12 @@ def render(record: str, output: str, **view: Any) -> None:
 @surroundings_option
 @given_options
 @model_option
-def preview(photo: str, output: str, surroundings: bool | None, given: "Given", model: str | None) -> None:
+@unwarned_option
+def preview(photo: str, output: str, surroundings: bool | None, given: "Given", model: str | None, quiet: bool) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
     with naming(photo):
         data = photo_bytes(photo)
         _, estimate = estimated(data, given, model)
     write_preview(output, data, estimate, surroundings)
-    report_warnings(photo, estimate.warnings)
+    report_warnings(photo, estimate.warnings, quiet)

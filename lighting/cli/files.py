@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
+from lighting.cli.process import ending_at_once
 from lighting.cli.words import shown
 from lighting.errors import EnvironmentMapError, ParameterError, PhotoError, ProbeError
 
@@ -93,7 +94,7 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
     if len(data) > MOST_OF_RECORD:
         raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
     try:
-        record = json.loads(data.decode("utf-8-sig"))
+        record = json.loads(data)  # PowerShell writes UTF-16
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"{shown(name)} does not hold one JSON record: {error}.") from error
     if isinstance(record, dict) and "error" in record:
@@ -114,11 +115,11 @@ def estimated(
     """The photo in bytes and its estimate.
 
     The network is loaded in a thread while the photo is decoded. While it answers, what comes after it is imported, and
-    `meanwhile` is called.
+    `meanwhile` is called. Ctrl-C ends the process at once, for nothing is written yet.
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(1) as pool:
+    with ending_at_once(), ThreadPoolExecutor(1) as pool:
         network = pool.submit(_load_for_one_photo, model)
         from lighting.photo import read_photo
 

@@ -60,11 +60,16 @@ _OPTIONS: dict[str, Decorator] = {
 }
 together_option = click.option("--together", is_flag=True, help="The photos are of one place and light.")
 headings_option = click.option(
-    "--headings", metavar="DEG,DEG,...", callback=_headings, help="Where each points, clockwise, from any direction."
+    "--headings",
+    metavar="DEG,DEG,...",
+    callback=_headings,
+    help="Where each camera points, clockwise from any common direction.",
 )
 
 fit_option = click.option(
-    "--fit", type=click.Choice(["heading", "latitude", "time"]), help="Say that instead, by the sun's path over hours."
+    "--fit",
+    type=click.Choice(["heading", "latitude", "time"]),
+    help="Print this of the whole set instead, by the sun's path over hours.",
 )
 
 

@@ -34,6 +34,14 @@ class Group(click.Group):
             import_module(f"lighting.cli.{_HOME[cmd_name]}")
         return super().get_command(ctx, cmd_name)
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)  # which prints --help and --version
+        except OSError as error:
+            if is_broken_pipe(error):
+                raise
+            raise click.ClickException(sentence(error)) from error
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)

@@ -37,7 +37,10 @@ def _objection(name: str, suffixes: Sequence[str]) -> str | None:
     return None if os.access(path.parent, os.W_OK) else f"The folder {path.parent} cannot be written to."
 
 
-def _folder(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
+def folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
+    """A check that refuses what names no folder, as an empty variable of a shell, which would be the current one."""
+    if not name:
+        raise click.BadParameter("the name of the folder is empty.")
     if name == "-":
         raise click.BadParameter("the results are a folder, which stdout cannot be.")
     return name
@@ -128,7 +131,7 @@ results_folder = click.option(
     "--output",
     required=True,
     metavar="FOLDER",
-    callback=_folder,
+    callback=folder_name,
     help="New or empty unless --overwrite.",
 )
 surroundings_option = click.option(
@@ -147,3 +150,4 @@ map_output = click.option(
 preview_file = output_file(".png")
 model_option = click.option("--model", metavar="FILE.onnx", help="Another network than the one in this package.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
+unwarned_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")

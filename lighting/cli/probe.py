@@ -10,6 +10,7 @@ import click
 from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
+from lighting.cli.words import shown
 from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -42,9 +43,16 @@ def pair(text: str, what: str) -> tuple[float, float]:
 @click.option("--fov", type=float, metavar="DEG", help="Across the lens's circle. [180]")
 @click.option("--centre", metavar="X,Y", callback=_point, help="Of the circle or ball, pixels. [the middle]")
 @click.option("--radius", type=float, metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
-@click.option("--pitch", type=float, metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others).")
+@click.option(
+    "--pitch",
+    type=FiniteRange(-90, 90),
+    metavar="DEG",
+    help="Where the camera looks: 90 up (fisheyes), 0 level (others).",
+)
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
-@click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
+@click.option(
+    "--nd", type=FiniteRange(0, 40), default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens."
+)
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
 @click.option("--time", metavar="TIME", callback=read_moment, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of local times: +02:00 or 2.")
@@ -90,6 +98,8 @@ def merge(
 
 def _check_output(output: str, series: bool) -> None:
     path = Path(output)
+    if not output:
+        raise click.UsageError("The name of the output is empty.")
     if output == "-":
         raise click.UsageError("A probe goes to a file or a folder, not to stdout.")
     if path.is_dir():
@@ -186,12 +196,13 @@ def _bracket(shot: "Shot", settings: "Settings") -> "Bracket":
 
 def _report(made: "Probe", path: Path, quiet: bool) -> None:
     """Warnings on stderr, and on stdout where the probe is and how it fits the ephemeris."""
+    name = shown(str(path))
     for warning in made.warnings:
-        click.echo(f"Warning: {path}: {warning}", err=True)
+        click.echo(f"Warning: {name}: {warning}", err=True)
     if quiet:
         return
     azimuth, elevation = made.moment.sun
-    click.echo(f"{path}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_fit_in_words(made)}")
+    click.echo(f"{name}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_fit_in_words(made)}")
 
 
 def _fit_in_words(made: "Probe") -> str:

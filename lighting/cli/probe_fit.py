@@ -7,6 +7,7 @@ import click
 
 from lighting.cli.files import naming
 from lighting.cli.probe import pair, probe
+from lighting.cli.words import shown
 
 if TYPE_CHECKING:
     from lighting.probe import SkyState
@@ -31,7 +32,7 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
         return
     trust = "" if state.trusted else ", not to be trusted"
     click.echo(
-        f"{sky}: sun {state.sun_azimuth:.1f}° right of the centre, {state.sun_elevation:.1f}° high "
+        f"{shown(sky)}: sun {state.sun_azimuth:.1f}° right of the centre, {state.sun_elevation:.1f}° high "
         f"({state.sun_source}); "
         f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
         f"{trust}; cover {100 * state.cover:.0f} %"

@@ -3,8 +3,11 @@
 import atexit
 import gc
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 from lighting.heap import keep_memory
 
@@ -22,6 +25,31 @@ def prepare(arguments: Sequence[str]) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(_GARBAGE)
     keep_memory()
+
+
+@contextmanager
+def ending_at_once() -> Iterator[None]:
+    """Ctrl-C ends the process within the block, which has nothing to put in order and waits for a thread.
+
+    Python would raise an exception. Where both threads import, that may come while an object is taken apart, which
+    loses it, and leave the lock of imports held, for which the other thread then waits for ever.
+    """
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, _abort)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _abort(*_: object) -> None:
+    """End the process with what click says and returns on Ctrl-C."""
+    with suppress(OSError):
+        os.write(2, b"\nAborted!\n")
+    os._exit(1)
 
 
 def leave(status: int) -> None:

@@ -13,10 +13,10 @@ from lighting.cli.group import cli
 from lighting.cli.options import (
     height_option,
     model_option,
-    quiet_option,
     results_folder,
     sun_option,
     surroundings_option,
+    unwarned_option,
 )
 from lighting.cli.words import in_words, report_warnings
 from lighting.scene import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
@@ -61,7 +61,7 @@ class _Options:
 @surroundings_option
 @given_options
 @model_option
-@quiet_option
+@unwarned_option
 def scene(**options: Any) -> None:
     """Write PHOTO and its light as a scene for another tool.
 

@@ -78,7 +78,7 @@ def plan(
         _draw(output, skies, found)
     if as_json:
         click.echo(json.dumps(plan_record(skies, found), indent=2, allow_nan=False))
-    elif output != "-" and not quiet:
+    elif output != "-" and not (quiet and output):
         click.echo(_in_words(skies, found))
 
 

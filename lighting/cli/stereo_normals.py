@@ -10,6 +10,7 @@ import click
 from lighting.cli.given import read_zone
 from lighting.cli.options import FiniteRange, quiet_option, results_folder
 from lighting.cli.stereo import stereo
+from lighting.cli.words import shown
 
 if TYPE_CHECKING:
     from lighting.stereo import Known, Network, Solved, Watch
@@ -94,7 +95,8 @@ def _watch(quiet: bool) -> "Watch":
 
 def _in_words(day: Path, output: Path, solved: "Solved") -> str:
     record = solved.record
-    words = f"{day}: {record['pixels']} normals from {len(record['photos'])} photos in {output}; "
+    count = f"{record['pixels']} normals from {len(record['photos'])} photos"
+    words = f"{shown(str(day))}: {count} in {shown(str(output))}; "
     words += f"expected error of the median pixel {record['expected_error_median']:.1f} deg"
     if record["by_network"]:
         words += f", {100 * record['by_network']:.0f} % by the network"

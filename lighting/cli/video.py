@@ -9,7 +9,7 @@ import click
 from lighting.cli.files import refuse_collisions
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
-from lighting.cli.options import FiniteRange, height_option, model_option, quiet_option, results_folder, sun_option
+from lighting.cli.options import FiniteRange, height_option, model_option, results_folder, sun_option, unwarned_option
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @sun_option
 @given_options
 @model_option
-@quiet_option
+@unwarned_option
 @click.pass_context
 def video(
     ctx: click.Context,
@@ -81,7 +81,7 @@ def video(
 def _tell_interrupted(records: Path) -> None:
     """Where the records of what was read lie, if there are any."""
     if records.is_file() and records.stat().st_size:
-        name = click.format_filename(records)
+        name = shown(str(records))
         click.echo(f"Interrupted: what was read so far is in {name}; --overwrite starts over.", err=True)
 
 
@@ -90,14 +90,14 @@ def _progress(clip: str, quiet: bool) -> Any:
     from tqdm import tqdm
 
     form = "{desc}: {n:.1f} s of the clip [{elapsed}]"
-    return tqdm(desc=click.format_filename(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
+    return tqdm(desc=shown(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
 
 
 def _report(clip: str, done: "Done", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
     from lighting.video import light_of
 
-    name = click.format_filename(clip)
+    name = shown(clip)
     if len(done.shots) > 1:
         click.echo(f"{name}: {len(done.shots)} shots, for there are cuts or dissolves.", err=True)
     for number, shot in enumerate(done.shots, 1):

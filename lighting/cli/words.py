@@ -83,7 +83,7 @@ def report_unmatched(quiet: bool, together: bool, headings: Sequence[float] | No
     if together and headings is None and not quiet and not has_opencv():
         click.echo(
             "Warning: The photos were not matched with each other, because OpenCV is not installed: "
-            "pip install 'outdoor-lighting[video]'.",
+            "pip install 'outdoor-lighting[turns]'.",
             err=True,
         )
 

@@ -1,5 +1,6 @@
 """Place and time from light: heading, latitude, or date and clock, fitted to the sun's path over several photos."""
 
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -117,7 +118,9 @@ def _warnings(
 
 
 def fit(series: Series, kind: str) -> Fit:
-    """One of KINDS; ParameterError where the photos do not say what it needs."""
+    """One of KINDS; ParameterError for another, and where the photos do not say what it needs."""
+    if kind not in KINDS:
+        raise ParameterError(f"{reprlib.repr(kind)} cannot be fitted; it must be one of {', '.join(KINDS)}.")
     found = {"heading": _heading, "latitude": _latitude, "time": _time}[kind](series)
     return replace(found, warnings=(*found.warnings, *series.warnings))
 

@@ -1,5 +1,6 @@
 """Which photos taken together share a frame, and how they are turned in it."""
 
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from lighting.circular import mean_angle
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence
 from lighting.geometry import Floats, angle_between, camera_axes, wrap_azimuth
-from lighting.ranges import check_range
+from lighting.ranges import check_range, is_finite
 from lighting.records import Prediction
 
 if TYPE_CHECKING:
@@ -63,11 +64,14 @@ def contrary_up(prediction: Prediction, placed: "Placed") -> tuple[str, ...]:
 
 
 def check_headings(photos: int, headings: Sequence[float] | None) -> None:
-    """Raise ParameterError unless there is one heading for each of several photos, or none at all."""
+    """Raise ParameterError unless there is one heading, a finite number, for each of several photos, or none at all."""
     if headings is not None and photos == 1:
         raise ParameterError("headings are those of several photos; one photo has a heading.")
     if headings is not None and len(headings) != photos:
         raise ParameterError(f"There are {len(headings)} headings for {photos} photos.")
+    for heading in () if headings is None else headings:
+        if not is_finite(heading.item() if isinstance(heading, np.generic) else heading):
+            raise ParameterError(f"A heading must be a finite number, not {reprlib.repr(heading)}.")
 
 
 def check_heading(photos: int, heading: float | None) -> None:

@@ -30,6 +30,9 @@ class Given:
     keep_location: bool = False  # whether the answer may hold latitude and longitude
 
     def __post_init__(self) -> None:
+        for name in ("use_exif", "keep_location"):
+            if not isinstance(getattr(self, name), bool):
+                raise ParameterError(f"{name} must be True or False, not {reprlib.repr(getattr(self, name))}.", name)
         plain_numbers(self, "utc_offset", "latitude", "longitude", "heading", "vertical_fov")
         ranges = {"utc_offset": OFFSETS, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
         for name, (low, high) in {**ranges, **{key: OPTIONAL_RANGES[key] for key in ("latitude", "longitude")}}.items():

@@ -48,7 +48,8 @@ def write_exr(
     `attributes` go into the header beside those of the lighting: texts, floats and what else OpenEXR knows. Every
     program opens `zip`, which changes values by up to 6e-5 of each; `zip-exact`, `piz`, `htj2k` and `none` change
     nothing, `pxr24` up to 1.6e-5. A path appears only when the file is whole. Raises EnvironmentMapError for an array
-    of another shape, another compression and a path that cannot be written; what a stream raises is passed on.
+    of another shape, another compression and a path that cannot be written, ParameterError for what is no Lighting;
+    what a stream raises is passed on.
     """
     import OpenEXR
 
@@ -122,8 +123,9 @@ def read_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
 
 def checked_map(image: NDArray[np.floating[Any]]) -> Image:
     """The map as contiguous float32; EnvironmentMapError unless it has the shape (H, 2H, 3)."""
-    if image.ndim != 3 or image.shape[2] != 3 or image.shape[1] != 2 * image.shape[0] or image.size == 0:
-        raise EnvironmentMapError(f"An environment map has the shape (H, 2H, 3), not {image.shape}.")
+    shape = np.shape(image)
+    if len(shape) != 3 or shape != (shape[0], 2 * shape[0], 3) or shape[0] == 0:
+        raise EnvironmentMapError(f"An environment map has the shape (H, 2H, 3), not {shape}.")
     return np.ascontiguousarray(image, dtype=np.float32)
 
 
@@ -146,6 +148,9 @@ def opened(target: Target) -> Iterator[BinaryIO]:
 def _attributes(lighting: Lighting | None) -> dict[str, Any]:
     if lighting is None:
         return {}
+    if not isinstance(lighting, Lighting):
+        kind = type(lighting).__name__
+        raise ParameterError(f"A Lighting is needed, not {kind}; an estimate has one as `lighting`.")
     return {
         **{f"lighting.{name}": float(getattr(lighting, name)) for name in RANGES},
         **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},

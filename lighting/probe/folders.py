@@ -1,6 +1,7 @@
 """Folders of sky probes in the layout of the SkyDB: `YYYYMMDD/HHMMSS/envmap.exr`, one probe a moment."""
 
 import re
+import reprlib
 from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
@@ -49,10 +50,18 @@ def _is_dated(path: Path) -> bool:
 def _probe(path: Path, zone: tzinfo) -> ProbeFile:
     filed = read_attributes(path).get(TIME)
     if isinstance(filed, str):
-        time = datetime.fromisoformat(filed)
-        return ProbeFile(time if time.tzinfo else time.replace(tzinfo=zone), path)
+        return ProbeFile(_filed(filed, path, zone), path)
     try:
         named = datetime.strptime("".join(path.parts[-3:-1]), "%Y%m%d%H%M%S")
     except ValueError as error:
         raise ProbeError(f"{path.parent} is not named by a time.") from error
     return ProbeFile(named.replace(tzinfo=zone), path)
+
+
+def _filed(text: str, path: Path, zone: tzinfo) -> datetime:
+    """The time in a file's header."""
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ProbeError(f"{path}: {TIME} is {reprlib.repr(text)}, which is no time.") from error
+    return time if time.tzinfo else time.replace(tzinfo=zone)

@@ -10,6 +10,8 @@ from lighting.geometry import wrap_azimuth
 from lighting.photo import Curve
 from lighting.probe.lens import Kind
 
+MOST_STOPS = 40.0  # of a filter; one for the sun has 17
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -29,6 +31,10 @@ class Settings:
 
     def __post_init__(self) -> None:
         _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
+        if not 0.0 <= self.nd <= MOST_STOPS:
+            raise ProbeError(f"The filter has {self.nd:g} stops; it must have 0 to {MOST_STOPS:g}.")
+        if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:
+            raise ProbeError(f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90.")
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def opencv() -> Any:
         import cv2
     except ImportError as error:
         raise MissingExtraError(
-            "Turns between photos need OpenCV, which is not installed: pip install 'outdoor-lighting[video]'."
+            "Turns between photos need OpenCV, which is not installed: pip install 'outdoor-lighting[turns]'."
         ) from error
     return cv2
 

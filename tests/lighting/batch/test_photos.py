@@ -43,6 +43,12 @@ def test_pictures_that_are_not_read_are_counted_by_kind(photos: Path) -> None:
     assert {"e.dng", "f.tif", "g.avif"} < set(find_photos(str(photos))[1])
 
 
+def test_maps_beside_their_photos_are_not_told_as_skipped(tmp_path: Path) -> None:
+    for name in ("a.JPG", "a.JPG.exr", "sky.exr"):
+        (tmp_path / name).touch()
+    assert other_pictures(str(tmp_path)) == {".exr": 1}
+
+
 def test_photos_have_less_common_names_too(tmp_path: Path) -> None:
     names = [f"a.{suffix}" for suffix in ("hif", "jfif", "jpe", "mpo", "nrw", "rwl", "x3f")]
     for name in names:

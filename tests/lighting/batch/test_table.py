@@ -31,6 +31,16 @@ def test_parquet_holds_the_same_numbers(photos: Path, tmp_path: Path, network: P
 
 
 @pytest.mark.slow
+def test_a_table_that_is_there_keeps_up_with_the_results(tmp_path: Path, network: Path) -> None:
+    folder, out = tmp_path / "photos", tmp_path / "out"
+    folder.mkdir()
+    for name, options in (("a.jpg", ["--parquet"]), ("b.jpg", [])):
+        (folder / name).write_bytes(encode(scene(64, 64)))
+        assert run(folder, out, *options, "--model", network).exit_code == 0
+    assert read_table(out / "lighting.parquet")["file"].to_pylist() == ["a.jpg", "b.jpg"]
+
+
+@pytest.mark.slow
 def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -> None:
     folder = tmp_path / "photos"
     folder.mkdir()

@@ -19,6 +19,12 @@ def test_options_that_would_do_nothing_are_refused(tmp_path: Path, options: list
     assert not (tmp_path / "out").exists()
 
 
+def test_results_in_a_file_are_refused(photo_path: Path) -> None:
+    result = run(photo_path.parent, photo_path)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == f"Error: {photo_path} is a file; the results need a folder.\n"
+
+
 def test_ray_and_pyarrow_are_not_imported_unless_asked() -> None:
     code = "import sys, lighting.cli, lighting.batch; print(*sys.modules)"
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

@@ -26,7 +26,8 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
     run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32")
     run("render", "-", "-o", tmp_path / "b.exr", "--height", "32", stdin=line)
     run("render", "-", "-o", tmp_path / "c.exr", "--height", "32", stdin=b"\xef\xbb\xbf" + line)
-    maps = [read_exr(tmp_path / f"{name}.exr") for name in "abc"]
+    run("render", "-", "-o", tmp_path / "d.exr", "--height", "32", stdin=line.decode().encode("utf-16"))  # PowerShell's
+    maps = [read_exr(tmp_path / f"{name}.exr") for name in "abcd"]
     assert all((image == maps[0][0]).all() and lighting == LIGHTING for image, lighting in maps)
 
 

@@ -58,7 +58,7 @@ def test_without_opencv_a_warning_says_what_is_missing(
     monkeypatch.setattr("lighting.turns.has_opencv", lambda: False)
     result = run("estimate", "--together", "--no-exif", "--model", network, *pair)
     assert result.exit_code == 0
-    assert result.stderr.count("OpenCV is not installed") == 1
+    assert result.stderr.count("OpenCV is not installed: pip install 'outdoor-lighting[turns]'.") == 1
     assert "turns" not in result.stdout
 
 

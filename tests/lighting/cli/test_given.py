@@ -272,6 +272,8 @@ def test_night_in_the_metadata_is_a_warning(tmp_path: Path, network: Path) -> No
     (warning,) = result.stderr.splitlines()
     assert warning.startswith(f"Warning: {night}: At that time and place the sun is ")
     assert run("estimate", "--quiet", "--model", network, night).stderr == ""
+    assert "sun is" in run("preview", "--model", network, night, "-o", tmp_path / "a.png").stderr
+    assert run("preview", "--quiet", "--model", network, night, "-o", tmp_path / "a.png").stderr == ""
     (record,) = records(run("estimate", "--json", "--quiet", "--model", network, night))
     assert record["evidence"] == ["pixels", "focal length"]
     assert len(record["warnings"]) == 1

@@ -100,6 +100,15 @@ def test_a_full_disk_is_one_sentence(network: Path, photo_path: Path) -> None:
     assert (process.returncode, process.stderr) == (1, b"Error: No space left on device.\n")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["render", "--help"]])
+def test_so_is_one_for_help(arguments: list[str]) -> None:
+    with Path("/dev/full").open("wb") as full:
+        command = [sys.executable, "-m", "lighting", *arguments]
+        process = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert (process.returncode, process.stderr) == (1, b"Error: No space left on device.\n")
+
+
 def test_an_interrupt_leaves_no_traceback(network: Path) -> None:
     command = [sys.executable, "-m", "lighting", "estimate", "absent.jpg", "-", "--model", str(network)]
     pipe = subprocess.PIPE

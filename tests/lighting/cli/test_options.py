@@ -22,6 +22,30 @@ def test_a_bad_output_is_refused_before_any_work(command: list[str], tmp_path: P
         assert sentence in error_of(result, 2)
 
 
+@pytest.mark.parametrize("name", ["", "-"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["batch", "."],
+        ["scene", "absent.jpg", "--for", "gltf", "-o"],
+        ["video", "absent.mp4", "-o"],
+        ["stereo", "normals", ".", "-o"],
+        ["probe", "merge", "lighting.jsonl", "--lens", "ball", "-o"],
+    ],
+    ids=lambda c: c[0],
+)
+def test_results_go_to_a_folder_that_has_a_name(
+    command: list[str], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An empty name, as an unset variable of a shell, would be the current folder, and --overwrite empty that."""
+    monkeypatch.chdir(tmp_path)
+    Path("lighting.jsonl").write_text("a day's work\n")
+    overwrite = [] if command[0] == "probe" else ["--overwrite"]
+    result = run(*command, name, *overwrite)
+    assert ("stdout" if name else "is empty.") in error_of(result, 2)
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("lighting.jsonl", "a day's work\n")]
+
+
 @pytest.mark.parametrize("value", ["0", "15", "33", "14", "4098", "-512", "1e3", "nan", ""])
 def test_a_bad_height_is_wrong_usage(value: str, tmp_path: Path) -> None:
     assert run("render", "absent.json", "-o", tmp_path / "a.exr", "--height", value).exit_code == 2

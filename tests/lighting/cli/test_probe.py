@@ -166,6 +166,14 @@ def test_options_that_the_lens_does_not_have_are_wrong_usage(
     assert error_of(result, 2) == f"{option} does not go with --lens {lens}."
 
 
+@pytest.mark.parametrize(("option", "value"), [("--nd", "-3"), ("--nd", "2000"), ("--pitch", "91")])
+def test_numbers_that_no_picture_is_taken_by_are_wrong_usage(
+    exposures: list[Path], tmp_path: Path, option: str, value: str
+) -> None:
+    result = run("merge", *exposures, "--lens", "equidistant", *WHERE, option, value, "-o", tmp_path / "a.exr")
+    assert f"'{option}': " in error_of(result, 2)
+
+
 def test_what_is_told_twice_must_not_differ(exposures: list[Path], tmp_path: Path) -> None:
     base = ("merge", *exposures, "--lens", "equidistant", "-o", tmp_path / "a.exr")
     result = run(*base, *WHERE, "--time", "2024-06-01T08:10+02:00", "--utc-offset", "5")

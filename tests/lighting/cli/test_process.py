@@ -29,6 +29,18 @@ if sys.argv[1] == "watched":
 leave(3)
 print("still here")
 """
+INTERRUPTED = """
+import os, signal, sys, threading
+from lighting.cli import files
+from lighting.evidence import Given
+signal.signal(signal.SIGINT, signal.default_int_handler)
+files._load_for_one_photo = lambda _: threading.Event().wait()
+class Lost:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        sum(range(10))
+files.estimated(open(sys.argv[1], "rb").read(), Given(), None, lambda: Lost() and None)
+"""
 
 
 def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -81,3 +93,9 @@ def test_a_whole_map_goes_through_a_pipe(record_path: Path, tmp_path: Path) -> N
     assert (written.returncode, piped.returncode) == (0, 0)
     assert piped.stdout == (tmp_path / "a.exr").read_bytes()
     assert LIGHTING.model_name.encode() in piped.stdout
+
+
+def test_an_interrupt_that_python_would_lose_ends_the_process(photo_path: Path) -> None:
+    """An exception in __del__ is lost, and the network would be waited for without end."""
+    ended = python(INTERRUPTED, str(photo_path))
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", "\nAborted!\n")

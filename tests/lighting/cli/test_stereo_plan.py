@@ -32,6 +32,12 @@ def test_words_and_a_picture(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["plan.png"]
 
 
+def test_a_quiet_plan_is_told_where_nothing_is_drawn(tmp_path: Path) -> None:
+    day = (*PLACE, "--date", "2026-06-21", "--facing", "180", "-q")
+    assert run(*day).stdout.startswith("2026-06-21, 47.00° N")
+    assert run(*day, "-o", tmp_path / "plan.png").output == ""
+
+
 def test_json_of_an_overcast_day_has_null_where_nothing_is_resolved() -> None:
     result = run(*PLACE, "--date", "2026-12-21", "--sky", "overcast", "--utc-offset", "-3.5", "--json")
     record = json.loads(result.stdout)

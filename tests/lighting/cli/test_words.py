@@ -7,9 +7,12 @@ from pathlib import Path
 import pytest
 
 from lighting.cli.words import _CONTROLS, in_words, printable, shown
+from lighting.envmap import render
+from lighting.files import write_exr
 from lighting.records import Lighting
 from tests.conftest import encode, scene
-from tests.lighting.cli.runners import run, sub, terminal
+from tests.lighting.cli.runners import LIGHTING, run, sub, terminal
+from tests.lighting.video.clips import pan, write_clip
 
 
 @pytest.mark.parametrize(
@@ -103,4 +106,16 @@ def test_neither_does_one_in_a_usage_error_or_a_batch(network: Path, tmp_path: P
     ):
         assert result.exit_code
         assert "\\x1b" in result.output
+        assert not _CONTROLS.search(result.output.replace("\n", ""))
+
+
+def test_neither_does_one_in_the_name_of_a_clip_or_a_probe(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / f"{EVIL}.mp4", pan(4, 2.0))
+    write_exr(tmp_path / f"{EVIL}.exr", render(LIGHTING, 32))
+    for result in (
+        run("video", clip, "-o", tmp_path / "out", "--height", "16", "--model", network),
+        run("probe", "fit", tmp_path / f"{EVIL}.exr"),
+    ):
+        assert result.exit_code == 0, result.output
+        assert SHOWN in result.output
         assert not _CONTROLS.search(result.output.replace("\n", ""))

@@ -1,5 +1,7 @@
 """Which photos share a frame."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -46,3 +48,9 @@ def test_without_any_each_photo_is_alone() -> None:
 def test_headings_must_be_as_many_as_photos() -> None:
     with pytest.raises(ParameterError, match="2 headings for 3 photos"):
         frames(NOTHING, [0.0, 1.0])
+
+
+@pytest.mark.parametrize("heading", [float("nan"), np.float32("inf"), None, "90"])
+def test_a_heading_that_is_no_number_is_named(heading: Any) -> None:
+    with pytest.raises(ParameterError, match=r"A heading must be a finite number, not .*\."):
+        frames(NOTHING, [0.0, heading, 90.0])

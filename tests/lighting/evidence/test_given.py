@@ -30,6 +30,8 @@ from tests.lighting.evidence.samples import MORNING
         {"time": "2024-06-01T14:30"},
         {"time": MORNING.date()},
         {"latitude": np.float32("nan"), "longitude": 0.0},
+        {"use_exif": None},
+        {"keep_location": "no"},
     ],
 )
 def test_the_impossible_and_the_contradictory_are_refused_in_one_sentence(said: dict[str, Any]) -> None:

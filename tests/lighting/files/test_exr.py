@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import OpenEXR
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lighting import __version__
 from lighting.envmap import render
-from lighting.errors import EnvironmentMapError
+from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files import full_record
 from lighting.files.exr import read_exr, read_map, write_exr
 from lighting.ranges import RANGES
@@ -284,6 +284,15 @@ def test_an_unwritable_folder_is_one_sentence(tmp_path: Path, image: NDArray[np.
 def test_other_shapes_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^An environment map has the shape \(H, 2H, 3\), not "):
         write_exr(tmp_path / "map.exr", np.zeros(shape, dtype=np.float32))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, image: NDArray[np.float32]) -> None:
+    for thing in ("sky.exr", [[0.0]], None):
+        with pytest.raises(EnvironmentMapError, match="has the shape"):
+            write_exr(tmp_path / "a.exr", cast(Any, thing))
+    with pytest.raises(ParameterError, match="A Lighting is needed, not dict"):
+        write_exr(tmp_path / "a.exr", image, cast(Any, {"sun": {}}))
     assert list(tmp_path.iterdir()) == []
 
 

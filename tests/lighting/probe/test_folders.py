@@ -51,6 +51,13 @@ def test_what_holds_no_probes_is_said(tmp_path: Path) -> None:
         probes_in(tmp_path)
 
 
+def test_a_header_without_a_time_in_it_is_named(tmp_path: Path) -> None:
+    path = put(tmp_path, "20240601/140000", "noon")
+    with pytest.raises(ProbeError) as refused:
+        probes_in(tmp_path)
+    assert str(refused.value) == f"{path}: lighting.time is 'noon', which is no time."
+
+
 def test_a_damaged_probe_is_said(tmp_path: Path) -> None:
     put(tmp_path, "20240601/140000").write_bytes(b"nothing")
     with pytest.raises(EnvironmentMapError, match="not an OpenEXR"):

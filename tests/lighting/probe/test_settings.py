@@ -17,6 +17,13 @@ def test_numbers_that_are_not_finite_are_refused() -> None:
         Moment(NOON.time, float("nan"), 8.0)
 
 
+@pytest.mark.parametrize("told", [{"nd": -1.0}, {"nd": 500.0}, {"pitch": 100.0}])
+def test_a_filter_and_a_pitch_that_cannot_be_are_refused(told: dict[str, float]) -> None:
+    """500 stops made a map of infinite radiance."""
+    with pytest.raises(ProbeError, match="0"):
+        Settings(**told)  # type: ignore[arg-type]
+
+
 def test_the_sun_of_a_june_noon_on_the_equator_is_in_the_north() -> None:
     azimuth, elevation = NOON.sun
     assert abs(azimuth) < 5

@@ -58,6 +58,6 @@ def test_without_opencv_one_sentence_says_what_to_install(monkeypatch: pytest.Mo
         return real(name, *args, **options)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(MissingExtraError, match=r"outdoor-lighting\[video\]"):
+    with pytest.raises(MissingExtraError, match=r"outdoor-lighting\[turns\]"):
         opencv()
     assert has_opencv()
