@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 
 BUNDLE = Path(__file__).parent / "web" / "dist"
@@ -23,14 +23,16 @@ NOT_BUILT = """<!doctype html>
 def page_router(bundle: Path = BUNDLE) -> APIRouter:
     """Routes of the page in the folder `bundle`, which may be built after the service has started."""
     router = APIRouter(include_in_schema=False)
+    whole = StaticFiles(directory=bundle, check_dir=False)
     files = StaticFiles(directory=bundle / "assets", check_dir=False)
 
     @router.get("/")
-    async def page() -> Response:
-        index = bundle / "index.html"
-        if not index.is_file():
+    async def page(request: Request) -> Response:
+        if not (bundle / "index.html").is_file():
             return HTMLResponse(NOT_BUILT)
-        return FileResponse(index, headers={"Cache-Control": "no-cache"})
+        response = await whole.get_response("index.html", request.scope)
+        response.headers["Cache-Control"] = "no-cache"
+        return response
 
     @router.get("/assets/{path:path}")
     async def asset(request: Request, path: str) -> Response:

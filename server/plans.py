@@ -18,8 +18,10 @@ MOST_WORK = 248  # days times photos: ten seconds of one processor under a polar
 
 def _day(text: object) -> object:
     """A date written 2026-06-21; pydantic would take seconds too."""
+    if not isinstance(text, str):
+        return text
     try:
-        return date.fromisoformat(text) if isinstance(text, str) and len(text) == len("2026-06-21") else text
+        return date.fromisoformat(text if len(text) == len("2026-06-21") else "")
     except ValueError as error:
         raise PydanticCustomError("date", "must be a date such as 2026-06-21") from error
 

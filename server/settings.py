@@ -17,6 +17,8 @@ from lighting.turns import apart as matching
 
 PREFIX = "LIGHTING_"
 
+_DAY = 86_400.0  # seconds; timers take no infinite ones
+
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s]+")  # as browsers send it
 
 
@@ -70,7 +72,7 @@ class Settings(BaseSettings):
     max_photos: int = Field(8, ge=1, le=64, description="maximum number of photos in one request")
     uploads: int = Field(32, ge=1, description="bodies that may arrive at the same time; 503 for further ones")
     uploads_per_client: int = Field(8, ge=1, description="the same for one client's address; 429 for further ones")
-    upload_seconds: float = Field(60.0, gt=0, description="time limit for receiving a body, in seconds")
+    upload_seconds: float = Field(60.0, gt=0, le=_DAY, description="time limit for receiving a body, in seconds")
     upload_rate: int = Field(
         10_000, ge=1, description="least speed of a body in bytes per second, after its first five seconds"
     )
@@ -80,12 +82,17 @@ class Settings(BaseSettings):
     unsent_bytes: int = Field(
         500_000_000, ge=1, description="bytes of answers that may wait for their clients; 503 for further requests"
     )
-    header_seconds: float = Field(10.0, gt=0, description="time limit for receiving a request's headers, in seconds")
+    header_seconds: float = Field(
+        10.0, gt=0, le=_DAY, description="time limit for receiving a request's headers, in seconds"
+    )
     decode_seconds: float = Field(
-        decoding.SECONDS, gt=0, description="time limit for decoding a request's photos, in seconds"
+        decoding.SECONDS, gt=0, le=_DAY, description="time limit for decoding a request's photos, in seconds"
     )
     match_seconds: float = Field(
-        matching.SECONDS, gt=0, description="time limit for matching a request's photos with each other, in seconds"
+        matching.SECONDS,
+        gt=0,
+        le=_DAY,
+        description="time limit for matching a request's photos with each other, in seconds",
     )
     shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM, in seconds")
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
@@ -103,8 +110,9 @@ class Settings(BaseSettings):
     @field_validator("rate_limit")
     @classmethod
     def _limit_can_be_read(cls, text: str) -> str:
-        if text:
-            parse_many(text)
+        for limit in parse_many(text) if text else ():
+            if limit.amount < 1:
+                raise ValueError(f"{text} lets nobody call; a limit allows at least one request.")
         return text
 
     @field_validator("api_keys")

@@ -22,7 +22,8 @@ def compass_panel(estimate: Estimate, aspect: float, size: int) -> Image.Image:
     heat = _heat(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
     corner = (round(size / 2 - radius),) * 2
     panel.paste(heat, corner, rounded(heat.size, heat.width // 2))
-    _rings(panel, radius)
+    sideways, _, along = np.abs(lighting.sun_direction)
+    _rings(panel, radius, across=bool(sideways < along))
     view = _on_dome(frame_directions(lighting, aspect), size, radius)
     polygon(panel, view, WHITE, 0.10)
     stroke(panel, [view], WHITE, 1.5, 0.6)
@@ -53,8 +54,11 @@ def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats
     return np.asarray(kernel @ probability[likely] * concentration / np.float32(2 * np.pi))
 
 
-def _rings(panel: Image.Image, radius: float) -> None:
-    """Draw elevation rings with their degrees, and a cross labelled front, right, behind and left."""
+def _rings(panel: Image.Image, radius: float, across: bool) -> None:
+    """Draw elevation rings with their degrees, and a cross labelled front, right, behind and left.
+
+    The degrees stand behind the zenith, or on its right where `across`: the regions' shares stand in line with the sun.
+    """
     centre = panel.width / 2
     spokes = [np.array([[centre - radius, centre], [centre + radius, centre]])]
     spokes.append(spokes[0][:, ::-1])
@@ -62,7 +66,8 @@ def _rings(panel: Image.Image, radius: float) -> None:
     stroke(panel, spokes + rings, WHITE, 1, 0.22)
     stroke(panel, [_circle(centre, radius)], LINE, 2, 1.0)
     for elevation in (30, 60):
-        spot = (centre + 6, centre + radius * (90 - elevation) / 90 - 3)
+        out = centre + radius * (90 - elevation) / 90
+        spot = (out + 6, centre - 3) if across else (centre + 6, out - 3)
         write(panel, spot, f"{elevation}°", Style(15, TEXT, anchor="ls", shaded=True))
     write(panel, (centre, 24), "front", Style(18, TEXT, anchor="mm"))
     write(panel, (centre, panel.height - 22), "behind", Style(18, MUTED, anchor="mm"))

@@ -13,6 +13,8 @@ from lighting.preview.palette import PANEL, WHITE, sun_colour
 from lighting.preview.shading import Stage
 from lighting.records import Lighting
 
+_NEAR = 52  # pixels within which the horizon may cross the words beside an arrow
+
 
 def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: Stage | None = None) -> Image.Image:
     """The photo with its horizon and the sun, and with the balls of a stage on its ground if one is given."""
@@ -30,8 +32,7 @@ def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: S
 
 def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
     """Draw the horizon as a thin line with a soft shadow, if it is in view; its name is on the side without the sun."""
-    azimuth = np.linspace(-80.0, 80.0, 65)
-    line = _camera_pixels(picture, direction(azimuth, 0.0), lighting)
+    line = _horizon(picture, lighting)
     shaded_stroke(picture, [line], WHITE, 2)
     inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
     if len(inside):
@@ -39,6 +40,11 @@ def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
         x, y = (12, float(inside[0, 1])) if left else (picture.width - 12, float(inside[-1, 1]))
         if 30 < y < picture.height:
             write(picture, (x, y - 8), "horizon", Style(17, WHITE, anchor="ls" if left else "rs", shaded=True))
+
+
+def _horizon(picture: Image.Image, lighting: Lighting) -> Floats:
+    """Pixels (N, 2) of the horizon, from left to right where the camera does not stand on its head."""
+    return _camera_pixels(picture, direction(np.linspace(-80.0, 80.0, 65), 0.0), lighting)
 
 
 def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting) -> Floats:
@@ -59,5 +65,12 @@ def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     middle = np.array([picture.width, picture.height]) / 2
     tip = middle + away * np.min((middle - 14) / np.maximum(np.abs(away), 1e-9))
     arrow_head(picture, tip, away, colour)
-    label = tip - away * 16 + [0, 30 if tip[1] < middle[1] else -30]
+    label = tip - away * 16 + [0, 30 if _is_free_below(tip, _horizon(picture, lighting), picture.height) else -30]
     write_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, colour)
+
+
+def _is_free_below(tip: Floats, horizon: Floats, height: int) -> bool:
+    """Whether an arrow's words go below its tip (2,): on the side that a horizon (N, 2) near it does not cross."""
+    order = np.argsort(horizon[:, 0])
+    drop = float(np.interp(tip[0], *horizon[order].T)) - tip[1] if len(horizon) else np.inf
+    return bool(drop < 0 if abs(drop) < _NEAR else tip[1] < height / 2)

@@ -2,9 +2,10 @@
 import { visitAgain } from "./again.mjs";
 import { visitFormats } from "./formats.mjs";
 import { visitHeld } from "./held.mjs";
+import { visitLost } from "./lost.mjs";
 import { visitStage } from "./stage.mjs";
 import { visitSteps } from "./steps.mjs";
 import { visitTurned } from "./turned.mjs";
 import { report } from "./visit.mjs";
 
-await report([visitFormats, visitHeld, visitAgain, visitSteps, visitStage, visitTurned]);
+await report([visitFormats, visitHeld, visitAgain, visitLost, visitSteps, visitStage, visitTurned]);

@@ -7,7 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
 from lighting import read_exr
@@ -98,6 +100,12 @@ def visit(url: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return {**page.visited("details.mjs", url, files_for(folder)), "folder": folder}
 
 
+def pixels(file: Path) -> NDArray[np.float64]:
+    """A picture's 8-bit values (H, W, 3)."""
+    with Image.open(file) as picture:
+        return np.asarray(picture.convert("RGB"), dtype=np.float64)
+
+
 pytestmark = [pytest.mark.slow, page.in_chromium]
 
 
@@ -152,6 +160,37 @@ class TestRefusals:
 
     def test_an_error_goes_with_the_next_success(self, visit: dict[str, Any]) -> None:
         assert not visit["errorAfterModel"]
+
+
+class TestWhatGoesMissing:
+    def test_the_example_chosen_last_is_shown_however_late_the_first_comes(self, visit: dict[str, Any]) -> None:
+        assert visit["onTheWay"] == "Looking at golden_hour.jpg…"
+        status, shown = visit["overtaken"]
+        assert status.startswith("snow_field.jpg: answered in ")
+        assert shown == "snow_field.jpg"
+
+    def test_without_the_table_of_the_sky_it_is_said_and_no_file_states_darkness(self, visit: dict[str, Any]) -> None:
+        assert "The table of the sky could not be loaded" in visit["noTable"]
+        assert min(visit["powerAfterAll"]) > 0
+        assert not visit["errorAfterAll"]
+
+    def test_a_file_that_changes_on_its_disk_stays_the_one_on_show(self, visit: dict[str, Any]) -> None:
+        assert visit["changedFile"] == "saved"
+
+    def test_a_long_name_stays_on_a_phone(self, visit: dict[str, Any]) -> None:
+        assert visit["overflow"] == 0
+
+    def test_keys_undo_from_a_chooser_too(self, visit: dict[str, Any]) -> None:
+        start, changed, undone = visit["undone"]
+        assert undone == start != changed
+
+    def test_a_stage_that_is_not_loaded_is_no_lack_of_webgl(self, visit: dict[str, Any]) -> None:
+        assert visit["noStage"].startswith("What draws the object could not be loaded")
+
+    def test_the_object_comes_back_with_the_memory_of_its_canvas(self, visit: dict[str, Any]) -> None:
+        lit, gone, back = (pixels(visit["folder"] / f"{name}.png") for name in ("lit", "gone", "back"))
+        assert np.abs(lit - gone).max() > 60
+        assert np.abs(lit - back).max() < 10
 
 
 class TestGestures:

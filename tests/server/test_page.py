@@ -377,6 +377,8 @@ def test_the_bundle_is_served(tmp_path: Path) -> None:
     (tmp_path / "assets" / "main-1.js").write_text("true")
     answer = site(tmp_path).get("/")
     assert (answer.text, answer.headers["Cache-Control"]) == ("<p>page</p>", "no-cache")
+    again = site(tmp_path).get("/", headers={"If-None-Match": answer.headers["ETag"]})
+    assert (again.status_code, again.content) == (304, b"")
     script = site(tmp_path).get("/assets/main-1.js")
     assert "immutable" in script.headers["Cache-Control"]
     assert script.headers["Content-Type"].startswith("text/javascript")

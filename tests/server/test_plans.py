@@ -46,6 +46,12 @@ def test_what_cannot_be_planned_is_a_problem(client: TestClient, changed: dict[s
     assert [error["field"] for error in answer.json()["errors"]] == [field]
 
 
+@pytest.mark.parametrize("text", ["", "2026-6-21", "20260621", "1782000", "2026-06-21T00:00", "2026-06-21T12:00"])
+def test_what_is_no_date_is_told_in_plain_words(client: TestClient, text: str) -> None:
+    answer = client.get("/v1/stereo/plan", params={**JUNE, "date": text})
+    assert answer.json()["detail"] == "date: must be a date such as 2026-06-21"
+
+
 def test_night_is_a_problem(client: TestClient) -> None:
     answer = client.get("/v1/stereo/plan", params={**JUNE, "lat": 80, "date": "2026-12-21"})
     assert answer.status_code == 422

@@ -57,7 +57,12 @@ def test_places_are_the_cpus_unless_set(monkeypatch: pytest.MonkeyPatch) -> None
         ("QUEUE", "-1"),
         ("RATE_LIMIT", "often"),
         ("LOG_LEVEL", "loud"),
+        ("RATE_LIMIT", "5/second;0/day"),
         ("UPLOAD_SECONDS", "0"),
+        ("UPLOAD_SECONDS", "inf"),
+        ("HEADER_SECONDS", "inf"),
+        ("DECODE_SECONDS", "inf"),
+        ("MATCH_SECONDS", "1e12"),
         ("MAX_BYTES", "0"),
     ],
 )

@@ -103,7 +103,8 @@ export const uprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =
   send("v1/photo", formOf([photo]), signal);
 
 /** An example's file. */
-export const exampleFile = async (url: string): Promise<Blob> => (await ask(url, {})).blob();
+export const exampleFile = async (url: string, signal: AbortSignal): Promise<Blob> =>
+  (await ask(url, { signal })).blob();
 
 /** The preview of a photo's estimate, as PNG. */
 export const previewFile = (photo: Blob, given: Given): Promise<Blob> =>

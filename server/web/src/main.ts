@@ -10,6 +10,7 @@ import { headline } from "./pure/headline";
 import { latest } from "./pure/latest";
 import type { Subject } from "./pure/snippets";
 import { SkyRenderer } from "./sky/renderer";
+import { held, type Source } from "./source";
 import { filesOf, type Look, lookOf, questionOf, type Shown, type View, viewOf } from "./studio";
 import { Dome } from "./views/dome";
 import { changedLight, isChanged, listenForDownloads, mapHeight, showPreview } from "./views/downloads";
@@ -26,7 +27,7 @@ import { listenForCopies } from "./views/snippets";
 import { fitted } from "./views/svg";
 
 interface Wish {
-  files: File[];
+  sources: Source[];
   given: Given;
 }
 
@@ -46,7 +47,7 @@ const dome = new Dome(byId("dome"), byId("readout"), ({ azimuth, elevation }) =>
 );
 const sliders = new Sliders(light);
 const object = new ObjectView(change, fail);
-const facts = new FactsView((given) => shown && take(filesOf(shown), given));
+const facts = new FactsView((given) => shown && take(filesOf(shown).map(held), given));
 const submit = latest<Wish>(run, 0, fail);
 const sky = new SkyRenderer(({ light, picture }) => {
   const view = current();
@@ -68,7 +69,7 @@ const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) =>
   return view ? mapMarks(view.answer, lookOf(view).parameters, aspectOf(view.photo), width, height) : [];
 });
 
-listenForPhotos((files) => take(files, NOTHING), withPhoto, fail);
+listenForPhotos((sources) => take(sources, NOTHING), withPhoto);
 listenForGestures();
 listenForDownloads(settled, fail);
 listenForUndo(() => current()?.history, refresh);
@@ -78,7 +79,7 @@ byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
   const kept = keepKey(byId<HTMLInputElement>("key").value);
   byId("key-note").hidden = kept;
-  if (kept && asked) take(asked.files, asked.given);
+  if (kept && asked) take(asked.sources, asked.given);
 });
 byId("reset").addEventListener("click", () => {
   const view = current();
@@ -87,18 +88,16 @@ byId("reset").addEventListener("click", () => {
 byId("show-marks").addEventListener("change", drawPhotoMarks);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dome.paint());
 
-function take(files: File[], given: Given): void {
-  asked = { files, given };
-  status.textContent = `Looking at ${files.map(({ name }) => name).join(", ")}…`;
-  byId("error").hidden = true;
-  byId("key-form").hidden = true;
-  byId("key-note").hidden = true;
+function take(sources: Source[], given: Given): void {
+  asked = { sources, given };
+  status.textContent = `Looking at ${sources.map(({ name }) => name).join(", ")}…`;
+  forgive();
   setBusy(true);
   submit(asked);
 }
 
 function withPhoto(model: File): void {
-  byId("error").hidden = true;
+  forgive();
   if (current()) object.take(model);
   else fail(new Error("Choose a photo first, then drop your object on it."));
 }
@@ -108,7 +107,8 @@ function setBusy(busy: boolean): void {
   document.body.toggleAttribute("data-busy", busy);
 }
 
-async function run({ files, given }: Wish, signal: AbortSignal): Promise<void> {
+async function run({ sources, given }: Wish, signal: AbortSignal): Promise<void> {
+  const files = await Promise.all(sources.map(({ load }) => load(signal)));
   const began = performance.now();
   const [answers, photos] = await Promise.all([estimate(files, given, signal), opened(files, signal)]);
   if (signal.aborted) return;
@@ -175,15 +175,15 @@ function refresh(): void {
   sky.ask(questionOf(view));
 }
 
-/** What is shown, once its light is known. */
+/** What is shown, once its light is known; undefined where it cannot be, which is told. */
 async function settled(): Promise<Shown | undefined> {
-  await sky.settled();
-  return shown;
+  forgive();
+  return (await sky.settled()) ? shown : undefined;
 }
 
 async function subject(): Promise<Subject | undefined> {
-  await sky.settled();
-  const view = current();
+  const shown = await settled();
+  const view = shown?.views[shown.at];
   if (!view || !shown) return undefined;
   return {
     origin: new URL(".", location.href).href,
@@ -193,6 +193,11 @@ async function subject(): Promise<Subject | undefined> {
     height: mapHeight(),
     keyed: apiKey() !== null,
   };
+}
+
+/** Takes an error away when something else is tried. */
+function forgive(): void {
+  for (const id of ["error", "key-form", "key-note"]) byId(id).hidden = true;
 }
 
 function fail(error: unknown): void {

@@ -112,11 +112,16 @@ describe("what the service says of itself", () => {
 describe("an example", () => {
   it("is refused as an own photo is where the service is not there, and is no photo where it has none", async () => {
     vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("Failed to fetch")));
-    await expect(exampleFile("assets/a.jpg")).rejects.toMatchObject({ status: 0, title: "The service did not answer" });
+    await expect(exampleFile("assets/a.jpg", new AbortController().signal)).rejects.toMatchObject({
+      status: 0,
+      title: "The service did not answer",
+    });
     answer("<html>Gone</html>", 404);
-    await expect(exampleFile("assets/a.jpg")).rejects.toMatchObject({ title: "The service answered 404" });
+    await expect(exampleFile("assets/a.jpg", new AbortController().signal)).rejects.toMatchObject({
+      title: "The service answered 404",
+    });
     answer("photo", 200);
-    expect(await (await exampleFile("assets/a.jpg")).text()).toBe("photo");
+    expect(await (await exampleFile("assets/a.jpg", new AbortController().signal)).text()).toBe("photo");
   });
 });
 

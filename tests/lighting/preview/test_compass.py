@@ -5,6 +5,7 @@ import pytest
 
 from lighting.geometry import direction
 from lighting.preview.compass import _density, _heat, compass_panel
+from lighting.preview.palette import TEXT
 from lighting.sun_grid import grid_directions, soft_label
 from tests.previews import GRID, amber, distribution, estimate, outdoors
 
@@ -40,3 +41,15 @@ def test_sun_is_marked_at_its_place_on_the_compass() -> None:
     reach = (90 - 30) / 90
     expected = (-reach * np.cos(np.radians(70.0)), reach * np.sin(np.radians(70.0)))
     np.testing.assert_allclose(spot, expected, atol=0.02)
+
+
+@pytest.mark.parametrize("azimuth", [4.0, 40.0, 90.0, 130.0, 176.0, -90.0, -140.0])
+def test_the_rings_degrees_are_not_where_the_regions_have_their_shares(azimuth: float) -> None:
+    """Those stand on the sun's meridian, also beyond the zenith."""
+    size = 500
+    panel = np.asarray(compass_panel(estimate(outdoors(azimuth, 10.0)), 4 / 3, size)).astype(np.int64)
+    letters = np.argwhere(np.abs(panel - np.array(TEXT)).max(axis=-1) < 8) - size / 2
+    letters = letters[np.hypot(*letters.T) < 0.75 * (size / 2 - 44)]
+    assert len(letters) > 20
+    off = letters @ (np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth)))
+    assert np.abs(off).min() > 20

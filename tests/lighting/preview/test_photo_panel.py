@@ -55,3 +55,13 @@ def test_the_horizons_name_is_not_where_the_arrow_is(azimuth: float, side: int) 
     letters = white[white[:, 0] < line - 6]
     assert len(letters) > 50
     assert (np.sign(letters[:, 1] - panel.shape[1] / 2) == side).all()
+
+
+@pytest.mark.parametrize("elevation", [-4.0, 4.0])
+@pytest.mark.parametrize("azimuth", [120.0, -165.0])
+def test_the_horizon_does_not_cross_the_words_beside_the_arrow(azimuth: float, elevation: float) -> None:
+    """It passes the arrow at the distance of its words, above or below."""
+    panel = drawn(outdoors(azimuth, 20.0, camera_elevation=elevation, vertical_fov=60.0))
+    line = np.median(np.argwhere(panel.min(axis=-1) > 200)[:, 0])
+    assert 15 < abs(line - panel.shape[0] / 2) < 45
+    assert np.abs(amber(panel)[:, 0] - line).min() > 6

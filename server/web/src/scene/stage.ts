@@ -61,6 +61,18 @@ export class Stage {
     this.sun.shadow.mapSize.set(1024, 1024);
     this.scene.environmentRotation.y = Math.PI / 2; // three.js has +X at a map's centre, here it is -Z
     this.scene.add(this.ground, this.object, this.sun, this.sun.target);
+    this.outlive(canvas);
+  }
+
+  /** A browser may take the canvas's memory, as phones do in the background: the photo behind it shows until it is back. */
+  private outlive(canvas: HTMLCanvasElement): void {
+    canvas.addEventListener("webglcontextlost", () => {
+      canvas.style.visibility = "hidden";
+    });
+    canvas.addEventListener("webglcontextrestored", () => {
+      canvas.style.visibility = "";
+      this.draw();
+    });
   }
 
   /** How high the object stands, metres. */

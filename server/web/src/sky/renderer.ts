@@ -6,10 +6,15 @@ import type { Camera } from "../pure/camera";
 import type { Question } from "./light";
 import type { Answer, Message } from "./worker";
 
+const NOT_LOADED = "What renders the sky could not be loaded, so the light cannot be shown. Load the page again.";
+
 export class SkyRenderer {
   private readonly worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
   private asked = 0;
   private busy = false;
+  private lost = false; // whether the worker never began
+  private answered = true; // whether the newest question that came back has an answer
+  private newest: Question | undefined;
   private waiting: Question | undefined;
   private idle: (() => void)[] = [];
 
@@ -19,6 +24,7 @@ export class SkyRenderer {
   ) {
     this.worker.addEventListener("message", ({ data }: MessageEvent<Answer | { id: number; error: string }>) => {
       this.busy = false;
+      this.answered = !("error" in data);
       const next = this.waiting;
       this.waiting = undefined;
       if (next) this.ask(next);
@@ -28,7 +34,9 @@ export class SkyRenderer {
     });
     this.worker.addEventListener("error", ({ message }) => {
       this.busy = false;
-      this.failed(new Error(message));
+      this.answered = false;
+      this.lost ||= !message; // a worker that runs says what went wrong
+      this.failed(new Error(message || NOT_LOADED));
       this.release();
     });
   }
@@ -44,6 +52,11 @@ export class SkyRenderer {
   }
 
   ask(question: Question): void {
+    this.newest = question;
+    if (this.lost) {
+      this.failed(new Error(NOT_LOADED));
+      return;
+    }
     if (this.busy) {
       this.waiting = question;
       return;
@@ -52,9 +65,11 @@ export class SkyRenderer {
     this.post({ question, id: ++this.asked });
   }
 
-  /** Waits until the newest question is answered. */
-  settled(): Promise<void> {
-    return this.busy ? new Promise((resolve) => this.idle.push(resolve)) : Promise.resolve();
+  /** Waits until the newest question is answered, and asks it once more if that failed; whether there is an answer. */
+  async settled(): Promise<boolean> {
+    if (!this.busy && !this.answered && this.newest) this.ask(this.newest);
+    if (this.busy) await new Promise<void>((resolve) => this.idle.push(resolve));
+    return this.answered;
   }
 
   private post(message: Message): void {

@@ -47,7 +47,7 @@ async function answer(question: Question, id: number): Promise<void> {
     postMessage({ id, light: { ...light, map }, picture } satisfies Answer);
   } catch (error) {
     table = undefined;
-    postMessage({ id, error: String(error) });
+    postMessage({ id, error: error instanceof Error ? error.message : String(error) });
   }
 }
 
@@ -61,7 +61,8 @@ function known(sky: SkyTable, { parameters: _, ...ofPhoto }: Question): Base {
 const sunOf = ({ sun_azimuth, sun_elevation }: Parameters): Vector => direction(sun_azimuth, sun_elevation);
 
 async function load(): Promise<SkyTable> {
-  const response = await fetch(tableUrl);
-  if (!response.ok) throw new Error(`The sky's table could not be loaded (${response.status}).`);
+  const response = await fetch(tableUrl).catch(() => undefined);
+  if (!response?.ok)
+    throw new Error("The table of the sky could not be loaded, so the light cannot be shown. Try again.");
   return readNpz(await response.arrayBuffer());
 }

@@ -27,5 +27,5 @@ export function showUndo<State>(history: History<State>): void {
 
 /** Whether keys go into a text: it has an undo of its own. */
 function isTyped(target: EventTarget | null): boolean {
-  return target instanceof HTMLInputElement && !["range", "checkbox", "radio"].includes(target.type);
+  return target instanceof HTMLInputElement && !["range", "checkbox", "radio", "file"].includes(target.type);
 }

@@ -13,6 +13,7 @@ const KEYS = "Keys: arrows move it, < and > turn it, + and − scale it.";
 const HOW = `Click the ground to move it, drag to turn it. ${KEYS}`;
 const AFLOAT = `The photo shows no ground, so the object floats. ${HOW}`;
 const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
+const NOT_LOADED = "What draws the object could not be loaded; everything else works. Load the page again to see it.";
 const CLICK = 5; // pixels that a click may wander
 
 type Change = (part: Partial<Look>, kind: string) => void;
@@ -104,8 +105,13 @@ export class ObjectView {
   }
 
   private async load(): Promise<Stage | null> {
+    const drawing = await import("../scene/stage").catch(() => null);
+    if (!drawing) {
+      this.note.textContent = NOT_LOADED;
+      return null;
+    }
     try {
-      const { Stage } = await import("../scene/stage");
+      const { Stage } = drawing;
       const stage = new Stage(this.canvas);
       new ResizeObserver(() => this.fit(stage)).observe(byId("frame"));
       return stage;

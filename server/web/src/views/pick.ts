@@ -1,24 +1,23 @@
 /** The ways a photo comes in: the file chooser, drop, paste, and the examples. */
 
-import { exampleFile } from "../api";
 import { described } from "../described";
 import { byId, make } from "../dom";
 import { EXAMPLES, type Example } from "../examples";
 import { matchingWords } from "../pure/turns";
+import { chosen, example, type Source } from "../source";
 
 const MODEL = /\.(glb|gltf)$/i;
 
-type Take = (files: File[]) => void;
-type Failed = (error: unknown) => void;
+type Take = (photos: Source[]) => void;
 
-/** `take` gets photos, `model` an object of the user's own, `failed` why there is no example. */
-export function listenForPhotos(take: Take, model: (file: File) => void, failed: Failed): void {
+/** `take` gets photos, `model` an object of the user's own. */
+export function listenForPhotos(take: Take, model: (file: File) => void): void {
   const give = (files: Iterable<File> | null | undefined): void => {
     const all = [...(files ?? [])];
     const own = all.find(({ name }) => MODEL.test(name));
     const photos = all.filter(({ name }) => !MODEL.test(name));
     if (own) model(own);
-    if (photos.length) take(photos);
+    if (photos.length) take(photos.map(chosen));
   };
   for (const id of ["file", "model-file"]) {
     const chooser = byId<HTMLInputElement>(id);
@@ -29,7 +28,7 @@ export function listenForPhotos(take: Take, model: (file: File) => void, failed:
   }
   document.addEventListener("paste", (event) => give(event.clipboardData?.files));
   listenForDrops(give);
-  byId("examples").append(...EXAMPLES.map((example) => make("li", {}, exampleButton(example, take, failed))));
+  byId("examples").append(...EXAMPLES.map((one) => make("li", {}, exampleButton(one, take))));
 }
 
 /** What the service does with several photos, once it has told. */
@@ -53,11 +52,9 @@ function listenForDrops(give: (files: Iterable<File> | undefined) => void): void
   });
 }
 
-function exampleButton({ name, title, url, thumb, credit }: Example, take: Take, failed: Failed): HTMLButtonElement {
+function exampleButton({ name, title, url, thumb, credit }: Example, take: Take): HTMLButtonElement {
   const picture = make("img", { src: thumb, alt: "", width: 120, height: 90 });
   const button = make("button", { type: "button", title: credit }, picture, make("span", { textContent: title }));
-  button.addEventListener("click", () => {
-    exampleFile(url).then((blob) => take([new File([blob], name, { type: "image/jpeg" })]), failed);
-  });
+  button.addEventListener("click", () => take([example(name, url)]));
   return button;
 }
