@@ -13,7 +13,7 @@ from export.evaluation.tables import table
 from lighting.envmap.sky_colour import sky_ratio
 from lighting.geometry import Floats, angle_between
 from lighting.model import Model
-from lighting.photo import photo_of
+from lighting.photo import Photo
 
 CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
 COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))
@@ -53,7 +53,7 @@ def _rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[F
             rng = generator(source.panorama.name, number, "colour of the sky")
             crop = take(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
-            light = by_network(model, photo_of(pixels)).lighting
+            light = by_network(model, Photo(pixels, *pixels.shape[1::-1], "PIXELS")).lighting
             ratio = sky_ratio(pixels, light)
             yield (
                 np.full(3, np.nan) if ratio is None else ratio,

@@ -78,7 +78,7 @@ def green(frame: Pixels) -> Pixels:
     """The frame with its lower half tinted."""
     tinted = frame.copy()
     half = len(frame) // 2
-    tinted[half:] = tinted[half:] * np.array([0.6, 0.8, 0.3])
+    tinted[half:] = tinted[half:] * np.array([0.5, 0.8, 0.25])
     return tinted
 
 
