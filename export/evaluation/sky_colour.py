@@ -53,7 +53,8 @@ def _rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[F
             rng = generator(source.panorama.name, number, "colour of the sky")
             crop = take(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
-            light = by_network(model, Photo(pixels, *pixels.shape[1::-1], "PIXELS")).lighting
+            height, width = pixels.shape[:2]
+            light = by_network(model, Photo(pixels, width, height, "PIXELS")).lighting
             ratio = sky_ratio(pixels, light)
             yield (
                 np.full(3, np.nan) if ratio is None else ratio,
