@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lighting.circular import mean_angle
 from lighting.errors import ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence
-from lighting.geometry import Floats, angle_between, camera_axes, wrap_azimuth
+from lighting.geometry import Floats, angle_between, up_in_camera, wrap_azimuth
 from lighting.ranges import check_range, is_finite
 from lighting.records import Prediction
 
@@ -54,7 +54,7 @@ class Frames:
 def contrary_up(prediction: Prediction, placed: "Placed") -> tuple[str, ...]:
     """A warning where the photo alone has up elsewhere than what it has in common with the others."""
     angles = ((p.camera_elevation, p.camera_roll) for p in (prediction, placed))
-    apart = float(angle_between(*(camera_axes(0.0, *tilt)[:, 1] for tilt in angles)))
+    apart = float(angle_between(*(up_in_camera(*tilt) for tilt in angles)))
     if apart < CONTRARY:
         return ()
     return (

@@ -33,5 +33,5 @@ def upright(said: Prediction, pixels: NDArray[np.uint8]) -> Prediction:
     A sun that the photo shows stays on its pixel.
     """
     known = with_verticals(said, pixels)
-    sun = shown_sun(said, pixels)
+    sun = None if known is said else shown_sun(said, pixels)
     return known if sun is None else replace(known, sun_probability=through_camera(said, known, sun))

@@ -54,13 +54,15 @@ def shown_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None) -
 
     With its `pixels` (h, w, 3), a photo that is not white there does not show it.
     """
+    if prediction.sun_visibility < 0.5:
+        return None
     probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
     sun = best_guess(probability, prediction.spec.sun_grid)
     right, up, forward = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll) @ sun
     edge = forward * math.tan(math.radians(prediction.vertical_fov) / 2)
     inside = abs(up) <= edge and abs(right) <= _WIDEST * edge
     sure = float(probability @ (cells @ sun >= math.cos(math.radians(_NEAR)))) >= _SHOWN
-    if not (inside and sure and prediction.sun_visibility >= 0.5):
+    if not (inside and sure):
         return None
     return sun if pixels is None or _glares(pixels, prediction, sun) else None
 

@@ -61,8 +61,7 @@ def _grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _means(prediction: Prediction, lines: Lines, height: int) -> tuple[float, float, float]:
     """By how much elevation, roll [deg] and lens differ from the network's answer, in the mean of the posterior."""
-    shape = len(LENSES), len(ELEVATIONS), len(ROLLS)
-    log = _prior(prediction.camera_roll) + _perhaps_shifted(_evidence(prediction, lines, height).reshape(shape))
+    log = _prior(prediction.camera_roll) + _perhaps_shifted(_evidence(prediction, lines, height))
     p = np.exp(log - log.max())
     p /= p.sum()
     return (
@@ -91,14 +90,15 @@ def _perhaps_shifted(evidence: Floats) -> Floats:
 
 
 def _evidence(prediction: Prediction, lines: Lines, height: int) -> Floats:
-    """Logarithm of the likelihood (G,) of the lines for each camera of the grid."""
+    """Logarithm of the likelihood (lenses, elevations, rolls) of the lines for each camera of the grid."""
     elevation = (prediction.camera_elevation + ELEVATIONS)[:, None]
     up = up_in_camera(elevation, prediction.camera_roll + ROLLS)
     apart = _apart(lines, _ups(up, _half(prediction) * np.exp(LENSES)), prediction)
     spread = np.hypot(_LEANING, _ENDS / lines.length).astype(np.float32)[:, None]
     bell = np.exp(-0.5 * (apart / spread) ** 2) * (_VERTICAL / (np.sqrt(2 * np.pi, dtype=np.float32) * spread))
     weight = _WEIGHT * np.sqrt(lines.length / height)
-    return np.asarray(weight @ np.log(bell + np.float32((1 - _VERTICAL) / AROUND)))
+    log = weight @ np.log(bell + np.float32((1 - _VERTICAL) / AROUND))
+    return np.asarray(log.reshape(len(LENSES), len(ELEVATIONS), len(ROLLS)))
 
 
 def _apart(lines: Lines, cameras: Floats, about: Prediction) -> Floats:
