@@ -127,9 +127,8 @@ def camera_directions(camera: Pinhole) -> Floats:
     """Unit vectors (H, W, 3) through the camera's pixel centres."""
     x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) / camera.focal_length
     y = (0.5 * camera.height - np.arange(camera.height) - 0.5) / camera.focal_length
-    right, up, forward = camera.axes
-    rays = x[None, :, None] * right + y[:, None, None] * up + forward
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    forward = 1 / np.sqrt(1 + x**2 + (y**2)[:, None])
+    return np.asarray(np.stack([x * forward, y[:, None] * forward, forward], axis=-1) @ camera.axes)
 
 
 def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:

@@ -12,30 +12,39 @@ from lighting.sky import sky_gradation, sky_lobe, sky_parameters
 
 Image = NDArray[np.float32]
 
-_LOBE_STEPS = 1 << 16  # of the table over the angle to the sun; taking the nearest entry errs by less than 3e-4
+_LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
 _CHUNK = 1 << 17  # pixels painted at once, few enough for the processor's cache
 _IRRADIANCE_HEIGHT = 128  # rows of the sky that is integrated to light the ground; accurate to 2e-4
 
 
 def lobe_table(lighting: Lighting) -> Image:
-    """`sky_lobe` of each channel (3, steps + 1) at equal steps of the angle to the sun, 0 to 180 deg."""
+    """`sky_lobe` of each channel (3, steps + 1) at the angles to the sun that `paint_clear` looks up."""
     return _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
 
 
 @lru_cache(maxsize=1)  # a photo's sky is looked at before it is painted
 def _lobe_table(sun_elevation: float, turbidity: float, ground_albedo: float) -> Image:
-    chord = 2 * np.sin(np.linspace(0.0, math.pi / 2, _LOBE_STEPS + 1, dtype=np.float32))
+    angle, chord2 = _lobe_angles()
     coefficients, _ = sky_parameters(sun_elevation, turbidity, ground_albedo)
-    table = np.stack([sky_lobe(row, chord * chord) for row in coefficients])
+    table = np.stack([sky_lobe(row, chord2, angle) for row in coefficients])
     table.setflags(write=False)  # since others get it as well
     return table
+
+
+@lru_cache(maxsize=1)
+def _lobe_angles() -> tuple[Image, Image]:
+    """The table's angles to the sun [rad] (steps + 1,), and their squared chords."""
+    share = np.linspace(0.0, 1.0, _LOBE_STEPS + 1)
+    angle = f32(2 * np.arctan2(share, 1 - share))
+    return angle, np.square(2 * np.sin(angle / 2))
 
 
 def paint_clear(image: Image, lighting: Lighting, lobe: Image) -> None:
     """Fill the upper half (H / 2, 2H, 3) of a map: per row a factor and an offset, per pixel one look-up of the lobe.
 
     The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
-    the row gives all but the last factor and the column that one; this keeps its precision next to the sun.
+    the row gives all but the last factor and the column that one; this keeps its precision next to the sun. The table
+    goes by sin(g / 2) / (sin(g / 2) + cos(g / 2)), which is as fine at both ends and needs no arcsine.
     """
     factor, offset = _row_terms(lighting, 2 * len(image))
     azimuth, elevation = latlong_angles(2 * len(image))
@@ -46,9 +55,9 @@ def paint_clear(image: Image, lighting: Lighting, lobe: Image) -> None:
     rows = max(1, _CHUNK // image.shape[1])
     for start in range(0, len(image), rows):
         part = slice(start, min(start + rows, len(image)))
-        half_sine = np.sqrt(vertical[part, None] + horizontal[part, None] * column)
-        step = np.arcsin(np.minimum(half_sine, 1)) * np.float32(_LOBE_STEPS / (math.pi / 2))
-        index = (step + np.float32(0.5)).astype(np.intp)
+        sine2 = np.minimum(vertical[part, None] + horizontal[part, None] * column, 1)
+        sine, cosine = np.sqrt(sine2), np.sqrt(1 - sine2)
+        index = (sine / (sine + cosine) * np.float32(_LOBE_STEPS) + np.float32(0.5)).astype(np.intp)
         for channel in range(3):
             value = lobe[channel].take(index)
             value += offset[channel, part, None]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.clear import Image, brightest
+from lighting.envmap.clear import Image, brightest, f32
 from lighting.envmap.photo_view import CLIPPED, sampled
 from lighting.geometry import angles, latlong_angles, wrap_azimuth
 from lighting.records import Lighting
@@ -58,12 +58,12 @@ def _ratios(
 
 def _spread(values: Image, known: NDArray[np.bool_], rows: int, part: slice) -> Image:
     """Values (P, 2R, 3) of a part of a map's rows, drawn from the cells (P, 2R) where they are known to all others."""
-    azimuth, elevation = latlong_angles(rows)
+    azimuth, elevation = (f32(angle) for angle in latlong_angles(rows))
     across, up = (axis[known] for axis in np.meshgrid(azimuth, elevation[part]))
     level = np.cos(np.radians(elevation[part]))[:, None, None]
-    beside = level * np.abs(wrap_azimuth(azimuth[:, None] - across))  # (P, 2R, K)
-    above = np.abs(elevation[part][:, None, None] - up)
-    weight = (_NEAR**2 + beside**2 + (_UPRIGHT * above) ** 2) ** -_FALL
+    beside2 = (level * np.abs(wrap_azimuth(azimuth[:, None] - across))) ** 2  # (P, 2R, K)
+    above2 = (elevation[part][:, None, None] - up) ** 2
+    weight = (np.float32(_NEAR**2) + beside2 + np.float32(_UPRIGHT**2) * above2) ** np.float32(-_FALL)
     mean = weight @ values[known] / weight.sum(axis=2, keepdims=True)
-    fading = np.exp(-np.sqrt(beside**2 + (2.0 * above) ** 2).min(axis=2) / _FADES)
+    fading = np.exp(-np.sqrt((beside2 + 4 * above2).min(axis=2)) / np.float32(_FADES))
     return np.where(known[..., None], values, fading[..., None] * mean).astype(np.float32)

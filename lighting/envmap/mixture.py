@@ -30,9 +30,8 @@ def paint_mixture(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
     The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
     """
     cover = lighting.sky_cover or 0.0
-    overcast = _overcast_rows(len(upper)) * f32(cover * irradiance)
     if cover >= 1:
-        upper[:] = overcast
+        upper[:] = _overcast_rows(len(upper)) * f32(irradiance)
         return
     _paint_shape(upper, lighting)
     level = irradiance_of(row_levels(2 * len(upper))[: len(upper)], upper)
@@ -40,7 +39,8 @@ def paint_mixture(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
     for channel in np.flatnonzero(level < _DARK * level[brightest]):  # the blue of a setting sun, say
         upper[..., channel], level[channel] = upper[..., brightest], level[brightest]
     scale(upper, (1 - cover) * irradiance / np.maximum(level, _LEAST))
-    upper += overcast
+    if cover > 0:
+        _add_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
 
 
 def paint_sun_lobe(upper: Image, lighting: Lighting, power: Floats) -> None:
@@ -57,6 +57,12 @@ def _overcast_rows(rows: int) -> Image:
     up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
     radiance = (1 + 2 * up) / 3
     return f32(radiance / (row_levels(2 * rows)[:rows] @ radiance))[:, None, None]
+
+
+def _add_rows(upper: Image, rows: Image, colour: Floats) -> None:
+    """Add rows (rows, 1, 1) of a colour (3,) to a map, by whole rows as `scale` multiplies."""
+    flat = upper.reshape(len(upper), -1)
+    flat += rows[:, 0] * np.tile(f32(colour), upper.shape[1])
 
 
 def _paint_shape(upper: Image, lighting: Lighting) -> None:

@@ -81,13 +81,14 @@ def sky_gradation(coefficients: Floats, up: Floats) -> tuple[Floats, Floats]:
     return 1 + a * np.exp(b / (cosine + up.dtype.type(0.01))), i * np.sqrt(cosine)
 
 
-def sky_lobe(coefficients: Floats, chord: Floats) -> Floats:
+def sky_lobe(coefficients: Floats, chord: Floats, angle: Floats | None = None) -> Floats:
     """The terms (...) that depend on the angle to the sun alone, given as its squared chord |a - b|^2 (...).
 
-    The chord keeps full precision next to the sun, where the cosine has none left.
+    The chord keeps full precision next to the sun, where the cosine has none left. Where the angle [rad] (...) is known
+    as well, it is not computed from the chord.
     """
     c, d, e, f, g, h = (chord.dtype.type(coefficients[index]) for index in (2, 3, 4, 5, 6, 8))
-    gamma = 2 * np.arcsin(np.minimum(np.sqrt(chord) / 2, 1))
+    gamma = 2 * np.arcsin(np.minimum(np.sqrt(chord) / 2, 1)) if angle is None else angle
     cosine2 = np.square(1 - chord / 2)
     distance2 = (1 - h) * (1 - h) + h * chord
     return np.asarray(c + d * np.exp(e * gamma) + f * cosine2 + g * (1 + cosine2) / (distance2 * np.sqrt(distance2)))
