@@ -47,9 +47,12 @@ class Estimator:
         """Uses the network in this package unless given another; raises ModelError."""
         self.model = model or Model.load()
 
-    def predict(self, photo: Photo) -> Prediction:
-        """What the network says of the pixels alone: the sun's probability on its grid, and raw parameters."""
-        return said_of(self.model, photo)
+    def predict(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Prediction:
+        """What the pixels say: the sun's probability on the network's grid, and raw parameters.
+
+        Of the metadata and of what the user says, the lens alone enters, for how the camera was held.
+        """
+        return said_of(self.model, photo, given)
 
     def __call__(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Estimate:
         """The photo's light by its pixels, its metadata and what the user says of it.
@@ -58,7 +61,7 @@ class Estimator:
         of night.
         """
         _check_asked([photo], given)
-        return estimate_from(photo, self.predict(photo), given)
+        return estimate_from(photo, self.predict(photo, given), given)
 
     def together(
         self,
@@ -81,7 +84,7 @@ class Estimator:
         if len(photos) < 2:
             return [self(photo, given) for photo in photos]
         facts = known_together([photo.facts for photo in photos], given)
-        evidence, said = [fact.evidence for fact in facts], [self.predict(photo) for photo in photos]
+        evidence, said = [fact.evidence for fact in facts], [self.predict(photo, given) for photo in photos]
         placing = None if headings is not None else _placing(match)
         placed = placing and placing(_views(photos, said, evidence))
         fused = fuse_together(said, evidence, headings, placed)
@@ -103,7 +106,7 @@ class Estimator:
         if not photos:
             raise ParameterError("There are no photos to fit anything to.")
         check_headings(len(photos), headings)
-        said = [self.predict(photo) for photo in photos]
+        said = [self.predict(photo, given) for photo in photos]
         evidence = [camera_evidence(photo.facts, given) for photo in photos]
         placed = _place(_views(photos, said, evidence)) if headings is None and len(photos) > 1 else None
         from lighting.evidence.fit import fit, series_of

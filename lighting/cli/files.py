@@ -124,7 +124,7 @@ def estimated(
         from lighting.photo import read_photo
 
         picture = read_photo(photo)
-        said = pool.submit(lambda: _said_of(network.result(), picture))
+        said = pool.submit(lambda: _said_of(network.result(), picture, given))
         from lighting.pipeline import estimate_from
 
         meanwhile()
@@ -137,10 +137,10 @@ def _load_for_one_photo(model: str | None) -> "Model":
     return Model.load(model, for_one_photo=True)
 
 
-def _said_of(network: "Model", photo: "Photo") -> "Prediction":
+def _said_of(network: "Model", photo: "Photo", given: "Given") -> "Prediction":
     from lighting.evidence import said_of
 
-    return said_of(network, photo)
+    return said_of(network, photo, given)
 
 
 def rehearse() -> None:

@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.decoding import best_guess
+from lighting.evidence.given import Given
 from lighting.evidence.said import said_of, upright
 from lighting.geometry import Floats, Pinhole, angle_between, camera_axes, camera_pixel, direction
 from lighting.model import Model
-from lighting.photo import photo_of, to_tensor
+from lighting.photo import PhotoFacts, photo_of, to_tensor
 from lighting.records import Prediction
 from tests.lighting.evidence.test_fusion import lobe
 from tests.lighting.evidence.test_verticals import poles
@@ -62,6 +63,19 @@ def test_a_network_s_answer_has_the_camera_by_the_verticals(network: Path) -> No
     assert known.camera_elevation == upright(alone, photo.pixels).camera_elevation != alone.camera_elevation
     empty = photo_of(np.full((60, 80, 3), 128, dtype=np.uint8))
     assert said_of(model, empty).camera_elevation == model.predict(to_tensor(empty, model.spec))[0].camera_elevation
+
+
+def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> None:
+    """The user's counts where both are known, and the file's not where it is not to be used."""
+    model = Model.load(network)
+    plain = photo_of(poles(20.0, 0.0, 60.0, SIZE))
+    stated = replace(plain, facts=PhotoFacts(vertical_fov=60.0))
+    alone = model.predict(to_tensor(plain, model.spec))[0]
+    by_lens = {fov: upright(alone, plain.pixels, fov).camera_elevation for fov in (None, 60.0, 45.0)}
+    assert len(set(by_lens.values())) == 3
+    assert said_of(model, stated).camera_elevation == by_lens[60.0]
+    assert said_of(model, stated, Given(vertical_fov=45.0)).camera_elevation == by_lens[45.0]
+    assert said_of(model, stated, Given(use_exif=False)).camera_elevation == by_lens[None]
 
 
 def seen_sun(said: Prediction) -> Floats:

@@ -61,6 +61,38 @@ def test_verticals_of_a_level_camera_do_not_tell_the_lens_and_those_of_a_steep_o
     assert 45.5 < steep < 52.0
 
 
+@pytest.mark.parametrize(("elevation", "fov"), [(20.0, 50.0), (-25.0, 60.0), (15.0, 40.0)])
+@pytest.mark.parametrize("wrong", [0.85, 1.18])
+def test_a_known_lens_brings_the_elevation_nearer_whatever_the_network_says_of_it(
+    elevation: float, fov: float, wrong: float
+) -> None:
+    """Verticals tell elevation and lens together, so with either the other is told."""
+    network, pixels = said(elevation + 2.0, 0.0, wrong * fov), poles(elevation, 0.0, fov)
+    unknown, known = (with_verticals(network, pixels, lens) for lens in (None, fov))
+    assert abs(known.camera_elevation - elevation) < abs(unknown.camera_elevation - elevation) + 0.1
+    assert convergence(replace(known, vertical_fov=fov)) == pytest.approx(
+        convergence(said(elevation, 0.0, fov)), abs=0.02
+    )
+    assert known.vertical_fov == unknown.vertical_fov, "that of the pixels, to be compared"
+
+
+def test_without_verticals_the_elevation_follows_the_lens_as_the_horizon_in_the_picture_has_it() -> None:
+    blank = np.full((300, 400, 3), 120, dtype=np.uint8)
+    for elevation in (20.0, -20.0):
+        wider = with_verticals(said(elevation, 1.0, 50.0), blank, 60.0)
+        assert 1.0 < abs(wider.camera_elevation) - 20.0 < 4.0
+        assert wider.camera_roll == pytest.approx(1.0, abs=0.01)
+        assert wider.vertical_fov == pytest.approx(50.0)
+    level = with_verticals(said(0.0, 0.0, 50.0), blank, 60.0)
+    assert level.camera_elevation == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_lens_that_the_pixels_contradict_is_not_used() -> None:
+    """As that of a photo that was cropped to a third."""
+    network, pixels = said(20.0, 0.0, 25.0), poles(20.0, 0.0, 25.0)
+    assert with_verticals(network, pixels, 70.0) == with_verticals(network, pixels)
+
+
 def test_a_picture_without_verticals_leaves_the_camera_as_it_is() -> None:
     camera = said(7.0, -2.0)
     rows = np.repeat(np.arange(300) // 20 % 2 * 60 + 90, 400).reshape(300, 400)
