@@ -28,6 +28,7 @@ class Judged:
     views: Sequence[View]
     truth: Truth
     predictions: Sequence[Prediction]  # of our network
+    with_lens: Sequence[Prediction]  # the same, of photos that state their lens
     said: dict[str, Answers]  # of each method, our network first
     alone: dict[str, Answers]  # of each network without what else the pictures show
 

@@ -95,7 +95,8 @@ def _judge(methods: _Methods, sources: Sequence[Source], protocol: str) -> Judge
     if methods.peer:
         suns = suncompass.suns(methods.peer, suncompass.crop_pictures(views), methods.elevation)
         said[suncompass.NAME] = answers(suns)
-    return Judged(views, truth, looked.said[ours], said | without_network(truth, methods.training), alone)
+    said |= without_network(truth, methods.training)
+    return Judged(views, truth, looked.said[ours], looked.with_lens, said, alone)
 
 
 def _sections(options: Options, methods: _Methods, sources: Sequence[Source], judged: dict[str, Judged]) -> list[str]:
@@ -123,7 +124,7 @@ def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str
     said = {name: select(interpret(predictions, truth.sun), chosen) for name, predictions in looked.said.items()}
     if not chosen.any():
         return []
-    ours = next(iter(looked.said.values()))
+    ours = list(zip(next(iter(looked.said.values())), looked.with_lens, strict=True))
     spec, shown = next(iter(models.values())).spec, np.flatnonzero(chosen).tolist()
     pictures = [tone_map(take(*views[i], spec).linear) for i in shown]
     known = in_view_evidence(select(truth, chosen), [ours[i] for i in shown], pictures)
@@ -135,7 +136,7 @@ def metadata_sections(protocol: str, judged: Judged) -> list[str]:
     taken = take_metadata(judged.truth, CROPS_EACH)
     azimuth = np.array([camera.azimuth for _, camera in judged.views])
     return [
-        evidence_report(protocol, judged.truth, judged.predictions, taken),
+        evidence_report(protocol, judged.truth, list(zip(judged.predictions, judged.with_lens, strict=True)), taken),
         groups_report(protocol, judged.truth, judged.predictions, taken, azimuth, CROPS_EACH),
     ]
 

@@ -1,6 +1,6 @@
 """What simulated metadata adds to the network's answers: every subset of the evidence, and false records."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 from textwrap import fill
 
@@ -51,11 +51,13 @@ WARNED = fill(
     f"{LENS_RATIO:g}, or if gravity lies more than {MOST_APART:g}° from where the network has it.",
     120,
 )
+ByLens = tuple[Prediction, Prediction]  # of a photo that does not state its lens, and of the same one if it does
+
 WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
 WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
 
 
-def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], taken: Sequence[Taken]) -> str:
+def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: Sequence[Taken]) -> str:
     """The tables of one protocol, over scored crops."""
     chosen = np.flatnonzero(truth.scored).tolist()
     scored = select(truth, truth.scored)
@@ -69,16 +71,22 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[Prediction], tak
             figures_table(rows),
             _azimuth_sentence(scored, fused[()], fused[("time+place",)]),
             WARNED,
-            figures_table(warning_shares(scored, predictions, records)),
+            figures_table(warning_shares(scored, [without for without, _ in predictions], records)),
         ]
     )
 
 
-def _fuse(prediction: Prediction, taken: Taken, parts: tuple[str, ...]) -> Fused:
-    return fuse_photo(prediction, known(only(taken.facts, parts), NOTHING_GIVEN).evidence)
+def _fuse(said: ByLens, taken: Taken, parts: tuple[str, ...]) -> Fused:
+    return fuse_photo(_own(said, parts), known(only(taken.facts, parts), NOTHING_GIVEN).evidence)
 
 
-def in_view_evidence(truth: Truth, said: Sequence[Prediction], pictures: Sequence[NDArray[np.uint8]]) -> str:
+def _own(said: ByLens, parts: Container[str]) -> Prediction:
+    """What is said of a photo of which these parts are known."""
+    without, with_lens = said
+    return with_lens if "focal length" in parts else without
+
+
+def in_view_evidence(truth: Truth, said: Sequence[ByLens], pictures: Sequence[NDArray[np.uint8]]) -> str:
     """What lens, time and place, and gravity add for crops that show the sun: errors of the sun and of the camera.
 
     `pictures` are the crops' own pixels (h, w, 3), sRGB. Gravity is simulated with a phone's error of 1 deg.
@@ -95,7 +103,8 @@ def in_view_evidence(truth: Truth, said: Sequence[Prediction], pictures: Sequenc
     }
     rows = {}
     for name, evidence in known_parts.items():
-        fused = [fuse_photo(*photo) for photo in zip(said, evidence, pictures, strict=True)]
+        own = [_own(by_lens, name) for by_lens in said]
+        fused = [fuse_photo(*photo) for photo in zip(own, evidence, pictures, strict=True)]
         error = sun_error(
             truth, answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
         )
@@ -120,6 +129,7 @@ def figures(truth: Truth, fused: Sequence[Fused], taken: Sequence[Taken]) -> dic
     said = answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
     error = sun_error(truth, said)
     fov = np.array([f.prediction.vertical_fov for f in fused])
+    tilt = np.array([f.prediction.camera_elevation for f in fused])
     return {
         "sun": median(error),
         "azimuth": median(np.abs(azimuth_error(truth, said))),
@@ -127,6 +137,7 @@ def figures(truth: Truth, fused: Sequence[Fused], taken: Sequence[Taken]) -> dic
         "in 50 % region": share(error <= [f.sun.radius_50 for f in fused]),
         "in 90 % region": share(error <= [f.sun.radius_90 for f in fused]),
         "radius 90": median(np.array([f.sun.radius_90 for f in fused])),
+        "camera elevation": median(np.abs(tilt - truth.camera[:, 0])),
         "fov": median(np.abs(fov - truth.camera[:, 2])),
         **_heading_figures(fused, np.array([t.heading for t in taken])),
     }

@@ -36,6 +36,7 @@ class Looked:
     truth: Truth
     alone: Said  # by the network alone
     said: Said  # by the network and what else the pictures show, as users get it
+    with_lens: list[Prediction]  # the same by the first network, of photos that state their lens
 
 
 def cameras(sources: Sequence[Source], protocol: str) -> list[View]:
@@ -77,11 +78,13 @@ def look(models: dict[str, Model], views: Sequence[View]) -> Looked:
     results = {name: see(model, views) for name, model in models.items()}
     truth, first = next(iter(results.values()))
     said: Said = {name: [] for name in models}
+    with_lens = []
     for i, view in enumerate(views):
         pixels = picture(view, first[i].spec)
         for name, (_, alone) in results.items():
             said[name].append(upright(alone[i], pixels))
-    return Looked(truth, {name: alone for name, (_, alone) in results.items()}, said)
+        with_lens.append(upright(first[i], pixels, view[1].vertical_fov))
+    return Looked(truth, {name: alone for name, (_, alone) in results.items()}, said, with_lens)
 
 
 def picture(view: View, spec: ModelSpec) -> NDArray[np.uint8]:

@@ -21,7 +21,7 @@ def judged() -> Judged:
     grey = np.full((64, 128, 3), 100, np.uint8)
     sources = [Source(Panorama(n, Path(n), "ldr", n, "val"), (grey,), LABEL) for n in ("p0", "p1", "p2", "p3")]
     views = [(source, Camera(45.0 * i, 0.0, 0.0, 50.0, 4 / 3)) for source in sources for i in range(EACH)]
-    return Judged(views, truth, predictions, {"outdoor": said, CONSTANT: said}, {"outdoor": said})
+    return Judged(views, truth, predictions, predictions, {"outdoor": said, CONSTANT: said}, {"outdoor": said})
 
 
 def test_both_protocols_get_reliability_and_temperature_and_paper_the_rest(tmp_path: Path) -> None:

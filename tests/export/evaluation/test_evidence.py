@@ -18,6 +18,11 @@ def seeing(truth: Truth, off: float = 0.0, concentration: float = 60.0) -> list[
     return [lobe(float(a), float(e) + off, concentration) for a, e in zip(azimuth, elevation, strict=True)]
 
 
+def twice(said: list[Prediction]) -> list[tuple[Prediction, Prediction]]:
+    """Networks that say the same of a camera whose lens is known."""
+    return list(zip(said, said, strict=True))
+
+
 def test_all_subsets_of_the_evidence_are_there() -> None:
     plain = {s for s in SUBSETS if "local time+place" not in s}
     assert len(plain) == len(SUBSETS) - 2 == 8
@@ -26,7 +31,7 @@ def test_all_subsets_of_the_evidence_are_there() -> None:
 
 def test_time_and_place_correct_an_elevation_that_is_too_high() -> None:
     truth = truth_of(2)
-    report = evidence_report("paper", truth, seeing(truth, off=12.0), take_metadata(truth, EACH))
+    report = evidence_report("paper", truth, twice(seeing(truth, off=12.0)), take_metadata(truth, EACH))
     rows = {cells[1].strip(): cells[2:] for line in report.splitlines() if len(cells := line.split("|")) > 5}
     columns = [name.strip() for name in rows[""]]
     elevation, heading = columns.index("elevation"), columns.index("heading")
@@ -52,7 +57,7 @@ def test_a_seen_sun_moves_with_the_lens_only_where_the_picture_is_white() -> Non
     truth = truth_of(2, 15.0)
     truth.sun[:] = direction(20.0, 15.0)
     truth.camera[:] = (2.0, 0.0, 65.0)
-    said = [lobe(20.0, 15.0, 300.0)] * len(truth.sun)
+    said = twice([lobe(20.0, 15.0, 300.0)] * len(truth.sun))
     rows = {}
     for name, level in (("grey", 120), ("white", 255)):
         pictures = [np.full((300, 400, 3), level, np.uint8)] * len(said)
@@ -65,7 +70,7 @@ def test_gravity_tells_the_camera_of_crops_that_show_the_sun() -> None:
     truth = truth_of(2, 15.0)
     truth.camera[:] = (9.0, 0.0, 50.0)  # the networks say 2 deg
     white = [np.full((300, 400, 3), 255, np.uint8)] * len(truth.sun)
-    table = in_view_evidence(truth, [lobe(20.0, 15.0, 300.0)] * len(truth.sun), white)
+    table = in_view_evidence(truth, twice([lobe(20.0, 15.0, 300.0)] * len(truth.sun)), white)
     tilt = {cells[1].strip(): float(cells[3]) for line in table.splitlines()[2:] if (cells := line.split("|"))}
     assert tilt["pixels"] > 4.0
     assert tilt["pixels + gravity"] < 2.0
