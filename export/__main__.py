@@ -242,6 +242,18 @@ def ground(data: Path, labels: Path, model: Path | None) -> None:
     click.echo(ground_report(Model.load(model), data, labels))
 
 
+@cli.command("sun-power")
+@data
+@labels
+@network
+def sun_power(data: Path, labels: Path, model: Path | None) -> None:
+    """Fit by how much the network understates a sun that shines."""
+    from export.evaluation.sun_power import sun_power_report
+    from lighting.model import Model
+
+    click.echo(sun_power_report(Model.load(model), data, labels))
+
+
 @cli.command()
 @click.option("--stack", type=FOLDER, default=None, help="Folder of a fisheye sky in exposures of unknown length.")
 def probe(stack: Path | None) -> None:

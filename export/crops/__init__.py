@@ -4,7 +4,7 @@ from export.crops.augment import augment
 from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, paper_camera, pinhole, training_camera
 from export.crops.crops import Crop, finest_side, is_resolved, take
 from export.crops.exposure import automatic_gain
-from export.crops.irradiance import Irradiance, irradiance_of
+from export.crops.irradiance import Irradiance, clear_ratio, irradiance_of
 from export.crops.mosaic import companions, joined, same_view
 from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
 from export.crops.seeds import generator
@@ -24,6 +24,7 @@ __all__ = [
     "aimed_camera",
     "augment",
     "automatic_gain",
+    "clear_ratio",
     "companions",
     "finest_side",
     "generator",

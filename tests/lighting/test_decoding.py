@@ -160,8 +160,8 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert fading(0.1) < 1e-3
     light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
     doubtful, sure = (lighting_from(prediction(sun_visibility=v, light=light)) for v in (0.4, 0.9))
-    assert sure.sun_irradiance == (4.0, 4.0, 4.0)
-    assert doubtful.sun_irradiance == pytest.approx((0.25, 0.25, 0.25))
+    assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.18, rel=1e-5)
+    assert np.array(doubtful.sun_irradiance) == pytest.approx(0.25 * 2**0.18, rel=1e-5)
     assert doubtful.sky_irradiance == sure.sky_irradiance
 
 

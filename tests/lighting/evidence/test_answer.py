@@ -58,10 +58,12 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
     evening = known(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), Given())
     alone, told = (estimate_of(fuse(said, k.evidence), k).lighting for k in (known(PhotoFacts(), Given()), evening))
     assert told.sun_elevation < 10
-    assert alone.sun_irradiance == (2.0, 2.0, 2.0)
+    assert alone.sun_irradiance is not None
     assert told.sun_irradiance is not None
+    white = alone.sun_irradiance[0]
+    assert alone.sun_irradiance == (white, white, white)
     red, green, blue = told.sun_irradiance
-    assert red > 2.0 > blue
+    assert red > white > blue
     assert red > green > blue
     assert told.sky_irradiance == alone.sky_irradiance
 
