@@ -49,10 +49,10 @@ def serve() -> None:
 
     from lighting.files.compression import pack_in_threads
     from server.app import create_app
-    from server.settings import PREFIX, Settings
+    from server.settings import PREFIX, read_settings
 
     try:
-        settings = Settings()
+        settings = read_settings()
         app = create_app(settings)
         app.state.service.load()
         pack_in_threads(settings.places)
