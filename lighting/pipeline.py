@@ -44,7 +44,13 @@ class Estimator:
     """
 
     def __init__(self, model: Model | None = None) -> None:
-        """Uses the network in this package unless given another; raises ModelError."""
+        """Uses the network in this package unless given another.
+
+        Raises ModelError, and ParameterError for what is no Model.
+        """
+        if model is not None and not isinstance(model, Model):
+            kind = type(model).__name__
+            raise ParameterError(f"A Model is needed, not {kind}; in lighting.model, Model.load reads a file.")
         self.model = model or Model.load()
 
     def predict(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Prediction:

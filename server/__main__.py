@@ -1,5 +1,7 @@
 """Start the service: `python -m server`, or `lighting-server`."""
 
+import os
+import socket
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -49,10 +51,11 @@ def serve() -> None:
 
     from lighting.files.compression import pack_in_threads
     from server.app import create_app
-    from server.settings import PREFIX, Settings
+    from server.settings import PREFIX, read_settings
 
     try:
-        settings = Settings()
+        settings = read_settings()
+        refuse_taken(settings.host, settings.port)
         app = create_app(settings)
         app.state.service.load()
         pack_in_threads(settings.places)
@@ -78,6 +81,31 @@ def serve() -> None:
         ws="none",
         http=_protocol(app.state.service),
     )
+
+
+def refuse_taken(host: str, port: int) -> None:
+    """Raise SettingsError where the service could not listen, before the network is loaded."""
+    from server.settings import PREFIX, SettingsError
+
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    except OSError as error:
+        raise SettingsError(f"{PREFIX}HOST: {host} is no address to listen on: {error.strerror}.") from error
+    errors = [_error_of_binding(family, address) for family, _, _, _, address in found]
+    if errors and all(errors):
+        raise SettingsError(f"{PREFIX}PORT: {host}:{port} cannot be listened on: {errors[0]}.")
+
+
+def _error_of_binding(family: int, address: Any) -> str | None:
+    """Why a socket cannot have the address; None if it can."""
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        if os.name == "posix":  # as asyncio does, so that connections that just ended do not count
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(address)
+        except OSError as error:
+            return error.strerror or str(error)
+    return None
 
 
 def _protocol(service: "Service") -> Any:

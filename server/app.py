@@ -17,7 +17,7 @@ from server.checks import OneLength, refuse_repeats
 from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
 from server.service import Service
-from server.settings import Settings
+from server.settings import Settings, read_settings
 
 TAGS = [
     {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
@@ -31,9 +31,11 @@ log = logging.getLogger(__name__)
 def create_app(settings: Settings | None = None, estimator: Estimator | None = None) -> FastAPI:
     """The service as an ASGI app, which loads the network when it starts unless an estimator is passed.
 
-    Raises SettingsError for a file of API keys that cannot be read or is empty; starting raises ModelError.
+    Without settings, those of the environment count.
+    Raises SettingsError for a variable of the environment that is no setting, and for a file of API keys that cannot be
+    read or is empty; starting raises ModelError.
     """
-    service = Service(settings or Settings(), estimator)
+    service = Service(settings or read_settings(), estimator)
     app = FastAPI(
         title="Outdoor lighting",
         summary="Where the sun is, what the sky is like and how the camera stood, from one outdoor photo.",

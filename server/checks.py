@@ -32,6 +32,12 @@ async def refuse_repeats(request: Request) -> None:
         raise all_invalid([{"field": name, "place": "query", "detail": "is given more than once"} for name in often])
 
 
+async def refuse_parameters(request: Request) -> None:
+    """Raise ProblemError for any parameter: the route takes none."""
+    if names := list(request.query_params):
+        raise all_invalid([{"field": name, "place": "query", "detail": "is not known here"} for name in names])
+
+
 def check_photos(photos: int, query: LightingQuery) -> None:
     """Raise ProblemError where what is said of headings does not fit the number of photos."""
     field = "headings"

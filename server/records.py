@@ -1,5 +1,7 @@
 """Lighting records that clients send."""
 
+from json import detect_encoding
+
 from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
 from pydantic_core import from_json
@@ -13,10 +15,11 @@ from server.schemas import LightingRecord
 def parse_record(data: bytes) -> Lighting:
     """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
 
+    It is UTF-8, with or without a byte order mark, or UTF-16, as PowerShell redirects that line.
     Raises ProblemError for what is not JSON, RequestValidationError for wrong fields.
     """
     try:
-        record = from_json(data)
+        record = from_json(data.decode(detect_encoding(data)))
     except ValueError as error:
         raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
     inner = record.get("lighting", record) if isinstance(record, dict) else record

@@ -2,13 +2,13 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from lighting import turns
 from server import tasks
 from server.answers import caching, estimates, map_response
-from server.checks import check_photos, refuse_given
+from server.checks import check_photos, refuse_given, refuse_parameters
 from server.model_figures import accuracy
 from server.plans import PlanQuery, StereoPlan
 from server.problems import documented
@@ -104,6 +104,7 @@ async def estimate_envmap(request: Request, admission: Admitted, query: Annotate
     summary="A photo upright, as JPEG",
     response_class=Response,
     responses={200: JPEG, **PHOTO_PROBLEMS},
+    dependencies=[Depends(refuse_parameters)],
     openapi_extra=body(PHOTO_BODY),
 )
 async def show_photo(admission: Admitted, photo: PhotoBytes) -> Response:
@@ -170,7 +171,12 @@ async def plan_stereo(request: Request, admission: Admitted, query: Annotated[Pl
     return JSONResponse(await admission.run(tasks.plan_record, query), headers=headers)
 
 
-@router.get("/model", summary="The network that answers", responses=documented(500, 503))
+@router.get(
+    "/model",
+    summary="The network that answers",
+    responses=documented(500, 503),
+    dependencies=[Depends(refuse_parameters)],
+)
 async def describe_model(service: Services) -> ModelCard:
     """Its name, version and licence, the grid it votes on, how accurate it is, and whether photos are matched."""
     spec = service.estimator.model.spec

@@ -1,6 +1,8 @@
 """Every setting of the service; each is read from an environment variable LIGHTING_<NAME>."""
 
+import os
 import re
+from difflib import get_close_matches
 from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated, Literal
@@ -154,6 +156,22 @@ class Settings(BaseSettings):
         """The keys of the environment and of the file; SettingsError where the file holds none."""
         in_file = _keys_in(self.api_keys_file) if self.api_keys_file else []
         return (*(key.get_secret_value() for key in self.api_keys), *in_file)
+
+
+def read_settings() -> Settings:
+    """The settings of the environment.
+
+    Raises SettingsError for a variable LIGHTING_... that is none: misspelt, it would leave a limit or keys unset.
+    pydantic raises ValidationError for a value that makes no sense.
+    """
+    known = [name.upper() for name in Settings.model_fields]
+    for name, value in os.environ.items():
+        meant = name.upper().removeprefix(PREFIX)
+        if value and name.upper() != meant and meant not in known:
+            near = get_close_matches(meant, known, n=1)
+            hint = f"did you mean {PREFIX}{near[0]}?" if near else "unset it."
+            raise SettingsError(f"{name} is no setting; {hint}")
+    return Settings()
 
 
 def _keys_in(path: Path) -> list[str]:

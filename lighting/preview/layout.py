@@ -6,6 +6,7 @@ WIDTH = 1600  # of the whole picture
 MARGIN = 40
 GAP = 24
 HEADER = 78  # height of the headline above the panels
+WARNING = 26  # height of a line of warnings, which stand below the headline
 CAPTION = 32  # height of the line above each panel
 CELL = 76  # height of one number with its name
 UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
@@ -34,12 +35,12 @@ class Layout:
     cells: list[tuple[int, int]]  # upper left corners of the numbers
 
 
-def lay_out(aspect: float, count: int) -> Layout:
-    """The layout for a photo's width / height and `count` numbers.
+def lay_out(aspect: float, count: int, warnings: int = 0) -> Layout:
+    """The layout for a photo's width / height, `count` numbers and so many lines of warnings.
 
     Photo and compass above, map and spheres below; the numbers beside an upright photo, else at the foot.
     """
-    inner, top = WIDTH - 2 * MARGIN, MARGIN + HEADER + CAPTION
+    inner, top = WIDTH - 2 * MARGIN, MARGIN + HEADER + warnings * WARNING + CAPTION
     aspect = min(max(aspect, 0.5), 2.0)
     upright = aspect < 0.9
     upper = UPRIGHT_HEIGHT if upright else int((inner - GAP) / (1 + aspect))

@@ -15,7 +15,7 @@ from lighting.preview.palette import BACKGROUND, MUTED, TEXT, display
 from lighting.preview.photo_panel import photo_panel
 from lighting.preview.shading import Stage
 from lighting.preview.spheres import pitch_of, render_stage, sphere_centres
-from lighting.preview.words import draw_headline, numbers_of
+from lighting.preview.words import draw_headline, numbers_of, warning_lines
 from lighting.records import Estimate, Lighting
 
 MAP_HEIGHT = 512  # rows of the environment map
@@ -42,7 +42,7 @@ def draw_preview(
     lighting = estimate.lighting
     envmap = _map(photo, estimate, None) if envmap is None else envmap
     aspect, numbers = photo.shape[1] / photo.shape[0], numbers_of(lighting)
-    plan = lay_out(aspect, len(numbers))
+    plan = lay_out(aspect, len(numbers), len(warning_lines(lighting)))
     compass = compass_panel(estimate, aspect, plan.compass.width)
     centres = sphere_centres(plan.spheres.width / plan.spheres.height, pitch_of(lighting))
     stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))

@@ -1,17 +1,22 @@
-"""The preview's headline and numbers."""
+"""The preview's headline, warnings and numbers."""
+
+from textwrap import wrap
 
 from PIL import Image
 
 from lighting.preview.ink import Style, write
-from lighting.preview.layout import MARGIN, WIDTH
+from lighting.preview.layout import MARGIN, WARNING, WIDTH
 from lighting.preview.palette import MUTED, SUN, TEXT
 from lighting.records import SUITABLE, Lighting
 
+ANYWHERE = 90.0  # deg: where a tenth of the probability lies farther off than this, the sun may as well be opposite
+_LETTERS = 160  # of a line of warnings
+
 
 def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
-    visible = lighting.sun_shines
+    visible, hedge = lighting.sun_shines, _hedge(lighting)
     where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
-    title = f"Sun {where}" if visible else "No direct sun"
+    title = f"Sun {hedge}{where}" if visible else "No direct sun"
     doubtful = lighting.suitable is not None and lighting.suitable < SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
     style = Style(28 if doubtful else 38, TEXT if doubtful or not visible else SUN)
@@ -20,11 +25,23 @@ def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
         half, most = _short(lighting.radius_50), _short(lighting.radius_90)
         spread = f"half of the probability lies within {half}°, 90 % within {most}°"
     else:
-        spread = f"an overcast or shaded scene; if the sun shone, it would stand {where}"
+        spread = f"an overcast or shaded scene; if the sun shone, it would {hedge}stand {where}"
     write(canvas, (MARGIN, MARGIN + 40), spread, Style(20, MUTED))
     model = f"{lighting.model_name} {lighting.model_version}"
     write(canvas, (WIDTH - MARGIN, MARGIN + 40), model, Style(18, MUTED, anchor="ra"))
     write(canvas, (WIDTH - MARGIN, MARGIN + 8), _sources(lighting), Style(18, MUTED, anchor="ra"))
+    for number, line in enumerate(warning_lines(lighting)):
+        write(canvas, (MARGIN, MARGIN + 70 + number * WARNING), line, Style(18, TEXT))
+
+
+def _hedge(lighting: Lighting) -> str:
+    """What makes the sun's direction sound no surer than it is."""
+    return "perhaps " if lighting.radius_90 > ANYWHERE else ""
+
+
+def warning_lines(lighting: Lighting) -> list[str]:
+    """The record's warnings, in lines as wide as the picture."""
+    return [line for warning in lighting.warnings for line in wrap(f"Warning: {warning}", _LETTERS)]
 
 
 def _sources(lighting: Lighting) -> str:

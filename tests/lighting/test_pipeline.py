@@ -103,6 +103,12 @@ def test_an_estimator_says_what_it_takes(network: Path, thing: Any) -> None:
         estimator.follow([thing, thing], "heading", headings=[0.0, 0.0])
 
 
+@pytest.mark.parametrize("model", ["network.onnx", ""])
+def test_a_network_is_a_model_not_the_path_of_its_file(model: Any) -> None:
+    with pytest.raises(ParameterError, match=r"A Model is needed, not str.*Model\.load"):
+        Estimator(model)
+
+
 @pytest.mark.parametrize("given", [{"latitude": 48.0, "longitude": 11.0}, None])
 def test_what_is_known_of_a_photo_is_a_given(network: Path, photo_path: Path, given: Any) -> None:
     estimator, photo = Estimator(Model.load(network)), read_photo(photo_path)

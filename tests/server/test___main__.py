@@ -316,6 +316,9 @@ def test_help_lists_every_setting() -> None:
         ({"rate_limit": "often"}, "LIGHTING_RATE_LIMIT: couldn't parse"),
         ({"cors_origins": "example.org"}, "LIGHTING_CORS_ORIGINS: example.org is not an origin"),
         ({"trusted_proxies": "proxy"}, "LIGHTING_TRUSTED_PROXIES: proxy is not an IP address"),
+        ({"host": "no host"}, "LIGHTING_HOST: no host is no address to listen on: "),
+        ({"host": "192.0.2.1"}, "LIGHTING_PORT: 192.0.2.1:8000 cannot be listened on: Cannot assign"),
+        ({"api_key": "secret"}, "LIGHTING_API_KEY is no setting; did you mean LIGHTING_API_KEYS?"),
         ({"api_keys_file": "/nowhere/keys"}, "LIGHTING_API_KEYS_FILE: /nowhere/keys cannot be read: No such file"),
     ],
 )
@@ -325,3 +328,13 @@ def test_a_start_that_fails_says_why_in_a_sentence(settings: dict[str, str], wor
     assert done.returncode == 1
     assert words in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_port_that_is_taken_is_told_in_a_sentence() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        command = [sys.executable, "-m", "server"]
+        given = environment(port=port)
+        done = subprocess.run(command, cwd=ROOT, env=given, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"LIGHTING_PORT: 127.0.0.1:{port} cannot be listened on: Address already in use.\n"

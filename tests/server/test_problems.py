@@ -168,7 +168,7 @@ def test_json_that_is_no_record_is_422_in_plain_words(client: TestClient, body: 
     assert problem(answer, 422, "invalid")["detail"] == detail
 
 
-@pytest.mark.parametrize("body", [b"", b"{", b"\xff\xfe{\x00}\x00", b'{"sun": NaN!}', b"[" * 50_000, b'{"a": "\x80"}'])
+@pytest.mark.parametrize("body", [b"", b"{", b"\xff\xfe{\x00", b'{"sun": NaN!}', b"[" * 50_000, b'{"a": "\x80"}'])
 def test_a_body_that_is_not_json_is_400(client: TestClient, body: bytes) -> None:
     answer = client.post("/v1/envmap", content=body, headers={"Content-Type": "application/json; charset=utf-16"})
     problem(answer, 400, "unreadable-body")

@@ -19,7 +19,12 @@ def test_a_record_is_read_bare_or_from_a_line_of_estimate(text: str) -> None:
     assert parse_record(text.encode()) == LIGHT
 
 
-@pytest.mark.parametrize("data", [b"", b"{", b"\xff\xfe"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+def test_a_record_is_read_as_editors_and_powershell_encode_it(encoding: str) -> None:
+    assert parse_record(json.dumps(full_record(LIGHT)).encode(encoding)) == LIGHT
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b"\xff\xfe", b"\xff\xfe\x00\xd8", b'{"a": "\xff"}'])
 def test_what_is_not_json_is_a_problem(data: bytes) -> None:
     with pytest.raises(ProblemError, match="not JSON"):
         parse_record(data)

@@ -164,6 +164,12 @@ def test_a_photo_comes_back_upright_as_jpeg_without_metadata(client: TestClient)
     assert client.post("/v1/photo", **form(b"no photo")).status_code == 400
 
 
+def test_routes_without_parameters_refuse_any(client: TestClient, jpeg: bytes) -> None:
+    for answer in (client.post("/v1/photo?side=512", **form(jpeg)), client.get("/v1/model?side=")):
+        expected = {"field": "side", "place": "query", "detail": "is not known here"}
+        assert (answer.status_code, answer.json()["errors"]) == (422, [expected])
+
+
 def test_heic_where_the_service_does_not_read_it_is_refused_in_words_for_its_clients(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:

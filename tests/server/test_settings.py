@@ -8,7 +8,7 @@ from pydantic import SecretStr, ValidationError
 
 from server import problems
 from server.app import create_app
-from server.settings import PREFIX, Settings, SettingsError
+from server.settings import PREFIX, Settings, SettingsError, read_settings
 from tests.pages import ROOT, text
 
 
@@ -41,6 +41,24 @@ def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> 
     assert (settings.host, settings.port, settings.model) == ("0.0.0.0", 9000, None)
     assert settings.all_keys() == ("a", "b", "c")
     assert settings.cors_origins == ("https://a", "https://b")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("LIGHTING_API_KEY", "LIGHTING_API_KEY is no setting; did you mean LIGHTING_API_KEYS?"),
+        ("lighting_prot", "lighting_prot is no setting; did you mean LIGHTING_PORT?"),
+        ("LIGHTING_X", "LIGHTING_X is no setting; unset it."),
+    ],
+)
+def test_a_variable_that_is_no_setting_stops_the_start(monkeypatch: pytest.MonkeyPatch, name: str, words: str) -> None:
+    monkeypatch.setenv(name, "")
+    monkeypatch.setenv("LIGHTING_QUEUE", "7")
+    assert read_settings().queue == 7
+    monkeypatch.setenv(name, "1")
+    for start in (read_settings, create_app):
+        with pytest.raises(SettingsError, match=rf"^{re.escape(words)}$"):
+            start()
 
 
 def test_places_are_the_cpus_unless_set(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,9 +6,10 @@ import pytest
 from lighting.preview.layout import MARGIN, WIDTH, lay_out
 
 
+@pytest.mark.parametrize("warnings", [0, 3])
 @pytest.mark.parametrize("aspect", [0.4, 0.75, 0.89, 0.9, 1.0, 4 / 3, 16 / 9, 3.0])
-def test_panels_do_not_overlap(aspect: float) -> None:
-    plan = lay_out(aspect, 9)
+def test_panels_do_not_overlap(aspect: float, warnings: int) -> None:
+    plan = lay_out(aspect, 9, warnings)
     covered = np.zeros((plan.height, WIDTH), dtype=np.int64)
     for box in (plan.photo, plan.compass, plan.envmap, plan.spheres):
         assert min(box.width, box.height) > 300

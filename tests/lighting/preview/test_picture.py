@@ -10,7 +10,7 @@ from PIL import Image
 from lighting.envmap import render
 from lighting.geometry import Floats, direction
 from lighting.preview import draw_preview, preview_png
-from lighting.preview.layout import lay_out
+from lighting.preview.layout import CAPTION, WARNING, lay_out
 from lighting.preview.palette import BACKGROUND
 from lighting.preview.picture import MAP_HEIGHT
 from lighting.records import Lighting
@@ -49,6 +49,16 @@ def test_any_shape_of_photo_has_its_place(width: int, height: int) -> None:
     shown = (np.abs(panel - GREY).max(axis=-1) < 3).sum()
     assert shown > 0.6 * width * height * scale**2
     assert (picture[:, -20:] == np.array(BACKGROUND)).all()
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 480), (480, 640)])
+def test_warnings_move_the_panels_down_and_change_nothing_else(width: int, height: int) -> None:
+    plain = draw(outdoors(100.0, 30.0), width, height)
+    warned = draw(outdoors(100.0, 30.0, warnings=("The photo may be cropped.",)), width, height)
+    top = lay_out(width / height, 9).photo.y - CAPTION
+    assert np.array_equal(warned[top + WARNING :], plain[top:])
+    assert np.array_equal(warned[: top - WARNING], plain[: top - WARNING])
+    assert (warned[top - WARNING : top + WARNING] != np.array(BACKGROUND)).any()
 
 
 def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lighting.preview.layout import WIDTH
-from lighting.preview.words import _azimuth_words, draw_headline, numbers_of
+from lighting.preview import words as module
+from lighting.preview.ink import Style, text_width
+from lighting.preview.layout import MARGIN, WIDTH
+from lighting.preview.words import _azimuth_words, draw_headline, numbers_of, warning_lines
 from tests.previews import amber, outdoors
 
 
@@ -45,3 +47,39 @@ def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, 
     canvas = Image.new("RGB", (WIDTH, 140))
     draw_headline(canvas, outdoors(sun_visibility=visibility))
     assert (len(amber(np.asarray(canvas).astype(np.int64))) > 100) == gold
+
+
+@pytest.mark.parametrize(
+    ("radius", "visibility", "words"),
+    [
+        (30.0, 0.9, "Sun 150° right (behind), 40° high"),
+        (120.0, 0.9, "Sun perhaps 150° right (behind), 40° high"),
+        (30.0, 0.1, "an overcast or shaded scene; if the sun shone, it would stand 150° right (behind), 40° high"),
+        (
+            120.0,
+            0.1,
+            "an overcast or shaded scene; if the sun shone, it would perhaps stand 150° right (behind), 40° high",
+        ),
+    ],
+)
+def test_a_sun_that_may_be_opposite_is_not_stated_plainly(
+    monkeypatch: pytest.MonkeyPatch, radius: float, visibility: float, words: str
+) -> None:
+    written: list[str] = []
+
+    def note(_canvas: Image.Image, _spot: object, text: str, _style: Style) -> None:
+        written.append(text)
+
+    monkeypatch.setattr(module, "write", note)
+    draw_headline(Image.new("RGB", (WIDTH, 140)), outdoors(radius_90=radius, sun_visibility=visibility))
+    assert words in written
+
+
+def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
+    short, long = "The photo may be cropped.", "Twilight mowed the whole wide world. " * 9
+    lines = warning_lines(outdoors(warnings=(short, long)))
+    assert lines[0] == f"Warning: {short}"
+    assert " ".join(lines[1:]) == f"Warning: {long.strip()}"
+    assert len(lines) > 3
+    assert max(text_width(line, 18) for line in lines) <= WIDTH - 2 * MARGIN
+    assert warning_lines(outdoors()) == []
