@@ -32,9 +32,10 @@ def _objection(name: str, suffixes: Sequence[str]) -> str | None:
         return f"{name} is a folder."
     if path.suffix.lower() not in suffixes:
         return f"{name} must end in {_either(suffixes)}."
-    if not path.parent.is_dir():
-        return f"There is no folder {path.parent}."
-    return None if os.access(path.parent, os.W_OK) else f"The folder {path.parent} cannot be written to."
+    folder = Path(os.path.realpath(name)).parent if path.is_symlink() else path.parent
+    if not folder.is_dir():
+        return f"There is no folder {folder}."
+    return None if os.access(folder, os.W_OK) else f"The folder {folder} cannot be written to."
 
 
 def folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
