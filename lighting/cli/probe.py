@@ -43,9 +43,7 @@ def pair(text: str, what: str) -> tuple[float, float]:
 @click.option("--fov", type=float, metavar="DEG", help="Across the lens's circle. [180]")
 @click.option("--centre", metavar="X,Y", callback=_point, help="Of the circle or ball, pixels. [the middle]")
 @click.option("--radius", type=float, metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
-@click.option(
-    "--pitch", type=float, metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others)."
-)
+@click.option("--pitch", type=float, metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others).")
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
 @click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
