@@ -26,7 +26,7 @@ def output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str
 def _objection(name: str, suffixes: Sequence[str]) -> str | None:
     path = Path(name)
     if name == "-":
-        shown = sys.stdout is None or sys.stdout.isatty()
+        shown = not sys.stdout.writable() or sys.stdout.isatty()  # one that the caller closed is not writable
         return "Binary data needs a file or a pipe, not a terminal." if shown else None
     if path.is_dir():
         return f"{name} is a folder."
