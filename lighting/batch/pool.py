@@ -30,7 +30,10 @@ from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files import json_line, replacing
 
 LOST = "The process that worked on this photo ended, twice."
-LONG_NAME = "The photo's name is too long for a map of that name."
+NO_MAP = {  # why the system takes no map of a photo's name, where that is so of this photo alone
+    errno.ENAMETOOLONG: "The photo's name is too long for a map of that name.",
+    errno.EISDIR: "A folder in the results has the name of the photo's map.",
+}
 
 
 @contextmanager
@@ -73,20 +76,20 @@ def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
         answer = answer_or_reason(estimator, Path(job.source, name), given, job.maps)
         if isinstance(answer, str):
             return json_line(name, answer), True
-        if job.maps and not _write_map(Path(job.out, f"{name}.exr"), answer, job.maps):
-            return json_line(name, LONG_NAME), True
+        if job.maps and (objection := _write_map(Path(job.out, f"{name}.exr"), answer, job.maps)):
+            return json_line(name, objection), True
         return json_line(name, answer.lighting), False
 
     return work
 
 
-def _write_map(path: Path, answer: Answer, maps: Maps) -> bool:
-    """Whether the file system takes a name as long as the map's; raises EnvironmentMapError for other failures."""
+def _write_map(path: Path, answer: Answer, maps: Maps) -> str | None:
+    """Write a map, or say why the system takes none of that name; raises EnvironmentMapError for other failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         write_map(path, answer, maps)
     except EnvironmentMapError as error:
-        if isinstance(error.__cause__, OSError) and error.__cause__.errno == errno.ENAMETOOLONG:
-            return False
+        if isinstance(error.__cause__, OSError) and error.__cause__.errno in NO_MAP:
+            return NO_MAP[error.__cause__.errno]
         raise
-    return True
+    return None

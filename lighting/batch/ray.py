@@ -9,6 +9,7 @@ import json
 import posixpath
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from time import monotonic
 from typing import Any
 
@@ -56,6 +57,7 @@ def run_ray(
     the folder holds results of another job.
     """
     began = monotonic()
+    _require_ray()
     filesystem, out = _place(job.out)
     _open_results(filesystem, out, job, overwrite)
     done = _finished(filesystem, f"{out}/{TABLE}")
@@ -110,10 +112,8 @@ def _map_photos(job: Job, names: Sequence[str], workers: int | None, progress: b
 @contextmanager
 def _connected(address: str | None) -> Iterator[None]:
     """A connection to Ray, which is closed at the end unless this process already had one."""
-    try:
-        import ray
-    except ImportError as error:
-        raise BatchError(NEEDED) from error
+    import ray
+
     if ray.is_initialized():
         yield
         return
@@ -125,6 +125,12 @@ def _connected(address: str | None) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
+
+
+def _require_ray() -> None:
+    """Raise BatchError if Ray is not installed, without importing it."""
+    if find_spec("ray") is None:
+        raise BatchError(NEEDED)
 
 
 def _place(path: str) -> tuple[Any, str]:

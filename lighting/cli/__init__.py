@@ -7,15 +7,16 @@ errors and counts to stderr. Exit status 0: all went well; 1: something failed, 
 import sys
 
 from lighting.cli.group import cli
-from lighting.cli.process import leave, prepare
+from lighting.cli.process import hold_closed_streams, leave, prepare
 
 __all__ = ["cli", "main"]
 
 
 def main() -> None:
     """Run the command line; what the terminal cannot show is escaped instead of failing."""
+    hold_closed_streams()
     for stream in (sys.stdout, sys.stderr):
-        if stream is not None and hasattr(stream, "reconfigure"):
+        if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     prepare(sys.argv[1:])
     try:

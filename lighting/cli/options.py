@@ -26,15 +26,16 @@ def output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str
 def _objection(name: str, suffixes: Sequence[str]) -> str | None:
     path = Path(name)
     if name == "-":
-        shown = sys.stdout is None or sys.stdout.isatty()
+        shown = not sys.stdout.writable() or sys.stdout.isatty()  # one that the caller closed is not writable
         return "Binary data needs a file or a pipe, not a terminal." if shown else None
     if path.is_dir():
         return f"{name} is a folder."
     if path.suffix.lower() not in suffixes:
         return f"{name} must end in {_either(suffixes)}."
-    if not path.parent.is_dir():
-        return f"There is no folder {path.parent}."
-    return None if os.access(path.parent, os.W_OK) else f"The folder {path.parent} cannot be written to."
+    folder = Path(os.path.realpath(name)).parent if path.is_symlink() else path.parent
+    if not folder.is_dir():
+        return f"There is no folder {folder}."
+    return None if os.access(folder, os.W_OK) else f"The folder {folder} cannot be written to."
 
 
 def folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:

@@ -11,7 +11,7 @@ from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
 from lighting.cli.words import shown
-from lighting.errors import ParameterError
+from lighting.errors import ParameterError, ProbeError
 
 if TYPE_CHECKING:
     from lighting.probe import Bracket, Moment, Probe, Settings, Shot
@@ -43,16 +43,9 @@ def pair(text: str, what: str) -> tuple[float, float]:
 @click.option("--fov", type=float, metavar="DEG", help="Across the lens's circle. [180]")
 @click.option("--centre", metavar="X,Y", callback=_point, help="Of the circle or ball, pixels. [the middle]")
 @click.option("--radius", type=float, metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
-@click.option(
-    "--pitch",
-    type=FiniteRange(-90, 90),
-    metavar="DEG",
-    help="Where the camera looks: 90 up (fisheyes), 0 level (others).",
-)
+@click.option("--pitch", type=float, metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others).")
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
-@click.option(
-    "--nd", type=FiniteRange(0, 40), default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens."
-)
+@click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
 @click.option("--time", metavar="TIME", callback=read_moment, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of local times: +02:00 or 2.")
@@ -78,7 +71,7 @@ def merge(
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
     filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
     """
-    from lighting.probe import Settings, shot_of, shots_of
+    from lighting.probe import shot_of, shots_of
 
     _check_output(output, series)
     _check_lens(options)
@@ -86,7 +79,7 @@ def merge(
     _check_told(*when)
     if series and when[0] is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
-    settings = Settings(**options)
+    settings = _settings(options)
     shots = shots_of(exposures) if series else [shot_of(_files(exposures))]
     moments = [_moment(shot, *when) for shot in shots]
     _check_targets(shots, moments, output)
@@ -121,6 +114,16 @@ def _check_lens(options: dict[str, Any]) -> None:
     for name in ABSENT.get(kind, ()):
         if options[name] is not None:
             raise click.UsageError(f"--{name} does not go with --lens {kind}.")
+
+
+def _settings(options: dict[str, Any]) -> "Settings":
+    """The options as the library takes them; UsageError for numbers that no picture is taken by."""
+    from lighting.probe import Settings
+
+    try:
+        return Settings(**options)
+    except ProbeError as error:
+        raise click.UsageError(str(error)) from error
 
 
 def _check_told(

@@ -1,7 +1,9 @@
 """The process of a command: made ready for a short life, and ended at once."""
 
 import atexit
+import errno
 import gc
+import io
 import os
 import signal
 import sys
@@ -25,6 +27,31 @@ def prepare(arguments: Sequence[str]) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(_GARBAGE)
     keep_memory()
+
+
+class _ClosedStdout(io.TextIOBase):
+    """What takes the place of a stdout that is closed: an answer is not lost without a word."""
+
+    def write(self, text: str) -> int:
+        if not text:
+            return 0
+        raise OSError(errno.EBADF, "There is no stdout to write to, it is closed")
+
+
+def hold_closed_streams() -> None:
+    """Put something in the place of streams that the caller closed: what is said on stderr is lost, on stdout it fails.
+
+    Their numbers are held, too: otherwise the next file that is opened gets one, and what a library prints goes there.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+    if sys.stdout is None:
+        sys.stdout = _ClosedStdout()
+    if sys.stderr is None:
+        sys.stderr = os.fdopen(2, "w", encoding="utf-8")
 
 
 @contextmanager

@@ -92,6 +92,8 @@ def _skies(first: datetime | None, last: datetime | None, probes: Path | None, s
     if probes:
         if sky:
             raise click.UsageError("--sky is a modelled one; --probes takes measured ones.")
+        if place["latitude"] is not None or place["longitude"] is not None:
+            raise click.UsageError("--lat and --lon are of modelled skies; --probes takes measured ones.")
         return MeasuredSkies(probes, *days, utc_offset=place["utc_offset"] or 0.0)
     if days[0] is None or place["latitude"] is None or place["longitude"] is None:
         raise click.UsageError("A plan needs --lat, --lon and --date, or --probes.")

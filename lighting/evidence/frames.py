@@ -68,7 +68,7 @@ def check_headings(photos: int, headings: Sequence[float] | None) -> None:
     if headings is not None and photos == 1:
         raise ParameterError("headings are those of several photos; one photo has a heading.")
     if headings is not None and len(headings) != photos:
-        raise ParameterError(f"There are {len(headings)} headings for {photos} photos.")
+        raise ParameterError(f"{photos} photos need {photos} headings, not {len(headings)}.")
     for heading in () if headings is None else headings:
         if not is_finite(heading.item() if isinstance(heading, np.generic) else heading):
             raise ParameterError(f"A heading must be a finite number, not {reprlib.repr(heading)}.")

@@ -89,10 +89,10 @@ def _of_camera(merged: PhotoFacts) -> Evidence:
 def known_alone(facts: PhotoFacts, given: Given) -> Known:
     """The same for a photo that stands alone, where a heading without time and place tells nothing."""
     found = known(facts, given)
-    if given.heading is None or found.evidence.candidates or found.warnings:
+    if given.heading is None or found.evidence.candidates or found.is_night:
         return found
     warning = "The heading was not used, because time and place of the photo are not both known."
-    return replace(found, warnings=(warning,))
+    return replace(found, warnings=(*found.warnings, warning))
 
 
 def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,16 +14,19 @@ _RANDOM = 8  # bytes in a temporary name
 def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `target` that takes its place if the block ends well and vanishes if it does not.
 
-    The suffix is kept, since writers read the format from it. Raises OSError where the folder cannot be written.
+    The suffix is kept, since writers read the format from it. A link stays, and what it leads to is replaced; a file
+    that is replaced passes its permissions on. Raises OSError where the folder cannot be written.
     """
-    final = Path(target)
-    temporary = _empty(final)
+    final = Path(os.path.realpath(target))
+    temporary = _empty(final, Path(target).suffix)
     try:
         yield temporary
+        if final.is_file():
+            temporary.chmod(stat.S_IMODE(final.stat().st_mode))
         temporary.replace(final)
     except OSError as error:
         if error.errno is not None and error.filename in (None, str(temporary), temporary):
-            raise OSError(error.errno, error.strerror, str(final)) from error
+            raise OSError(error.errno, error.strerror, str(target)) from error
         raise
     finally:
         temporary.unlink(missing_ok=True)
@@ -33,14 +37,14 @@ def leftovers(target: str | os.PathLike[str]) -> list[Path]:
 
     While nobody writes there, they are what killed processes left.
     """
-    final = Path(target)
-    name = re.compile(rf"\.[0-9a-f]{{{2 * _RANDOM}}}{re.escape(final.suffix)}")
+    final = Path(os.path.realpath(target))
+    name = re.compile(rf"\.[0-9a-f]{{{2 * _RANDOM}}}{re.escape(Path(target).suffix)}")
     return [path for path in final.parent.iterdir() if name.fullmatch(path.name)] if final.parent.is_dir() else []
 
 
-def _empty(final: Path) -> Path:
+def _empty(final: Path, suffix: str) -> Path:
     """A new file beside another, with the permissions of any file that the process makes."""
-    path = final.parent / f".{os.urandom(_RANDOM).hex()}{final.suffix}"
+    path = final.parent / f".{os.urandom(_RANDOM).hex()}{suffix}"
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:

@@ -8,6 +8,8 @@ from lighting.errors import ParameterError
 YEARS = (1900, 2100)  # outside them no ephemeris is asked
 OFFSETS = (-12.0, 14.0)  # h from UTC of all zones
 
+_TIME = re.compile(r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?")  # Python's reader takes any character for T and space
+
 
 def read_time(text: str) -> datetime:
     """A moment in ISO 8601, "2024-06-01T14:30", with the offset from UTC if it has one; ParameterError otherwise."""
@@ -15,10 +17,18 @@ def read_time(text: str) -> datetime:
         time = datetime.fromisoformat(text.strip())
         time.astimezone(UTC)
     except (ValueError, OverflowError) as error:
-        raise ParameterError(f"{text!r} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00.") from error
+        raise _no_time(text) from error
     if len(text.strip()) <= len("2024-06-01"):
         raise ParameterError(f"{text!r} is a day without a time.")
+    if not _TIME.fullmatch(text.strip()):
+        raise _no_time(text)
+    if (offset := time.utcoffset()) is not None:
+        _check_offset(offset / timedelta(hours=1))
     return time
+
+
+def _no_time(text: str) -> ParameterError:
+    return ParameterError(f"{text!r} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00.")
 
 
 def read_offset(text: str) -> float:
@@ -30,9 +40,14 @@ def read_offset(text: str) -> float:
         hours = float(parts[4])
     else:
         hours = 0.0 if parts[5] else (int(parts[2]) + int(parts[3]) / 60) * (-1 if parts[1] == "-" else 1)
+    _check_offset(hours)
+    return hours
+
+
+def _check_offset(hours: float) -> None:
+    """Raise ParameterError where no zone is so far from UTC."""
     if not OFFSETS[0] <= hours <= OFFSETS[1]:
         raise ParameterError(f"The offset from UTC is {hours:g} h; it must lie in -12 to 14.")
-    return hours
 
 
 def in_utc(local_time: datetime, utc_offset: float) -> datetime:

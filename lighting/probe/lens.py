@@ -47,11 +47,20 @@ def lens_of(kind: Kind, width: int, height: int, **told: Any) -> Lens:
     lens = Lens(kind, width, height, **{**usual, **given})
     if kind == "latlong" and width != 2 * height:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
-    if not 0 < lens.fov <= 360 or (kind == "equisolid" and lens.fov == 360):
-        raise ProbeError(f"The lens's field of view is {lens.fov:g} deg; it must be over 0 and up to 360.")
-    if not lens.radius > 0 or not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
-        raise ProbeError("The lens's circle must have a radius over 0 and its centre in the picture.")
+    check_circle(kind, lens.fov, lens.radius)
+    if not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
+        raise ProbeError("The lens's circle must have its centre in the picture.")
     return lens
+
+
+def check_circle(kind: Kind, fov: float | None, radius: float | None) -> None:
+    """Raise ProbeError for a field of view [deg] or a circle's radius [pixels] that no lens of the kind has."""
+    if fov is not None and not 0 < fov <= 360:
+        raise ProbeError(f"The lens's field of view is {fov:g} deg; it must be over 0 and up to 360.")
+    if fov == 360 and kind == "equisolid":
+        raise ProbeError("The field of view of an equisolid lens must be under 360 deg.")
+    if radius is not None and not radius > 0:
+        raise ProbeError(f"The radius of the lens's circle is {radius:g} pixels; it must be over 0.")
 
 
 def lens_pixels(lens: Lens, towards: ArrayLike) -> Floats:

@@ -8,14 +8,17 @@ from lighting.errors import ProbeError
 from lighting.evidence import sun_position
 from lighting.geometry import wrap_azimuth
 from lighting.photo import Curve
-from lighting.probe.lens import Kind
+from lighting.probe.lens import Kind, check_circle
 
 MOST_STOPS = 40.0  # of a filter; one for the sun has 17
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How the pictures were taken, and what is wanted of them; None is the usual, as `lens_of` has it."""
+    """How the pictures were taken, and what is wanted of them; None is the usual, as `lens_of` has it.
+
+    Raises ProbeError for numbers that no picture is taken by.
+    """
 
     kind: Kind = "equidistant"
     fov: float | None = None  # deg
@@ -31,6 +34,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
+        check_circle(self.kind, self.fov, self.radius)
         if not 0.0 <= self.nd <= MOST_STOPS:
             raise ProbeError(f"The filter has {self.nd:g} stops; it must have 0 to {MOST_STOPS:g}.")
         if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:

@@ -134,7 +134,7 @@ def test_no_photos_together_give_no_answers_and_headings_are_one_each(network: P
     assert estimator.together([]) == []
     with pytest.raises(ParameterError, match="one photo has a heading"):
         estimator.together([photo], headings=[0.0, 1.0])
-    with pytest.raises(ParameterError, match="2 headings for 3 photos"):
+    with pytest.raises(ParameterError, match="3 photos need 3 headings, not 2"):
         estimator.together([photo] * 3, headings=[0.0, 1.0])
     with pytest.raises(ParameterError, match="heading"):
         estimator.together([photo] * 2, Given(heading=90.0))

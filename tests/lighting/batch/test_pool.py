@@ -78,6 +78,17 @@ def test_a_name_too_long_for_its_map_fails_alone(tmp_path: Path, network: Path) 
     assert len(list(tmp_path.glob("out/*.exr"))) == 2
 
 
+def test_a_photo_whose_map_has_the_name_of_a_folder_fails_alone(tmp_path: Path, network: Path) -> None:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for name in ("a.jpg", "b.jpg"):
+        (folder / name).write_bytes(encode(scene(64, 64)))
+    (tmp_path / "out" / "a.jpg.exr").mkdir(parents=True)
+    assert run(folder, tmp_path / "out", "--envmap", "--height", 16, "--model", network).exit_code == 1
+    failed = {record["file"]: record.get("error") for record in records(tmp_path / "out")}
+    assert failed == {"a.jpg": "A folder in the results has the name of the photo's map.", "b.jpg": None}
+
+
 def test_what_failed_is_tried_again(photos: Path, tmp_path: Path, network: Path) -> None:
     arguments = (photos, tmp_path / "out", "--model", network)
     assert run(*arguments).exit_code == 1

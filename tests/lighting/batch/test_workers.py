@@ -2,13 +2,14 @@
 
 import os
 import signal
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 
-from lighting.batch.workers import work_through
+from lighting.batch.workers import _dismiss, _start, work_through
 from lighting.errors import BatchError, ModelError
 
 pytestmark = pytest.mark.slow
@@ -97,6 +98,19 @@ def test_one_worker_that_dies_as_it_starts_costs_nothing(tmp_path: Path, workers
 def test_workers_that_die_as_they_start_end_everything() -> None:
     with pytest.raises(BatchError, match="exit status 3"):
         list(work_through(ITEMS, stillborn, 1))
+
+
+def test_a_worker_is_never_interrupted_even_while_it_starts() -> None:
+    """The shell's Ctrl-C reaches all processes; one that imported its modules then printed a traceback."""
+    worker = _start(shout)
+    try:
+        for _ in range(20):
+            os.kill(worker.process.pid or 0, signal.SIGINT)
+            time.sleep(0.02)
+        assert worker.connection.recv() == "ready"
+    finally:
+        _dismiss([worker])
+    assert worker.process.exitcode == 0
 
 
 def test_workers_are_other_processes_with_one_thread_each() -> None:

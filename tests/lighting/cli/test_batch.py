@@ -32,6 +32,15 @@ def test_ray_and_pyarrow_are_not_imported_unless_asked() -> None:
     assert not {"ray", "pyarrow"} & set(modules)
 
 
+def test_without_ray_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Settings of a batch that never began would refuse one by the pool in that folder."""
+    (tmp_path / "a.jpg").touch()
+    monkeypatch.setitem(sys.modules, "ray", None)
+    result = CliRunner().invoke(cli, ["batch", "--engine", "ray", str(tmp_path), str(tmp_path / "out")])
+    assert result.stderr == "Error: The engine ray needs Ray and pyarrow: pip install 'outdoor-lighting[ray]'.\n"
+    assert not (tmp_path / "out").exists()
+
+
 def test_ray_without_pyarrow_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.jpg").touch()
     monkeypatch.setitem(sys.modules, "pyarrow.fs", None)

@@ -242,7 +242,7 @@ def test_a_photo_that_cannot_be_read_is_left_out(phone: Path, tmp_path: Path, ne
         (["--fov", "0"], "vertical_fov is 0"),
         (["--together"], "two photos or more"),
         (["--headings", "0"], "--headings needs --together"),
-        (["--together", "--headings", "0,1,2", "b.jpg"], "3 headings for 2 photos"),
+        (["--together", "--headings", "0,1,2", "b.jpg"], "2 photos need 2 headings, not 3"),
         (["--together", "--headings", "0,east", "b.jpg"], "not a list of degrees"),
         (["--heading", "3", "b.jpg"], "heading is that of one photo; photos taken together have headings."),
     ],

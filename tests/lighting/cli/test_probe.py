@@ -90,7 +90,7 @@ def test_bad_exposures_end_as_one_sentence(exposures: list[Path], tmp_path: Path
         ((exposures[0],), "only one"),
         ((*exposures, "--time", "2024-06-01T23:00Z"), "night"),
         ((*exposures, "--curve", "srgb", "--time", "2024-06-01T09:00Z"), "--curve linear"),
-        ((*exposures, "--radius", "0"), "radius"),
+        ((*exposures, "--centre", "4000,3"), "centre in the picture"),
     ):
         result = run("merge", *given, *base)
         assert result.exit_code == 1, result.output
@@ -166,12 +166,23 @@ def test_options_that_the_lens_does_not_have_are_wrong_usage(
     assert error_of(result, 2) == f"{option} does not go with --lens {lens}."
 
 
-@pytest.mark.parametrize(("option", "value"), [("--nd", "-3"), ("--nd", "2000"), ("--pitch", "91")])
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--nd", "-3", "0 to 40"),
+        ("--nd", "2000", "0 to 40"),
+        ("--pitch", "91", "-90 to 90"),
+        ("--fov", "400", "up to 360"),
+        ("--centre", "nan,3", "not finite"),
+        ("--radius", "-3", "must be over 0"),
+        ("--yaw", "inf", "not finite"),
+    ],
+)
 def test_numbers_that_no_picture_is_taken_by_are_wrong_usage(
-    exposures: list[Path], tmp_path: Path, option: str, value: str
+    exposures: list[Path], tmp_path: Path, option: str, value: str, said: str
 ) -> None:
     result = run("merge", *exposures, "--lens", "equidistant", *WHERE, option, value, "-o", tmp_path / "a.exr")
-    assert f"'{option}': " in error_of(result, 2)
+    assert said in error_of(result, 2)
 
 
 def test_what_is_told_twice_must_not_differ(exposures: list[Path], tmp_path: Path) -> None:

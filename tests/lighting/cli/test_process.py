@@ -1,5 +1,6 @@
 """How the process of a command starts and ends."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -99,3 +100,26 @@ def test_an_interrupt_that_python_would_lose_ends_the_process(photo_path: Path) 
     """An exception in __del__ is lost, and the network would be waited for without end."""
     ended = python(INTERRUPTED, str(photo_path))
     assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", "\nAborted!\n")
+
+
+def closed(redirection: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """A command of a shell that closes a stream of it."""
+    command = ["sh", "-c", f'exec "$@" {redirection}', "sh", sys.executable, "-m", "lighting", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a POSIX shell")
+def test_an_answer_for_a_closed_stdout_is_an_error(record_path: Path, tmp_path: Path) -> None:
+    for arguments in (["info", record_path], ["--version"]):
+        done = closed(">&-", *arguments)
+        assert (done.returncode, done.stderr) == (1, "Error: There is no stdout to write to, it is closed.\n")
+    done = closed(">&-", "render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert closed(">&-", "render", record_path, "-o", "-").returncode == 2
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a POSIX shell")
+def test_a_closed_stderr_changes_nothing_else(photo_path: Path, network: Path) -> None:
+    done = closed("2>&-", "estimate", photo_path, photo_path, "--model", network)
+    assert (done.returncode, len(done.stdout.splitlines())) == (0, 2)
+    assert closed("<&- 2>&-", "estimate", "-").returncode == 1

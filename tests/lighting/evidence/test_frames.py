@@ -46,7 +46,7 @@ def test_without_any_each_photo_is_alone() -> None:
 
 
 def test_headings_must_be_as_many_as_photos() -> None:
-    with pytest.raises(ParameterError, match="2 headings for 3 photos"):
+    with pytest.raises(ParameterError, match="3 photos need 3 headings, not 2"):
         frames(NOTHING, [0.0, 1.0])
 
 

@@ -86,8 +86,11 @@ def test_what_is_said_in_vain_is_told(facts: PhotoFacts, said: dict[str, Any], p
 def test_a_heading_without_time_and_place_is_told_of_a_photo_alone() -> None:
     (warning,) = known_alone(PhotoFacts(), Given(heading=10.0)).warnings
     assert warning == "The heading was not used, because time and place of the photo are not both known."
-    (warning,) = known_alone(PhotoFacts(), Given(heading=10.0, time=MORNING)).warnings
-    assert "The time was not used" in warning
+    of_time, of_heading = known_alone(PhotoFacts(), Given(heading=10.0, time=MORNING)).warnings
+    assert "The time was not used" in of_time
+    assert of_heading == warning
+    at_night = known_alone(replace(FACTS, utc_time=NIGHT), Given(heading=10.0))
+    assert len(at_night.warnings) == 1
     assert known_alone(FACTS, Given(heading=10.0)).warnings == ()
     assert known_alone(PhotoFacts(heading=10.0), Given()).warnings == ()
 

@@ -190,7 +190,7 @@ def test_a_zone_at_night_in_one_photo_is_out_in_all() -> None:
 @pytest.mark.parametrize(
     ("evidence", "headings", "sentence"),
     [
-        ([NOTHING, NOTHING], [0.0], "There are 1 headings for 2 photos"),
+        ([NOTHING, NOTHING], [0.0], "2 photos need 2 headings, not 1"),
         ([Evidence(((30.0, 90.0),)), Evidence(((30.0, 90.0), (20.0, 70.0)))], None, "must all have a zone"),
         ([Evidence(((30.0, 90.0), (-2.0, 70.0))), Evidence(((-2.0, 90.0), (30.0, 70.0)))], None, "below the horizon"),
     ],

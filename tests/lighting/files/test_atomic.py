@@ -62,6 +62,31 @@ def test_permissions_are_those_of_a_plain_file(tmp_path: Path) -> None:
     assert (tmp_path / "made").stat().st_mode == plain.stat().st_mode
 
 
+@pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX")
+def test_a_private_file_stays_private(tmp_path: Path) -> None:
+    target = tmp_path / "map.exr"
+    target.touch(mode=0o600)
+    with replacing(target) as temporary:
+        temporary.write_bytes(b"new")
+    assert (target.read_bytes(), target.stat().st_mode & 0o777) == (b"new", 0o600)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_link_stays_and_leads_to_the_new_file(tmp_path: Path, exists: bool) -> None:
+    (tmp_path / "store").mkdir()
+    stored, link = tmp_path / "store" / "map", tmp_path / "map.exr"
+    if exists:
+        stored.write_bytes(b"old")
+    link.symlink_to(stored)
+    with replacing(link) as temporary:
+        assert (temporary.parent, temporary.suffix) == (stored.parent, ".exr")
+        assert leftovers(link) == [temporary]
+        temporary.write_bytes(b"new")
+    assert link.is_symlink()
+    assert (names(stored.parent), stored.read_bytes()) == (["map"], b"new")
+
+
 def test_a_missing_folder_is_an_oserror(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), replacing(tmp_path / "missing" / "map.exr"):
         pass

@@ -17,6 +17,9 @@ from lighting.photo.clock import in_utc, read_offset, read_time
         ("2024-06-01T14:30", datetime(2024, 6, 1, 14, 30)),
         (" 2024-06-01 14:30:05 ", datetime(2024, 6, 1, 14, 30, 5)),
         ("2024-06-01T14:30Z", datetime(2024, 6, 1, 14, 30, tzinfo=UTC)),
+        ("20240601T143005,5Z", datetime(2024, 6, 1, 14, 30, 5, 500_000, tzinfo=UTC)),
+        ("2024-W22-6T14:30-0000", datetime(2024, 6, 1, 14, 30, tzinfo=UTC)),
+        ("2024-06-01 14:30 +05:30", datetime(2024, 6, 1, 14, 30, tzinfo=timezone(timedelta(hours=5.5)))),
         ("2024-06-01T14:30+05:30", datetime(2024, 6, 1, 14, 30, tzinfo=timezone(timedelta(hours=5.5)))),
     ],
 )
@@ -32,6 +35,20 @@ def test_times(text: str, time: datetime) -> None:
 )
 def test_impossible_times_are_refused_in_one_sentence(text: str) -> None:
     with pytest.raises(ParameterError, match=r" is (not )?a .*\.$"):
+        read_time(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["2024-06-01T12:00\0Z", "2024-06-01x12:00", "2024-06-01\x1b12:00", "2024-06-01T12:00_+02:00"]
+)
+def test_what_python_reads_as_a_time_and_people_do_not_write_is_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match="is not a time such as"):
+        read_time(text)
+
+
+@pytest.mark.parametrize("text", ["2024-06-01T12:00+23:00", "2024-06-01T12:00-12:30"])
+def test_times_of_no_zone_are_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match="offset from UTC"):
         read_time(text)
 
 
