@@ -1,6 +1,6 @@
 """Batches: the pool's rate by number of workers compared with its floors, its memory, and Ray's rate.
 
-    python benchmarks/batch.py [--photos 200] [--memory-photos 10000] [--no-ray]
+    python -m benchmarks.batch [--photos 200] [--memory-photos 10000] [--no-ray]
 
 The photos are one JPEG under many names. A floor is what one process of one thread needs for Pillow's decoding at
 reduced scale and for onnxruntime's run of the same graph, in as many processes as there are workers. The pool's rate
@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from common import TWELVE_MEGAPIXELS, machine, many_photos, run_lighting
+from benchmarks.common import TWELVE_MEGAPIXELS, machine, many_photos, run_lighting
 
 SMALL = (640, 480)
 ROUNDS = 5  # floors and pool in turn; the medians count

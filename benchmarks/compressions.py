@@ -1,6 +1,6 @@
 """What each packing of an EXR costs, what it does to the values, and which programs open it.
 
-    python benchmarks/compressions.py [--beside PYTHON ...] [--node FOLDER] [--runs 15] [--cpu]
+    python -m benchmarks.compressions [--beside PYTHON ...] [--node FOLDER] [--runs 15] [--cpu]
 
 A 1024 x 512 map with its sun is packed every way that OpenEXR knows. The readers that this Python, the others and node
 (a FOLDER with node_modules) can import are tried: OpenEXR, OpenImageIO, Mitsuba, bpy, SimpleImageIO (which is tinyexr);
@@ -13,13 +13,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
-from common import machine, milliseconds
 from numpy.typing import NDArray
 
+from benchmarks.common import machine, milliseconds
 from lighting.envmap import render
 from lighting.files.compression import packed_with, rounded
 from lighting.geometry import latlong_solid_angle
@@ -63,7 +64,7 @@ def main() -> None:
     took = {}
     for threads in (0, 2):
         OpenEXR.set_global_thread_count(threads)
-        took[threads] = milliseconds({way: lambda w=way: packed(image, w) for way in ways}, options.runs, clock)
+        took[threads] = milliseconds({way: partial(packed, image, way) for way in ways}, options.runs, clock)
     print(f"{'':<14}{'ms':>8}{'2 threads':>11}{'MB':>8}{'error':>10}{'sun':>10}")
     with tempfile.TemporaryDirectory() as folder:
         for way in ways:

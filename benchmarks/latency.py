@@ -1,6 +1,6 @@
 """From a 12-megapixel JPEG to a 1024 x 512 EXR: each part compared with its floor, measured in the same run.
 
-    python benchmarks/latency.py [--runs 15] [--cpu]
+    python -m benchmarks.latency [--runs 15] [--cpu]
 
 A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the
 same graph, a small grey picture and its gradient by numpy, a copy of the map, Pillow's resizing of the photo and of
@@ -30,7 +30,10 @@ prepare(["envmap"])  # as the command does, before numpy is imported
 
 import numpy as np
 import OpenEXR
-from common import (
+from numpy.typing import NDArray
+from PIL import Image
+
+from benchmarks.common import (
     TWELVE_MEGAPIXELS,
     machine,
     make_photo,
@@ -39,9 +42,6 @@ from common import (
     processor_seconds,
     run_lighting,
 )
-from numpy.typing import NDArray
-from PIL import Image
-
 from export.data import DataError
 from export.towns import find_llvm
 from lighting.envmap import Place, place_of, render, surround

@@ -21,7 +21,7 @@ from lighting.records import ModelSpec
 HEIGHT = 512
 
 
-class EnvmapAPI(litserve.LitAPI):
+class EnvmapAPI(litserve.LitAPI):  # type: ignore[misc]  # known in an environment of its own alone
     """This project's functions around a bare session on the same network."""
 
     def setup(self, device: str) -> None:

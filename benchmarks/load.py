@@ -1,6 +1,6 @@
 """The service under load, compared with LitServe doing the same job.
 
-    python benchmarks/load.py [--seconds 60] [--beside PYTHON]
+    python -m benchmarks.load [--seconds 60] [--beside PYTHON]
 
 1, 4, 16 and 64 clients send a 12-megapixel JPEG each, again and again, and wait for a 1024 x 512 EXR: requests per
 second, latency in milliseconds, and the processor time [ms] that a request costs the service with all its processes,
@@ -28,8 +28,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from clients import Job, Outcome, ask_for
-from common import ROOT, make_photo
+from benchmarks.clients import Job, Outcome, ask_for
+from benchmarks.common import ROOT, make_photo
 
 LEVELS = (1, 4, 16, 64)  # clients
 EXR, RECORD = b"v/1\x01", b'{"model"'

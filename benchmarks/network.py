@@ -1,6 +1,6 @@
 """The network by number format, threads, batch, graph optimisation and provider: size, latency, and accuracy on `val`.
 
-    python benchmarks/network.py [--data FOLDER --labels FILE [--panoramas N]] [--runs 20]
+    python -m benchmarks.network [--data FOLDER --labels FILE [--panoramas N]] [--runs 20]
 
 float32 is the network in the package, whose weights are stored small and computed with as floats; float16 and
 static int8 (per channel, calibrated on crops of training panoramas, or on the example photos where there is no data)
@@ -12,15 +12,16 @@ import argparse
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import onnx
 import onnxruntime
-from common import ROOT, machine, milliseconds
 from numpy.typing import NDArray
 
+from benchmarks.common import ROOT, machine, milliseconds
 from lighting.model import Model, packaged_model
 from lighting.photo import read_photo, to_tensor
 
@@ -164,7 +165,7 @@ def latencies(sessions: dict[str, Any], batch: int, runs: int) -> dict[str, floa
     """Milliseconds a photo of each session at a batch size."""
     spec = Model.load().spec
     photos = np.random.default_rng(0).normal(size=(batch, 3, spec.height, spec.width)).astype(np.float32)
-    took = milliseconds({name: lambda s=s: s.run(None, {"photo": photos}) for name, s in sessions.items()}, runs)
+    took = milliseconds({name: partial(s.run, None, {"photo": photos}) for name, s in sessions.items()}, runs)
     return {name: value / batch for name, value in took.items()}
 
 

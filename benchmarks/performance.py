@@ -1,6 +1,6 @@
 """Measure how cost grows with photos, map height and clients; writes docs/growth.md and its plot.
 
-    python benchmarks/performance.py [--photos 100 1000 10000] [--seconds 4] [--only photos|heights|clients]
+    python -m benchmarks.performance [--photos 100 1000 10000] [--seconds 4] [--only photos|heights|clients]
 
 Figures are kept in docs/growth.json, so that one part can be measured again without the others. Clients need the
 service (extra `server`); without it their part stays as it was, or says that it is not measured.
@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from clients import Job, Outcome
-from common import ROOT, machine, make_photo, many_photos, milliseconds, remember, run_lighting
-from load import RECORD, run, started
-from performance_page import SIZE, page
 
+from benchmarks.clients import Job, Outcome
+from benchmarks.common import ROOT, machine, make_photo, many_photos, milliseconds, remember, run_lighting
+from benchmarks.load import RECORD, run, started
+from benchmarks.performance_page import SIZE, page
 from lighting.cpus import available_cpus
 from lighting.envmap import render
 from lighting.files import write_exr
@@ -96,7 +96,7 @@ def plot(figures: dict[str, Any]) -> None:
     from matplotlib.ticker import NullLocator
 
     _, axes = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
-    curves = [
+    curves: list[tuple[str, str, str, Callable[[Any], Any]]] = [
         ("photos", "photos", "s", lambda f: {"lighting batch": f["seconds"]}),
         ("heights", "map height", "ms", lambda f: {"render": f["render"], "write EXR": f["write"]}),
         ("clients", "clients", "answers/s", lambda f: {"service": {n: v["rate"] for n, v in f["load"].items()}}),

@@ -9,7 +9,7 @@ def page(figures: dict[str, Any]) -> str:
     """The document: tables, what they say, and the plot."""
     parts = [
         "# How cost grows\n",
-        "Made by `python benchmarks/performance.py`; the photos are JPEGs of "
+        "Made by `python -m benchmarks.performance`; the photos are JPEGs of "
         f"{SIZE[0]} x {SIZE[1]} pixels, and each part names the machine that it was measured on.\n",
         "![Time by photos, time by map height, answers by clients](growth.png)\n",
         photos_page(figures["photos"]) if "photos" in figures else "## Photos\n\nNot measured yet.\n",

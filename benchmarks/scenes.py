@@ -1,6 +1,6 @@
 """One scene, four tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
 
-    python benchmarks/scenes.py [--sun -125 33] [--only TOOL ...] [--blender PROGRAM] [--samples 64]
+    python -m benchmarks.scenes [--sun -125 33] [--only TOOL ...] [--blender PROGRAM] [--samples 64]
                                 [--picture docs/scenes.png] [--keep FOLDER]
 
 The "photo" is rendered here from a known light, which the scenes are compared with. Blender reads and renders the USD;
@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scene_measures import (
+
+from benchmarks.scene_measures import (
     Picture,
     ball,
     brightest_normal,
@@ -28,14 +29,13 @@ from scene_measures import (
     sunlit_over_shaded,
     unhidden,
 )
-from scene_renders import (
+from benchmarks.scene_renders import (
     MissingToolError,
     render_blender,
     render_import,
     render_mitsuba,
     render_threejs,
 )
-
 from lighting.colour import luminance, srgb_decode, tone_map
 from lighting.envmap import render
 from lighting.geometry import (
