@@ -24,7 +24,10 @@ LEAST_HEIGHT = 1.0  # deg of the sun's elevation, under which a clear sky says l
 
 
 def over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
-    """Stops (N,) of suns (3,) over skies (3,) above the same ratio of clear skies with the suns at elevations [deg]."""
+    """Stops (N,) of the luminance of suns (3,) over that of skies (3,) above clear skies with suns at elevations [deg].
+
+    Of a clear sky it is the luminance of the channels' ratios: it only has to be the same for all that are compared.
+    """
     said = luminance(np.array(sun)) / luminance(np.array(sky))
     clear = luminance(np.array([clear_ratio(round(e)) for e in elevation]))
     return np.asarray(np.log2(said / clear))
