@@ -91,6 +91,7 @@ def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None
 @share("--synthetic-share", 0.3, "Share of the crops that show synthetic places.")
 @share("--aimed", 0.2, "Share of the crops of panoramas with a visible sun whose camera is turned towards it.")
 @share("--joined", 0.0, "Share of the crops divided by a line between two places under the same sun.")
+@share("--stretched", 0.0, "Share of the crops that show a stretched world, its sun and shadows with it.")
 @flag("--surroundings", "Also learn the light all around the camera and its power.")
 @share("--photos-share", 0.0, "Share of the crops that show the photos of photos_train.csv.")
 @flag("--only-seen", "Train only the head that says where in the picture the sun is seen.")

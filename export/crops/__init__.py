@@ -9,7 +9,8 @@ from export.crops.mosaic import companions, joined, same_view
 from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
 from export.crops.seeds import generator
 from export.crops.seen_sun import CELL, where_seen
-from export.crops.sources import Source, load_source, load_sources, sampling_weights
+from export.crops.sources import Source, load_source, load_sources, sampling_weights, stretched
+from export.crops.stretch import any_stretch
 from export.crops.surroundings import CELLS, light_around, seen_from
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "PhotoSource",
     "Source",
     "aimed_camera",
+    "any_stretch",
     "augment",
     "automatic_gain",
     "clear_ratio",
@@ -42,6 +44,7 @@ __all__ = [
     "same_view",
     "sampling_weights",
     "seen_from",
+    "stretched",
     "take",
     "take_photo",
     "training_camera",

@@ -100,8 +100,8 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
-    rays = camera_directions(pinhole(camera, columns, rows, camera.azimuth))
-    sampled = sample_latlong(source.levels[level], rays.astype(np.float32)).astype(np.float32)
+    rays = source.stretch.undone(camera_directions(pinhole(camera, columns, rows, camera.azimuth)).astype(np.float32))
+    sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
     ldr = source.panorama.kind == "ldr"
     return decode(np.round(sampled).astype(np.uint8)) if ldr else sampled
 
@@ -113,7 +113,7 @@ def is_resolved(source: Source, camera: Camera, rows: float) -> bool:
 
 def _finest(source: Source, camera: Camera) -> float:
     """Panorama pixels along the view's height."""
-    return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov)
+    return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov / source.stretch.largest)
 
 
 def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Resampling) -> NDArray[np.float32]:

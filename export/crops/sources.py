@@ -1,17 +1,19 @@
 """Panoramas in memory, from which crops are taken, and how often each is drawn."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from export.crops.stretch import NOT_STRETCHED, Stretch
 from export.data import Label, Panorama, labels_of, read_picture
-from lighting.geometry import Floats
+from lighting.geometry import Floats, angles, direction
 
 FEWEST_ROWS = 192  # of the smallest level
 
@@ -23,6 +25,7 @@ class Source:
     panorama: Panorama
     levels: tuple[NDArray[Any], ...]  # (H, 2H, 3), (H/2, H, 3), ...; uint8 sRGB or float32 linear
     label: Label
+    stretch: Stretch = NOT_STRETCHED  # of the world that the crops show
 
 
 def load_sources(panoramas: Sequence[Panorama], labels: str | Path) -> list[Source]:
@@ -38,6 +41,15 @@ def load_source(panorama: Panorama, label: Label) -> Source:
     while levels[-1].shape[0] >= 2 * FEWEST_ROWS:
         levels.append(_halve(levels[-1]))
     return Source(panorama, tuple(levels), label)
+
+
+def stretched(source: Source, stretch: Stretch) -> Source:
+    """A panorama whose world is stretched, and its sun with it."""
+    label = source.label
+    if math.isfinite(label.sun_azimuth):
+        azimuth, elevation = angles(stretch.applied(direction(label.sun_azimuth, label.sun_elevation)))
+        label = replace(label, sun_azimuth=float(azimuth), sun_elevation=float(elevation))
+    return replace(source, label=label, stretch=stretch)
 
 
 def _halve(image: NDArray[Any]) -> NDArray[Any]:

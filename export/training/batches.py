@@ -18,6 +18,7 @@ from export.crops import (
     PhotoSource,
     Source,
     aimed_camera,
+    any_stretch,
     augment,
     companions,
     generator,
@@ -31,6 +32,7 @@ from export.crops import (
     same_view,
     sampling_weights,
     seen_from,
+    stretched,
     take,
     take_photo,
     training_camera,
@@ -97,7 +99,7 @@ class TrainingCrops(Dataset[Batch]):
         rng = generator("photo", index, self.purpose)
         if self.photos and rng.random() < self.config.photos_share:
             return self._photo(self.photos[_draw(self.photo_chances, rng)], rng)
-        return self._batch([self.sources[number] for number in self._drawn(index)], index, self.purpose)
+        return self._batch(self._stretched([self.sources[n] for n in self._drawn(index)], index), index, self.purpose)
 
     def _drawn(self, index: int) -> list[int]:
         """The index of the source that a crop shows, and at times of a second one."""
@@ -107,6 +109,14 @@ class TrainingCrops(Dataset[Batch]):
             return [number]
         numbers, chances = self.companions[number]
         return [number, int(numbers[_draw(chances, rng)])]
+
+    def _stretched(self, shown: Sequence[Source], index: int) -> list[Source]:
+        """The sources of a crop, at times in a stretched world: two in the same one."""
+        rng = generator("stretch", index, self.purpose)
+        if rng.random() >= self.config.stretched:
+            return list(shown)
+        stretch = any_stretch(rng)
+        return [stretched(source, stretch) for source in shown]
 
     def _batch(self, shown: Sequence[Source], index: int, purpose: str) -> Batch:
         source = shown[0]
@@ -154,7 +164,10 @@ class TrainingCrops(Dataset[Batch]):
         """The light around the camera; its mean if two places share the picture."""
         if not self.around:
             return np.zeros(0, np.float32)
-        maps = [seen_from(self.around[s.panorama.path], c, gains) for s, c in zip(shown, cameras, strict=True)]
+        maps = [
+            seen_from(self.around[source.panorama.path], camera, gains, source.stretch)
+            for source, camera in zip(shown, cameras, strict=True)
+        ]
         return np.asarray(np.mean(maps, axis=0, dtype=np.float32))
 
     def _light(self, shown: Sequence[Source], gains: Floats) -> Floats:

@@ -27,6 +27,7 @@ class TrainConfig:
     tune_share: float = 0.08  # of the training places, held out for the log
     aimed: float = 0.2  # of the crops of panoramas that show the sun, aimed at it
     joined: float = 0.0  # of the crops, divided by a line between two places under the same sun
+    stretched: float = 0.0  # of the crops, that show a stretched world under another sun
     surroundings: bool = False  # also learn the light all around the camera and its power
     sharpness: float = 0.45  # least share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas and photos alone
