@@ -46,7 +46,7 @@ from export.data import DataError
 from export.towns import find_llvm
 from lighting.envmap import Place, place_of, render, surround
 from lighting.envmap.photo_view import shown_size
-from lighting.evidence.verticals import MOST_SIDE, with_verticals
+from lighting.evidence.calibration import MOST_SIDE, with_lines
 from lighting.files import write_exr
 from lighting.files.compression import packed_with
 from lighting.geometry import latlong_directions
@@ -174,7 +174,7 @@ def measure_parts(
         "decode apart": lambda: read_apart(jpeg.read_bytes()),
         "network": lambda: estimator(photo),
         "network floor": lambda: estimator.model.session.run(None, {"photo": tensor}),
-        "verticals": lambda: with_verticals(alone, photo.pixels),
+        "verticals": lambda: with_lines(alone, photo.pixels),
         "verticals floor": lambda: gradient_alone(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,

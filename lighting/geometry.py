@@ -96,6 +96,17 @@ def up_in_camera(elevation: ArrayLike, roll: ArrayLike) -> Floats:
     return np.stack([-np.sin(ro) * np.cos(el), np.cos(ro) * np.cos(el), np.sin(el)])
 
 
+def level_in_camera(heading: ArrayLike, elevation: ArrayLike, roll: ArrayLike) -> Floats:
+    """Level directions (3, ...) along the right, up and forward of cameras with these angles (...) [deg].
+
+    Headings are clockwise from where each camera points.
+    """
+    he, el, ro = np.broadcast_arrays(np.radians(heading), np.radians(elevation), np.radians(roll))
+    aside, above = np.sin(he), -np.sin(el) * np.cos(he)
+    c, s = np.cos(ro), np.sin(ro)
+    return np.stack([c * aside - s * above, s * aside + c * above, np.cos(el) * np.cos(he)])
+
+
 def focal_length(height: float, vertical_fov: float) -> float:
     """Focal length [pixels] of a pinhole camera whose picture is `height` pixels tall."""
     return float(0.5 * height / np.tan(np.radians(vertical_fov) / 2.0))

@@ -1,8 +1,8 @@
-"""Straight edges of a picture that run about as the verticals of the world would: edges of walls, poles, trunks.
+"""Straight edges of a picture, those apart that run about as the verticals of the world would.
 
 Line support regions (Burns, Hanson and Riseman, PAMI 1986; von Gioi et al., PAMI 2010): neighbours whose gradients
-agree make one edge. The camera is known roughly. So gradients need to agree with one direction alone at each pixel,
-that in which the world's vertical is expected there, and the regions are found by arrays as a whole.
+agree make one edge. The camera is known roughly, so it is known in which direction the world's vertical is to be
+expected at each pixel. The regions are found by arrays as a whole.
 """
 
 from dataclasses import dataclass
@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Floats
 
-LEAST_STEP = 6.0  # grey levels per pixel, of an edge
+LEAST_STEP = 6.0  # grey levels per pixel, of an edge near vertical
+LEAST_OTHER_STEP = 10.0  # of another, of which pictures have more
 AROUND = 25.0  # deg about the expected vertical in which gradients are taken for it
 LEAST_PIXELS = 10  # of an edge
 LEAST_LENGTH = 6.0  # pixels
 MOST_WIDTH = 3.0  # pixels; wider regions are shades, or several edges in one
+_ALIKE = np.float32(np.cos(np.radians(40.0)))  # least cosine between the gradients of neighbours of one edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,60 +36,100 @@ class Lines:
         kept = np.argpartition(self.length, -count)[-count:]
         return Lines(self.middle[kept], self.angle[kept], self.length[kept])
 
+    @property
+    def across(self) -> Floats:
+        """What (3, N) times a direction in the picture is the distance between the two, at a line's middle.
 
-def near_vertical(grey: NDArray[np.uint8], up: Floats, focal: float) -> Lines:
-    """The edges of a picture (h, w) within AROUND of verticals.
+        Directions are those of `in_picture`; the distance is the sine of the angle times the direction's length there.
+        """
+        sine, cosine = np.sin(np.radians(self.angle)), np.cos(np.radians(self.angle))
+        x, y = self.middle.T
+        return np.stack([-cosine, sine, cosine * x - sine * y])
+
+
+def in_picture(direction: Floats, half: Floats | float) -> Floats:
+    """A direction (3, ...) in the camera, its last part over the focal length in picture heights.
+
+    `half` is the tangent of half the vertical field of view. At a point (x, y) of the picture, in heights from its
+    centre, lines of the world with that direction run along (d[0] - x * d[2], d[1] - y * d[2]).
+    """
+    return np.stack([direction[0], direction[1], 2 * half * direction[2]])
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """The edges of a picture by how they run."""
+
+    upright: Lines  # within AROUND of verticals
+    other: Lines
+
+
+def edges_of(grey: NDArray[np.uint8], up: Floats, focal: float) -> Edges:
+    """The edges of a picture (h, w).
 
     `up` (3,) is the world's up as the camera's right, up and forward, roughly; `focal` its focal length [pixels].
     """
-    strength, rows, columns = _steps(grey, up, focal)
-    chain = _chains(rows, columns, strength > 0, grey.shape[1] - 1)
-    chain, kept = _of_size(chain, LEAST_PIXELS)
-    height, width = grey.shape
-    x, y = columns[kept] + (1 - 0.5 * width), (0.5 * height - 1) - rows[kept]
-    return _fitted(chain, np.abs(strength[kept]).astype(np.float64), x, y, height)
+    right, upwards = _gradient(grey)
+    across, along = _turned(right, upwards, up, focal)
+    strong = np.abs(across)
+    is_upright = np.abs(along) <= np.float32(np.tan(np.radians(AROUND))) * strong
+    upright = np.flatnonzero(is_upright & (strong > 2 * LEAST_STEP))
+    step = across.ravel()[upright]
+    sides = np.stack([np.sign(step), np.zeros_like(step)])  # such edges part by which of their sides is brighter
+    other = np.flatnonzero(~is_upright & (across * across + along * along > np.float32(4 * LEAST_OTHER_STEP**2)))
+    steps = np.stack([right.ravel()[other], upwards.ravel()[other]]).astype(np.float32)
+    sizes = np.hypot(*steps)
+    return Edges(_linked(upright, np.abs(step), sides, grey.shape), _linked(other, sizes, steps / sizes, grey.shape))
 
 
-def _steps(grey: NDArray[np.uint8], up: Floats, focal: float) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
-    """Steps (P,) of brightness across the expected vertical, positive to the right, with their rows and columns.
-
-    They lie on the corners that four pixels share: the one of row 0 is below the first row of pixels.
-    """
-    height, width = grey.shape
+def _gradient(grey: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+    """Twice the steps (h - 1, w - 1) of brightness to the right and upwards, on the corners that four pixels share."""
     levels = grey.astype(np.int16)
     falling, rising = levels[1:, 1:] - levels[:-1, :-1], levels[:-1, 1:] - levels[1:, :-1]
-    right, upwards = falling + rising, rising - falling  # twice the gradient
-    x, y = np.arange(1, width) - 0.5 * width, 0.5 * height - np.arange(1, height)
+    return falling + rising, rising - falling
+
+
+def _turned(right: NDArray[np.int16], upwards: NDArray[np.int16], up: Floats, focal: float) -> tuple[Floats, Floats]:
+    """Gradients (h - 1, w - 1) across the expected vertical, positive to the right, and along it, up to a factor."""
+    height, width = right.shape
+    x, y = np.arange(1, width + 1) - 0.5 * (width + 1), 0.5 * (height + 1) - np.arange(1, height + 1)
     aside = (up[0] - x / focal * up[2]).astype(np.float32)[None, :]
     above = (up[1] - y / focal * up[2]).astype(np.float32)[:, None]
-    across, along = right * above - upwards * aside, right * aside + upwards * above
-    strong = np.abs(across)
-    found = (strong > 2 * LEAST_STEP) & (np.abs(along) <= np.float32(np.tan(np.radians(AROUND))) * strong)
-    at = np.flatnonzero(found)
-    rows, columns = np.divmod(at, width - 1)
-    return across.ravel()[at], rows, columns
+    return right * above - upwards * aside, right * aside + upwards * above
 
 
-def _chains(rows: NDArray[np.intp], columns: NDArray[np.intp], side: NDArray[np.bool_], width: int) -> NDArray[np.intp]:
-    """The number (P,) of the chain that each of the ordered pixels belongs to.
+def _linked(corners: NDArray[np.intp], size: Floats, towards: Floats, shape: tuple[int, ...]) -> Lines:
+    """The edges that neighbouring corners (P,) make, by the sizes (P,) and directions (2, P) of their gradients."""
+    height, width = shape
+    rows, columns = np.divmod(corners, max(width - 1, 1))
+    chain, kept = _of_size(_chains(rows, columns, towards, width - 1), LEAST_PIXELS)
+    x, y = columns[kept] + (1 - 0.5 * width), (0.5 * height - 1) - rows[kept]
+    return _fitted(chain, size[kept].astype(np.float64), x, y, height)
 
-    Neighbours in a row with the same side make a run, and each run follows one that touches it in the row above.
+
+def _chains(rows: NDArray[np.intp], columns: NDArray[np.intp], towards: Floats, width: int) -> NDArray[np.intp]:
+    """The number (P,) of the chain that each of the ordered corners belongs to.
+
+    Neighbours in a row whose directions (2, P) agree make a run, and each run follows one above that it touches and
+    agrees with.
     """
     begins = np.ones(len(rows), dtype=bool)
-    begins[1:] = (np.diff(rows) != 0) | (np.diff(columns) != 1) | (side[1:] != side[:-1])
+    alike = (towards[:, 1:] * towards[:, :-1]).sum(axis=0) >= _ALIKE
+    begins[1:] = (np.diff(rows) != 0) | (np.diff(columns) != 1) | ~alike
     start = np.flatnonzero(begins)
     end = np.append(start, len(rows))[1:] - 1
     run = np.cumsum(begins) - 1
     at = np.full((int(rows[-1]) + 2 if len(rows) else 1, width + 2), -1)  # with a margin on three sides
-    at[rows + 1, columns + 1] = run
-    row, left, right, own = rows[start], columns[start], columns[end], side[start]
+    at[rows + 1, columns + 1] = np.arange(len(rows))
     first = np.arange(len(start))
     free = first.copy()
-    for column in ((left + right) // 2, left, right, left - 1, right + 1):
-        above = at[row[free], column[free] + 1]
-        touches = (above >= 0) & (own[above] == own[free])
-        first[free[touches]] = above[touches]
-        free = free[~touches]
+    middle = (start + end) // 2
+    for own, aside in ((middle, 0), (start, 0), (end, 0), (start, -1), (end, 1)):
+        touching = own[free]
+        above = at[rows[touching], columns[touching] + 1 + aside]
+        follows = (above >= 0) & ((towards[:, above] * towards[:, touching]).sum(axis=0) >= _ALIKE)
+        first[free[follows]] = run[above[follows]]
+        free = free[~follows]
     while not np.array_equal(further := first[first], first):
         first = further
     return np.asarray(first[run])

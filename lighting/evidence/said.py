@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.evidence.calibration import with_lines
 from lighting.evidence.given import NOTHING_GIVEN, Given
 from lighting.evidence.metadata import camera_evidence
 from lighting.evidence.seen import shown_sun, through_camera
-from lighting.evidence.verticals import with_verticals
 from lighting.model import Model
 from lighting.photo import Photo, is_empty, is_panorama, to_tensor
 from lighting.records import Prediction
@@ -35,6 +35,6 @@ def upright(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | N
 
     A sun that the photo shows stays on its pixel.
     """
-    known = with_verticals(said, pixels, vertical_fov)
+    known = with_lines(said, pixels, vertical_fov)
     sun = None if known is said else shown_sun(said, pixels)
     return known if sun is None else replace(known, sun_probability=through_camera(said, known, sun))

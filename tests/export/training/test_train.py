@@ -55,6 +55,18 @@ def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: Trai
     train(replace(both, out=str(tmp_path / "next"), start=both.out, joined=0.0, surroundings=False, only_seen=True))
 
 
+def test_crops_of_a_stretched_world_have_other_pictures_and_suns(config: TrainConfig, tmp_path: Path) -> None:
+    stretched = replace(config, out=str(tmp_path / "run"), crops=8, stretched=1.0, joined=0.5, surroundings=True)
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    spec = specs("1.0.0")["outdoor"]
+    as_it_is, other = (TrainingCrops(sources, spec, replace(stretched, stretched=share)) for share in (0.0, 1.0))
+    assert all(as_it_is._drawn(index) == other._drawn(index) for index in range(8))
+    for part in ("photo", "sun", "around"):
+        assert not any(torch.equal(getattr(as_it_is[i], part), getattr(other[i], part)) for i in range(4))
+    train(stretched)
+    assert history(read_record(Path(stretched.out)))[0]["stretched"] == 1.0
+
+
 def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: TrainConfig, tmp_path: Path) -> None:
     asked = replace(config, out=str(tmp_path / "run"), crops=8)
     with pytest.raises(DataError, match=r"8 crops do not fill one step of 32, so nothing would be trained\.$"):

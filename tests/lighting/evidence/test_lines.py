@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.evidence.lines import AROUND, Lines, near_vertical
+from lighting.evidence.lines import AROUND, Lines, edges_of
 from lighting.geometry import Floats, up_in_camera
 
 FOCAL = 300.0  # pixels
@@ -20,7 +20,12 @@ def bar(leaning: float, width: float = 40.0, size: int = 120) -> NDArray[np.uint
 
 
 def found(grey: NDArray[np.uint8], up: Floats = LEVEL) -> Lines:
-    return near_vertical(grey, up, FOCAL)
+    return edges_of(grey, up, FOCAL).upright
+
+
+def turned(angle: Floats, expected: float) -> Floats:
+    """How far lines at angles [deg] are from one at another, whichever way they are followed."""
+    return np.abs((angle - expected + 90.0) % 180.0 - 90.0)
 
 
 @pytest.mark.parametrize("leaning", [-17.0, -3.0, 0.0, 0.5, 9.0, 20.0])
@@ -40,6 +45,24 @@ def test_what_leans_too_far_or_lies_is_no_vertical() -> None:
     assert len(found(bar(90.0)).length) == 0
 
 
+@pytest.mark.parametrize("leaning", [90.0, 80.0, 60.0, -45.0, -70.0, AROUND + 12.0])
+def test_what_leans_further_is_found_apart(leaning: float) -> None:
+    edges = edges_of(bar(leaning), LEVEL, FOCAL)
+    assert len(edges.upright.length) == 0
+    longest = edges.other.longest(2)
+    assert (turned(longest.angle, leaning) < 0.3).all()
+    assert (longest.length > 100).all()
+
+
+def test_a_corner_makes_two_edges() -> None:
+    """Of a bright square, whose sides run both ways at 45 deg."""
+    y, x = np.mgrid[:160, :160] - 79.5
+    square = (80 + 100 * np.clip(50.5 - (np.abs(x) + np.abs(y)), 0, 1)).astype(np.uint8)
+    sides = edges_of(square, LEVEL, FOCAL).other.longest(4)
+    assert sorted(np.minimum(turned(sides.angle, 45.0), turned(sides.angle, -45.0)) < 1.0) == [True] * 4
+    assert sorted(turned(sides.angle, 45.0) < 5.0) == [False, False, True, True]
+
+
 def test_a_rolled_camera_expects_leaning_edges() -> None:
     """A camera that is turned clockwise sees verticals turned counter-clockwise: they lean to the left."""
     turned = up_in_camera(0.0, 30.0)
@@ -52,8 +75,8 @@ def test_a_camera_that_looks_up_expects_verticals_that_lean_inwards() -> None:
     grey = bar(-28.0)
     shifted = np.pad(grey, ((0, 0), (400, 0)), mode="edge")
     up = up_in_camera(40.0, 0.0)
-    assert len(near_vertical(shifted, up, FOCAL).length) >= 2
-    assert len(near_vertical(shifted[:, ::-1].copy(), up_in_camera(-40.0, 0.0), FOCAL).length) == 0
+    assert len(found(shifted, up).length) >= 2
+    assert len(found(shifted[:, ::-1].copy(), up_in_camera(-40.0, 0.0)).length) == 0
 
 
 def test_dark_beside_bright_is_another_edge_than_bright_beside_dark() -> None:

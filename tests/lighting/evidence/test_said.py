@@ -15,7 +15,7 @@ from lighting.model import Model
 from lighting.photo import PhotoFacts, photo_of, to_tensor
 from lighting.records import Prediction
 from tests.lighting.evidence.test_fusion import lobe
-from tests.lighting.evidence.test_verticals import poles
+from tests.lighting.evidence.test_calibration import poles
 
 SIZE = (400, 300)
 
