@@ -119,7 +119,7 @@ def courtyard(elevation: float, fov: float, heading: float, size: tuple[int, int
     return np.repeat(grey[..., None], 3, axis=2).round().astype(np.uint8)
 
 
-@pytest.mark.parametrize("heading", [20.0, 45.0, 60.0])
+@pytest.mark.parametrize("heading", [30.0, 45.0, 60.0])
 @pytest.mark.parametrize(("elevation", "above"), [(0.0, 4.0), (10.0, -4.0), (-12.0, 3.0)])
 def test_horizontals_bring_a_wrong_elevation_nearer(heading: float, elevation: float, above: float) -> None:
     known = with_lines(said(elevation + above, 0.0, 60.0), courtyard(elevation, 60.0, heading))

@@ -25,7 +25,7 @@ def found(grey: NDArray[np.uint8], up: Floats = LEVEL) -> Lines:
 
 def turned(angle: Floats, expected: float) -> Floats:
     """How far lines at angles [deg] are from one at another, whichever way they are followed."""
-    return np.abs((angle - expected + 90.0) % 180.0 - 90.0)
+    return np.asarray(np.abs((angle - expected + 90.0) % 180.0 - 90.0))
 
 
 @pytest.mark.parametrize("leaning", [-17.0, -3.0, 0.0, 0.5, 9.0, 20.0])
