@@ -10,18 +10,20 @@ from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weig
 from export.crops.seeds import generator
 from export.crops.seen_sun import CELL, where_seen
 from export.crops.sources import Source, load_source, load_sources, sampling_weights, stretched
-from export.crops.stretch import any_stretch
+from export.crops.stretch import NOT_STRETCHED, Stretch, any_stretch
 from export.crops.surroundings import CELLS, light_around, seen_from
 
 __all__ = [
     "CELL",
     "CELLS",
+    "NOT_STRETCHED",
     "PROTOCOLS",
     "Camera",
     "Crop",
     "Irradiance",
     "PhotoSource",
     "Source",
+    "Stretch",
     "aimed_camera",
     "any_stretch",
     "augment",

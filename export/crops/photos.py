@@ -48,29 +48,33 @@ def photo_weights(photos: Sequence[PhotoSource]) -> Floats:
     return np.asarray(weight / weight.sum())
 
 
-def take_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec) -> Crop:
-    """A crop of a photo; the camera's elevation and roll are unknown, and so is the sky."""
+def take_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec, upwards: float = 1.0) -> Crop:
+    """A crop of a photo; the camera's elevation and roll are unknown, and so is the sky.
+
+    `upwards` stretches the world that it shows (crops/stretch.py), as the picture of a level camera tells it.
+    """
     row = photo.row
-    left, top, width, height = _frame(photo.pixels.shape, float(rng.choice(PHONE_ASPECTS)), rng)
+    left, top, width, height = _frame(photo.pixels.shape, upwards * float(rng.choice(PHONE_ASPECTS)), rng)
     turned = Image.fromarray(photo.pixels)
     middle = (left + width / 2, top + height / 2)
     turned = turned.rotate(
         rng.uniform(-1, 1) * _room(photo.pixels.shape, middle, width, height), _BILINEAR, center=middle
     )
-    size = fit_size(round(width), round(height), spec)
+    tall = upwards * height
+    size = fit_size(round(width), round(tall), spec)
     box = (left, top, left + width, top + height)
     pixels = np.asarray(turned.resize(size, Image.Resampling.HAMMING, box=box))
     focal = 0.5 * photo.pixels.shape[1] / math.tan(math.radians(row.horizontal_fov) / 2)
     offset = middle[0] - 0.5 * photo.pixels.shape[1]
     azimuth = float(wrap_azimuth(row.sun_azimuth - (math.degrees(math.atan2(offset, focal)) if focal > 0 else 0.0)))
-    fov = 2 * math.degrees(math.atan(0.5 * height / focal))
+    fov = 2 * math.degrees(math.atan(0.5 * tall / focal))
     mirrored = bool(rng.random() < 0.5)
     nan = math.nan
     return Crop(
         linear=decode(pixels[:, ::-1] if mirrored else pixels),
-        camera=Camera(0.0, nan, nan, fov, width / height, mirrored),
+        camera=Camera(0.0, nan, nan, fov, width / tall, mirrored),
         sun_azimuth=-azimuth if mirrored else azimuth,
-        sun_elevation=row.sun_elevation,
+        sun_elevation=math.degrees(math.atan(upwards * math.tan(math.radians(row.sun_elevation)))),
         sun_uncertainty=row.azimuth_error if math.isfinite(row.azimuth_error) else AZIMUTH_ERROR,
         sun_visibility=VISIBILITY.get(row.direct, nan),
         turbidity=nan,

@@ -13,10 +13,12 @@ from torch.utils.data import Dataset
 
 from export.crops import (
     CELLS,
+    NOT_STRETCHED,
     Camera,
     Crop,
     PhotoSource,
     Source,
+    Stretch,
     aimed_camera,
     any_stretch,
     augment,
@@ -98,8 +100,10 @@ class TrainingCrops(Dataset[Batch]):
             return self._batch([self.sources[index % len(self.sources)]], index, "tune")
         rng = generator("photo", index, self.purpose)
         if self.photos and rng.random() < self.config.photos_share:
-            return self._photo(self.photos[_draw(self.photo_chances, rng)], rng)
-        return self._batch(self._stretched([self.sources[n] for n in self._drawn(index)], index), index, self.purpose)
+            return self._photo(self.photos[_draw(self.photo_chances, rng)], rng, self._stretch(index).upwards)
+        stretch = self._stretch(index)
+        shown = [stretched(self.sources[number], stretch) for number in self._drawn(index)]
+        return self._batch(shown, index, self.purpose)
 
     def _drawn(self, index: int) -> list[int]:
         """The index of the source that a crop shows, and at times of a second one."""
@@ -110,13 +114,10 @@ class TrainingCrops(Dataset[Batch]):
         numbers, chances = self.companions[number]
         return [number, int(numbers[_draw(chances, rng)])]
 
-    def _stretched(self, shown: Sequence[Source], index: int) -> list[Source]:
-        """The sources of a crop, at times in a stretched world: two in the same one."""
+    def _stretch(self, index: int) -> Stretch:
+        """The stretch of a crop's world, at times."""
         rng = generator("stretch", index, self.purpose)
-        if rng.random() >= self.config.stretched:
-            return list(shown)
-        stretch = any_stretch(rng)
-        return [stretched(source, stretch) for source in shown]
+        return any_stretch(rng) if rng.random() < self.config.stretched else NOT_STRETCHED
 
     def _batch(self, shown: Sequence[Source], index: int, purpose: str) -> Batch:
         source = shown[0]
@@ -141,8 +142,8 @@ class TrainingCrops(Dataset[Batch]):
             likely=torch.tensor(False),
         )
 
-    def _photo(self, photo: PhotoSource, rng: np.random.Generator) -> Batch:
-        crop = take_photo(photo, rng, self.spec)
+    def _photo(self, photo: PhotoSource, rng: np.random.Generator, upwards: float) -> Batch:
+        crop = take_photo(photo, rng, self.spec, upwards)
         pixels, _, _ = augment(crop, rng)
         return Batch(
             photo=torch.from_numpy(place(pixels, self.spec)),

@@ -8,6 +8,7 @@ import pytest
 
 from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
 from export.data import PhotoRow
+from lighting.colour import tone_map
 from lighting.geometry import angles
 from lighting.sun_grid import grid_directions
 from tests.export.crops.examples import SPEC
@@ -55,6 +56,19 @@ def test_the_likelihood_is_widest_where_least_is_known() -> None:
     near = np.abs(elevation - 20.0) < 3.0
     assert np.ptp(ring[near]) < ring[near].max()
     assert ring[near].sum() > 0.5
+
+
+def test_a_stretched_photo_is_taller_and_has_a_higher_sun() -> None:
+    """Each step down the picture shows fewer rows of the photo, by the stretch; columns stay as they are."""
+    for seed in range(8):
+        crop = take_photo(photo(), np.random.default_rng(seed), SPEC, upwards=1.4)
+        assert math.tan(math.radians(crop.sun_elevation)) == pytest.approx(1.4 * math.tan(math.radians(20.0)))
+        height, width = crop.linear.shape[:2]
+        srgb = np.asarray(tone_map(crop.linear), dtype=float)
+        across = np.abs(np.diff(srgb[height // 2, 10:-10, 0])).mean() / 0.6
+        down = np.abs(np.diff(srgb[10:-10, width // 2, 1])).mean() / 0.8
+        assert across / down == pytest.approx(1.4, rel=0.06)
+        assert crop.camera.aspect == pytest.approx(width / height, rel=0.02)
 
 
 def test_photos_are_read_and_low_suns_and_small_groups_count_more(data: Path) -> None:
