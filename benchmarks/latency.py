@@ -55,7 +55,7 @@ from lighting.photo.apart import read_apart
 from lighting.pipeline import Estimator
 from lighting.records import Lighting
 
-PARTS = ("decode", "network", "verticals", "sky and sun", "place", "EXR")
+PARTS = ("decode", "network", "lines", "sky and sun", "place", "EXR")
 
 
 def decode_alone(path: Path) -> Image.Image:
@@ -174,8 +174,8 @@ def measure_parts(
         "decode apart": lambda: read_apart(jpeg.read_bytes()),
         "network": lambda: estimator(photo),
         "network floor": lambda: estimator.model.session.run(None, {"photo": tensor}),
-        "verticals": lambda: with_lines(alone, photo.pixels),
-        "verticals floor": lambda: gradient_alone(photo.pixels),
+        "lines": lambda: with_lines(alone, photo.pixels),
+        "lines floor": lambda: gradient_alone(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,
         "place": lambda: surround(light, there, height, sun=True),
@@ -187,7 +187,7 @@ def measure_parts(
         work |= {"mitsuba": mitsuba[1], "mitsuba above": above[1]}
     took = milliseconds(work, runs, clock)
     took["place"] -= took["sky and sun"]  # which it paints first
-    took["network"] -= took["verticals"]  # whose answer holds them
+    took["network"] -= took["lines"]  # whose answer holds them
     return took, mitsuba[0] if mitsuba else None
 
 

@@ -14,7 +14,7 @@ IN_VIEW = ("sun in view", "sky in view", "no sky")
 
 
 def report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[str, Answers], ours: str) -> str:
-    """All tables of one protocol; `said` has each method's answers, `alone` those of the networks without verticals."""
+    """All tables of one protocol; `said` has each method's answers, `alone` those of the networks without lines."""
     scored = select(truth, truth.scored)
     answered = {name: select(a, truth.scored) for name, a in said.items()}
     cameras = {name: a for name, a in said.items() if np.isfinite(a.camera).all()}
@@ -34,7 +34,7 @@ def report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[st
             figures_table({name: camera_figures(truth, a) for name, a in cameras.items()}),
             "Camera as calibration papers score it: area under the recall of errors, and the horizon [%]",
             figures_table({name: camera_scores(truth, a) for name, a in cameras.items()}),
-            "The same by the networks alone, without the verticals that the pictures show",
+            "The same by the networks alone, without the straight lines that the pictures show",
             figures_table({name: camera_scores(truth, a) for name, a in alone.items()}),
         ]
     )

@@ -17,7 +17,7 @@ _NO_PHOTO = 0.01  # the most that `suitable` is for pictures that are no photo o
 
 
 def said_of(model: Model, photo: Photo, given: Given = NOTHING_GIVEN) -> Prediction:
-    """The network's answer for a photo, with the camera by its verticals too.
+    """The network's answer for a photo, with the camera by its straight lines too.
 
     Where the photo or its user says which lens it has, elevation and roll are those of a camera with it. An empty frame
     or a whole panorama keeps the network's camera, and does not suit.
@@ -31,7 +31,7 @@ def said_of(model: Model, photo: Photo, given: Given = NOTHING_GIVEN) -> Predict
 
 
 def upright(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None) -> Prediction:
-    """The same with the camera by the verticals of the photo's pixels (h, w, 3) too, and by its lens [deg] if known.
+    """The same with the camera by the straight lines of the photo's pixels (h, w, 3) too, and by its lens [deg] if known.
 
     A sun that the photo shows stays on its pixel.
     """

@@ -54,7 +54,7 @@ def test_a_sun_outside_the_picture_stays_where_it_is() -> None:
     assert known.sun_probability is said.sun_probability
 
 
-def test_a_network_s_answer_has_the_camera_by_the_verticals(network: Path) -> None:
+def test_a_network_s_answer_has_the_camera_by_the_straight_lines(network: Path) -> None:
     """And an empty frame keeps the network's own."""
     model = Model.load(network)
     photo = photo_of(poles(10.0, 0.0, 50.0, SIZE))
