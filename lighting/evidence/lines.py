@@ -18,7 +18,8 @@ AROUND = 25.0  # deg about the expected vertical in which gradients are taken fo
 LEAST_PIXELS = 10  # of an edge
 LEAST_LENGTH = 6.0  # pixels
 MOST_WIDTH = 3.0  # pixels; wider regions are shades, or several edges in one
-_ALIKE = np.float32(np.cos(np.radians(40.0)))  # least cosine between the gradients of neighbours of one edge
+_TURN = 256  # parts, in which the directions of gradients are counted
+_ALIKE = round(40.0 / 360.0 * _TURN)  # parts, the most by which the gradients of neighbours of one edge differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +76,11 @@ def edges_of(grey: NDArray[np.uint8], up: Floats, focal: float) -> Edges:
     is_upright = np.abs(along) <= np.float32(np.tan(np.radians(AROUND))) * strong
     upright = np.flatnonzero(is_upright & (strong > 2 * LEAST_STEP))
     step = across.ravel()[upright]
-    sides = np.stack([np.sign(step), np.zeros_like(step)])  # such edges part by which of their sides is brighter
+    sides = np.where(step > 0, 0, _TURN // 2).astype(np.uint8)  # they part by which of their sides is brighter
     other = np.flatnonzero(~is_upright & (across * across + along * along > np.float32(4 * LEAST_OTHER_STEP**2)))
-    steps = np.stack([right.ravel()[other], upwards.ravel()[other]]).astype(np.float32)
-    sizes = np.hypot(*steps)
-    return Edges(_linked(upright, np.abs(step), sides, grey.shape), _linked(other, sizes, steps / sizes, grey.shape))
+    steps = right.ravel()[other].astype(np.float32), upwards.ravel()[other].astype(np.float32)
+    towards = (np.arctan2(*steps) * np.float32(_TURN / (2 * np.pi))).astype(np.int16).astype(np.uint8)
+    return Edges(_linked(upright, np.abs(step), sides, grey.shape), _linked(other, np.hypot(*steps), towards, grey.shape))
 
 
 def _gradient(grey: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
@@ -98,8 +99,11 @@ def _turned(right: NDArray[np.int16], upwards: NDArray[np.int16], up: Floats, fo
     return right * above - upwards * aside, right * aside + upwards * above
 
 
-def _linked(corners: NDArray[np.intp], size: Floats, towards: Floats, shape: tuple[int, ...]) -> Lines:
-    """The edges that neighbouring corners (P,) make, by the sizes (P,) and directions (2, P) of their gradients."""
+def _linked(corners: NDArray[np.intp], size: Floats, towards: NDArray[np.uint8], shape: tuple[int, ...]) -> Lines:
+    """The edges that neighbouring corners (P,) make, by the sizes (P,) and directions (P,) of their gradients.
+
+    Directions are in parts of a turn, of which there are _TURN.
+    """
     height, width = shape
     rows, columns = np.divmod(corners, max(width - 1, 1))
     chain, kept = _of_size(_chains(rows, columns, towards, width - 1), LEAST_PIXELS)
@@ -107,15 +111,16 @@ def _linked(corners: NDArray[np.intp], size: Floats, towards: Floats, shape: tup
     return _fitted(chain, size[kept].astype(np.float64), x, y, height)
 
 
-def _chains(rows: NDArray[np.intp], columns: NDArray[np.intp], towards: Floats, width: int) -> NDArray[np.intp]:
+def _chains(
+    rows: NDArray[np.intp], columns: NDArray[np.intp], towards: NDArray[np.uint8], width: int
+) -> NDArray[np.intp]:
     """The number (P,) of the chain that each of the ordered corners belongs to.
 
-    Neighbours in a row whose directions (2, P) agree make a run, and each run follows one above that it touches and
+    Neighbours in a row whose directions (P,) agree make a run, and each run follows one above that it touches and
     agrees with.
     """
     begins = np.ones(len(rows), dtype=bool)
-    alike = (towards[:, 1:] * towards[:, :-1]).sum(axis=0) >= _ALIKE
-    begins[1:] = (np.diff(rows) != 0) | (np.diff(columns) != 1) | ~alike
+    begins[1:] = (np.diff(rows) != 0) | (np.diff(columns) != 1) | ~_alike(towards[1:], towards[:-1])
     start = np.flatnonzero(begins)
     end = np.append(start, len(rows))[1:] - 1
     run = np.cumsum(begins) - 1
@@ -127,12 +132,17 @@ def _chains(rows: NDArray[np.intp], columns: NDArray[np.intp], towards: Floats, 
     for own, aside in ((middle, 0), (start, 0), (end, 0), (start, -1), (end, 1)):
         touching = own[free]
         above = at[rows[touching], columns[touching] + 1 + aside]
-        follows = (above >= 0) & ((towards[:, above] * towards[:, touching]).sum(axis=0) >= _ALIKE)
+        follows = (above >= 0) & _alike(towards[above], towards[touching])
         first[free[follows]] = run[above[follows]]
         free = free[~follows]
     while not np.array_equal(further := first[first], first):
         first = further
     return np.asarray(first[run])
+
+
+def _alike(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Whether directions (P,) in parts of a turn differ by _ALIKE at most; bytes wrap as directions do."""
+    return np.asarray(one - other + np.uint8(_ALIKE) <= 2 * _ALIKE)
 
 
 def _of_size(chain: NDArray[np.intp], least: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
