@@ -24,7 +24,7 @@ from lighting.batch.job import (
     write_map,
 )
 from lighting.batch.journal import JOURNAL, Journal, has_lights, open_journal
-from lighting.batch.table import TABLE
+from lighting.batch.table import TABLE, check_table
 from lighting.batch.workers import work_through
 from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files import json_line, replacing
@@ -40,11 +40,14 @@ NO_MAP = {  # why the system takes no map of a photo's name, where that is so of
 def open_batch(job: Job, *, overwrite: bool = False) -> Iterator[Journal]:
     """The journal of a job, with the results of an interrupted run; `overwrite` discards them.
 
-    Raises BatchError if the folder holds results of another job, or is a file, or another process is writing to it.
+    Raises BatchError if the folder holds results of another job that are not discarded (or of Ray, which never are), or
+    is a file, or another process is writing to it.
     """
     out = Path(job.out)
     if out.exists() and not out.is_dir():
         raise BatchError(f"{job.out} is a file; the results need a folder.")
+    if overwrite:
+        check_table(out)
     out.mkdir(parents=True, exist_ok=True)
     asked = settings(job)
     if not overwrite:

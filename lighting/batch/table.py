@@ -1,5 +1,6 @@
 """Results as a Parquet table (extra `parquet`): a row per photo, a column per field of Lighting."""
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from itertools import islice
@@ -24,9 +25,19 @@ def row(name: str, light: Lighting | str) -> dict[str, Any]:
     return {"file": file, "error": None, **asdict(light)}
 
 
-def require_parquet() -> None:
-    """Raise BatchError if pyarrow is not installed."""
+def require_parquet(out: Path) -> None:
+    """Raise BatchError if pyarrow is not installed, or the folder `out` takes no TABLE."""
     schema()
+    check_table(out)
+
+
+def check_table(out: Path) -> None:
+    """Raise BatchError if TABLE in the folder `out` is a folder, or a link into a folder that does not exist."""
+    table = out / TABLE
+    if table.is_dir():
+        raise BatchError(f"{table} is a folder, as --engine ray writes it; choose another one for the results.")
+    if table.is_symlink() and not (parent := Path(os.path.realpath(table)).parent).is_dir():
+        raise BatchError(f"{table} is a link to a file in {parent}, which is no folder.")
 
 
 def write_table(out: Path) -> None:

@@ -69,7 +69,7 @@ def test_a_row_has_the_schemas_columns() -> None:
 def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(BatchError, match=r"^Parquet needs pyarrow: pip install"):
-        require_parquet()
+        require_parquet(Path())
 
 
 def test_the_strength_of_the_light_has_columns_of_its_own() -> None:
