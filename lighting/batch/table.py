@@ -1,7 +1,7 @@
 """Results as a Parquet table (extra `parquet`): a row per photo, a column per field of Lighting."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, fields
 from itertools import islice
 from pathlib import Path
@@ -9,7 +9,7 @@ from types import NoneType, UnionType
 from typing import Any, get_args, get_origin
 
 from lighting.batch.journal import JOURNAL, read_records
-from lighting.errors import BatchError
+from lighting.errors import BatchError, ParameterError
 from lighting.files import replacing
 from lighting.records import Lighting
 
@@ -41,12 +41,15 @@ def check_table(out: Path) -> None:
 
 
 def write_table(out: Path) -> None:
-    """Write TABLE from the JOURNAL in the folder `out`; the file appears only when it is whole."""
+    """Write TABLE from the JOURNAL in the folder `out`; the file appears only when it is whole.
+
+    Raises BatchError, with the number of the line, for a light that cannot be: somebody edited it.
+    """
     import pyarrow
     from pyarrow.parquet import ParquetWriter
 
     with replacing(out / TABLE) as path, ParquetWriter(path, schema()) as writer:
-        for part in _parts(map(_row_of, read_records(out / JOURNAL))):
+        for part in _parts(_rows(out / JOURNAL)):
             writer.write_table(pyarrow.Table.from_pylist(part, schema()))
 
 
@@ -69,9 +72,13 @@ def _kind(pyarrow: Any, hint: Any) -> Any:
     return pyarrow.string() if hint is str else pyarrow.float64()
 
 
-def _row_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    light = record["error"] if "error" in record else Lighting.from_dict(record["lighting"])
-    return row(record["file"], light)
+def _rows(journal: Path) -> Iterator[dict[str, Any]]:
+    for number, record in enumerate(read_records(journal), start=1):
+        try:
+            light = record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
+        except ParameterError as error:
+            raise BatchError(f"{journal}, line {number}: {error}") from error
+        yield row(record["file"], light)
 
 
 def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
