@@ -66,7 +66,7 @@ class Tracker:
         if not 0.0 <= look_every < math.inf:
             raise ParameterError(f"look_every must be a finite number of seconds, at least 0, not {look_every}.")
         self._model = model or Model.load()
-        self._around = Circumstances(given=given or Given(use_exif=False))
+        self._around = Circumstances(given=given or Given(use_exif=False), subject="stream")
         self._look_every, self._due = look_every, -math.inf
         self._follower, self._lens = Follower(), LearntLens(self._around.given.vertical_fov)
         self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed

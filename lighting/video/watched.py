@@ -37,6 +37,7 @@ class Circumstances:
     facts: PhotoFacts = field(default_factory=PhotoFacts)  # of the clip's first moment
     gimbal: Gimbal = field(default_factory=Gimbal)
     given: Given = field(default_factory=Given)
+    subject: str = "clip"  # what warnings call it
 
     def known_at(self, seconds: float, heading: float | None = None) -> Known:
         """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
@@ -55,4 +56,5 @@ class Circumstances:
             facts = replace(facts, heading=heading, heading_reference="true")
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
             facts, given = replace(facts, heading=None), replace(given, heading=None)
-        return known(facts, given) if seconds == 0.0 else known_later(facts, given)
+        tell = known if seconds == 0.0 else known_later
+        return tell(facts, given, self.subject)

@@ -70,8 +70,18 @@ def test_a_clip_that_is_no_ordinary_one_is_told(tmp_path: Path) -> None:
     model = write_network(tmp_path / "doubtful.onnx", more={**LIT, "light": doubtful})
     clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
     done = run(clip, "-o", tmp_path / "out", "--model", model, "--height", 32)
-    assert f"Warning: {clip}: This does not look like an ordinary photo" in done.output
+    assert f"Warning: {clip}: This does not look like an ordinary clip" in done.output
     assert len(records(tmp_path / "out")[0]["lighting"]["warnings"]) == done.output.count("Warning: ") == 1
+
+
+def test_warnings_speak_of_the_clip(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
+    said = ("--time", "2024-06-01T12:00:00Z", "--fov", 5)
+    done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, *said)
+    assert done.exit_code == 0, done.output
+    assert "The time was not used, because the clip does not say where it was taken." in done.output
+    assert "° by the pixels: the clip may be cropped." in done.output
+    assert "photo" not in done.output
 
 
 def green(frame: Pixels) -> Pixels:

@@ -182,6 +182,13 @@ def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
     assert float(wrap_azimuth(towards_sun - 148.0)) == pytest.approx(0.0, abs=15.0)
 
 
+def test_warnings_speak_of_the_stream(model: Model) -> None:
+    told = Tracker(model, Given(vertical_fov=5.0, use_exif=False))(look(0.0), 0.0)
+    assert told is not None
+    assert any("the stream may be cropped" in warning for warning in told.lighting.warnings)
+    assert not any("photo" in warning for warning in told.lighting.warnings)
+
+
 def test_the_ground_is_the_one_that_was_seen(lit_network: Path) -> None:
     answer = Tracker(Model.load(lit_network, threads=1), Given(vertical_fov=FOV))(look(0.0), 0.0)
     assert answer is not None
