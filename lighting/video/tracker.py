@@ -184,7 +184,8 @@ class Tracker:
 
     def _look(self, frame: Frame, known: Known) -> None:
         self._due = frame.time + self._look_every - 1e-6
-        seen = see(self._model, frame.pixels)
+        seen = see(self._model, frame.pixels, self._lens.given)
+        seen = seen.by_lens or seen
         self._lens.see(seen.prediction.vertical_fov)
         if self._seen.chain != self._chain:
             self._seen = Looks(self._chain)
