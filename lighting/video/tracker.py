@@ -22,6 +22,7 @@ from lighting.geometry import Floats, wrap_azimuth
 from lighting.model import Model
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
+from lighting.sizes import shrunk
 from lighting.turns import focal_of, nearest_rotation, rotation_about, rotation_vector
 from lighting.video.bank import FIRST, Bank, Kept
 from lighting.video.clip import SIDE, Frame
@@ -227,8 +228,8 @@ def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The frame with its longer side at most SIDE pixels."""
     from PIL import Image
 
-    longer = max(pixels.shape[:2])
-    if longer <= SIDE:
+    height, width = pixels.shape[:2]
+    size = shrunk(width, height, SIDE)
+    if size == (width, height):
         return np.ascontiguousarray(pixels)
-    size = (max(2, round(pixels.shape[1] * SIDE / longer)), max(2, round(pixels.shape[0] * SIDE / longer)))
     return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=2.0))

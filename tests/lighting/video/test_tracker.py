@@ -193,6 +193,11 @@ def test_a_lens_that_is_given_tells_how_the_camera_was_held(model: Model) -> Non
     assert told.lighting.camera_elevation == pytest.approx(known.prediction.camera_elevation, abs=1e-3)
 
 
+def test_frames_of_one_row_are_no_crash(model: Model) -> None:
+    tracker, frame = Tracker(model), np.full((1, 1000, 3), 128, np.uint8)
+    assert [tracker(frame, time) for time in (0.0, 1.0)] == [None, None]  # it shows nothing to follow
+
+
 def test_warnings_speak_of_the_stream(model: Model) -> None:
     told = Tracker(model, Given(vertical_fov=5.0, use_exif=False))(look(0.0), 0.0)
     assert told is not None
