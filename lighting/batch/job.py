@@ -75,10 +75,10 @@ def settings(job: Job) -> dict[str, object]:
 
 def check_settings(found: bytes | None, asked: dict[str, object], has_results: bool, out: str) -> None:
     """Raise BatchError if the folder `out` holds results of other settings, or results without settings."""
-    if found is None:
-        if has_results:
-            raise BatchError(f"{out} holds results, but no {SETTINGS}; choose another folder, or --overwrite.")
+    if not has_results:
         return
+    if found is None:
+        raise BatchError(f"{out} holds results, but no {SETTINGS}; choose another folder, or --overwrite.")
     try:
         there = dict(json.loads(found))
     except (ValueError, TypeError):

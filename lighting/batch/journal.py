@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -75,9 +75,14 @@ def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
         yield rest
 
 
-def _whole_lines(file: BinaryIO) -> Iterator[tuple[dict[str, Any], bytes]]:
-    """The records of a file with their lines, up to the first incomplete line."""
-    for line in file:
+def has_lights(lines: Iterable[bytes]) -> bool:
+    """Whether a photo that did not fail is among a journal's lines."""
+    return any("error" not in record for record, _ in _whole_lines(lines))
+
+
+def _whole_lines(lines: Iterable[bytes]) -> Iterator[tuple[dict[str, Any], bytes]]:
+    """The records in lines with these, up to the first incomplete line."""
+    for line in lines:
         if (record := _record(line)) is None:
             return
         yield record, line

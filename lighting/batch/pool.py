@@ -23,8 +23,8 @@ from lighting.batch.job import (
     settings,
     write_map,
 )
-from lighting.batch.journal import JOURNAL, Journal, open_journal
-from lighting.batch.table import TABLE
+from lighting.batch.journal import JOURNAL, Journal, has_lights, open_journal
+from lighting.batch.table import TABLE, check_table
 from lighting.batch.workers import work_through
 from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files import json_line, replacing
@@ -40,16 +40,19 @@ NO_MAP = {  # why the system takes no map of a photo's name, where that is so of
 def open_batch(job: Job, *, overwrite: bool = False) -> Iterator[Journal]:
     """The journal of a job, with the results of an interrupted run; `overwrite` discards them.
 
-    Raises BatchError if the folder holds results of another job, or is a file, or another process is writing to it.
+    Raises BatchError if the folder holds results of another job that are not discarded (or of Ray, which never are), or
+    is a file, or another process is writing to it.
     """
     out = Path(job.out)
     if out.exists() and not out.is_dir():
         raise BatchError(f"{job.out} is a file; the results need a folder.")
+    if overwrite:
+        check_table(out)
     out.mkdir(parents=True, exist_ok=True)
     asked = settings(job)
     if not overwrite:
         found = out / SETTINGS
-        check_settings(found.read_bytes() if found.exists() else None, asked, (out / JOURNAL).exists(), job.out)
+        check_settings(found.read_bytes() if found.exists() else None, asked, _has_results(out), job.out)
     with open_journal(out / JOURNAL) as journal:
         if overwrite:
             journal.clear()
@@ -57,6 +60,17 @@ def open_batch(job: Job, *, overwrite: bool = False) -> Iterator[Journal]:
         with replacing(out / SETTINGS) as path:
             path.write_text(json.dumps(asked, indent=2) + "\n")
         yield journal
+
+
+def _has_results(out: Path) -> bool:
+    """Whether a folder holds the light of a photo, by either engine, or, without settings, any line."""
+    journal, parts = out / JOURNAL, out / TABLE
+    if parts.is_dir() and any(parts.iterdir()):
+        return True
+    if not journal.exists():
+        return False
+    with journal.open("rb") as lines:
+        return has_lights(lines) if (out / SETTINGS).exists() else any(lines)
 
 
 def run_pool(job: Job, names: Sequence[str], journal: Journal, workers: int) -> Iterator[str]:

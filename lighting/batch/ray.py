@@ -23,6 +23,7 @@ from lighting.batch.job import (
     settings,
     write_map,
 )
+from lighting.batch.journal import JOURNAL, has_lights
 from lighting.batch.photos import SUFFIXES, find_photos
 from lighting.batch.summary import Summary
 from lighting.batch.table import TABLE, row, schema
@@ -152,7 +153,7 @@ def _open_results(filesystem: Any, out: str, job: Job, overwrite: bool) -> None:
     file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, TABLE))
     found = filesystem.open_input_file(file.path).read() if file.is_file else None
     if not overwrite:
-        check_settings(found, asked, parts.type is not FileType.NotFound, job.out)
+        check_settings(found, asked, _has_results(filesystem, out), job.out)
     elif parts.type is FileType.Directory:
         filesystem.delete_dir(parts.path)
     elif parts.is_file:
@@ -160,6 +161,16 @@ def _open_results(filesystem: Any, out: str, job: Job, overwrite: bool) -> None:
     filesystem.create_dir(f"{out}/{TABLE}", recursive=True)
     with filesystem.open_output_stream(file.path) as stream:
         stream.write(json.dumps(asked, indent=2).encode() + b"\n")
+
+
+def _has_results(filesystem: Any, out: str) -> bool:
+    """Whether a folder holds part files, or what a pool wrote: its table, or the light of a photo."""
+    from pyarrow.fs import FileSelector
+
+    journal, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (JOURNAL, TABLE))
+    if parts.is_file or filesystem.get_file_info(FileSelector(parts.path, allow_not_found=True)):
+        return True
+    return journal.is_file and has_lights(filesystem.open_input_file(journal.path).read().splitlines(keepends=True))
 
 
 def _finished(filesystem: Any, parts: str) -> dict[str, bool]:

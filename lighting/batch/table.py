@@ -1,6 +1,7 @@
 """Results as a Parquet table (extra `parquet`): a row per photo, a column per field of Lighting."""
 
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterator
 from dataclasses import asdict, fields
 from itertools import islice
 from pathlib import Path
@@ -8,7 +9,7 @@ from types import NoneType, UnionType
 from typing import Any, get_args, get_origin
 
 from lighting.batch.journal import JOURNAL, read_records
-from lighting.errors import BatchError
+from lighting.errors import BatchError, ParameterError
 from lighting.files import replacing
 from lighting.records import Lighting
 
@@ -24,18 +25,31 @@ def row(name: str, light: Lighting | str) -> dict[str, Any]:
     return {"file": file, "error": None, **asdict(light)}
 
 
-def require_parquet() -> None:
-    """Raise BatchError if pyarrow is not installed."""
+def require_parquet(out: Path) -> None:
+    """Raise BatchError if pyarrow is not installed, or the folder `out` takes no TABLE."""
     schema()
+    check_table(out)
+
+
+def check_table(out: Path) -> None:
+    """Raise BatchError if TABLE in the folder `out` is a folder, or a link into a folder that does not exist."""
+    table = out / TABLE
+    if table.is_dir():
+        raise BatchError(f"{table} is a folder, as --engine ray writes it; choose another one for the results.")
+    if table.is_symlink() and not (parent := Path(os.path.realpath(table)).parent).is_dir():
+        raise BatchError(f"{table} is a link to a file in {parent}, which is no folder.")
 
 
 def write_table(out: Path) -> None:
-    """Write TABLE from the JOURNAL in the folder `out`; the file appears only when it is whole."""
+    """Write TABLE from the JOURNAL in the folder `out`; the file appears only when it is whole.
+
+    Raises BatchError, with the number of the line, for a light that cannot be: somebody edited it.
+    """
     import pyarrow
     from pyarrow.parquet import ParquetWriter
 
     with replacing(out / TABLE) as path, ParquetWriter(path, schema()) as writer:
-        for part in _parts(map(_row_of, read_records(out / JOURNAL))):
+        for part in _parts(_rows(out / JOURNAL)):
             writer.write_table(pyarrow.Table.from_pylist(part, schema()))
 
 
@@ -58,9 +72,13 @@ def _kind(pyarrow: Any, hint: Any) -> Any:
     return pyarrow.string() if hint is str else pyarrow.float64()
 
 
-def _row_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    light = record["error"] if "error" in record else Lighting.from_dict(record["lighting"])
-    return row(record["file"], light)
+def _rows(journal: Path) -> Iterator[dict[str, Any]]:
+    for number, record in enumerate(read_records(journal), start=1):
+        try:
+            light = record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
+        except ParameterError as error:
+            raise BatchError(f"{journal}, line {number}: {error}") from error
+        yield row(record["file"], light)
 
 
 def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:

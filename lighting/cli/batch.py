@@ -123,7 +123,7 @@ def _run_pool(asked: _Options) -> "Summary":
 
     parquet = asked.parquet or (Path(asked.out, TABLE).is_file() and not asked.overwrite)
     if parquet:
-        require_parquet()
+        require_parquet(Path(asked.out))
     source, names = find_photos(asked.input)
     job = replace(asked.job, source=source)
     with open_batch(job, overwrite=asked.overwrite) as journal:

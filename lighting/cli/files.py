@@ -82,7 +82,7 @@ def stdin() -> BinaryIO:
 
 
 def open_lighting(name: str) -> "Lighting":
-    """The record in a JSON file, bare or in the line that `estimate --json` printed."""
+    """The record in a JSON file, bare or in the line that `estimate --json` printed; ParameterError names the file."""
     with opened(name) as stream:
         return lighting_of(stream.read(MOST_OF_RECORD + 1), name)
 
@@ -99,7 +99,10 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
         raise ParameterError(f"{shown(name)} does not hold one JSON record: {error}.") from error
     if isinstance(record, dict) and "error" in record:
         raise ParameterError(f"{shown(name)} holds an error in place of a lighting record.")
-    return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
+    try:
+        return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
+    except ParameterError as error:
+        raise ParameterError(f"{shown(name)}: {error}", error.field) from error
 
 
 def load_estimator(model: str | None) -> "Estimator":

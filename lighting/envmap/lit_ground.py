@@ -14,6 +14,7 @@ from lighting.envmap.photo_view import camera_of
 from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.geometry import Floats, camera_directions
 from lighting.records import Lighting
+from lighting.sizes import shrunk
 
 _SIDE = 256  # pixels of the answer's longer side, at most
 _GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade
@@ -121,8 +122,7 @@ def darkest_lit(step: float, visibility: float) -> float:
 
 def _reduced(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     height, width = photo.shape[:2]
-    scale = min(1.0, _SIDE / max(height, width))
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    size = shrunk(width, height, _SIDE)
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
 
 

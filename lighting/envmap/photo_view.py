@@ -9,6 +9,7 @@ from lighting.colour import SRGB_LINEAR
 from lighting.envmap.clear import Image, brightest
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, latlong_angles, latlong_directions
 from lighting.records import Lighting
+from lighting.sizes import scaled
 
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into what lies around
 CLIPPED = 0.95  # linear value from which a pixel may have been brighter
@@ -77,7 +78,7 @@ def shown_size(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tu
     """Width and height at which a photo (h, w, 3) has about the resolution of a map with `height` rows."""
     camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
     scale = min(height / np.pi / camera.focal_length * 1.2, _LARGEST / max(photo.shape[:2]))
-    return max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+    return scaled(camera.width, camera.height, scale)
 
 
 def _fitted(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.overlap import power
-    from lighting.evidence.said import said_of, upright
+    from lighting.evidence.said import as_shown, said_of, upright
     from lighting.evidence.seen import fuse_photo
     from lighting.evidence.together import fuse_together
 
@@ -38,6 +38,7 @@ __all__ = [
     "Gravity",
     "Known",
     "Range",
+    "as_shown",
     "camera_evidence",
     "check_heading",
     "check_headings",
@@ -86,6 +87,7 @@ __getattr__ = from_homes(
         "Gravity": "gravity",
         "Known": "metadata",
         "Range": "fit",
+        "as_shown": "said",
         "camera_evidence": "metadata",
         "check_heading": "frames",
         "check_headings": "frames",

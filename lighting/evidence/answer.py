@@ -8,10 +8,11 @@ from lighting.evidence.fusion import Fused
 from lighting.evidence.metadata import Known
 from lighting.records import SUITABLE, Estimate
 
-UNSUITABLE = (
-    "This does not look like an ordinary photo of outdoors by daylight, upright and with an ordinary lens: "
+_UNSUITABLE = (
+    "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
     "the answer may mean nothing."
 )
+UNSUITABLE = _UNSUITABLE.format("photo")
 
 
 def estimate_of(fused: Fused, known: Known) -> Estimate:
@@ -33,7 +34,7 @@ def estimate_of(fused: Fused, known: Known) -> Estimate:
         told["sun_visibility"] = 0.0
         told["sun_irradiance"] = None if lighting.sun_irradiance is None else (0.0, 0.0, 0.0)
     if lighting.suitable is not None and lighting.suitable < SUITABLE:
-        told["warnings"] = (*told["warnings"], UNSUITABLE)
+        told["warnings"] = (*told["warnings"], _UNSUITABLE.format(known.evidence.subject))
     if known.location is not None:
         told["latitude"], told["longitude"] = known.location
     light = fused.prediction.light

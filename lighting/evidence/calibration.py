@@ -20,6 +20,7 @@ from lighting.evidence.verticals import MOST_LINES as MOST_UPRIGHT
 from lighting.evidence.verticals import by_verticals
 from lighting.geometry import Floats, focal_length, up_in_camera
 from lighting.records import Prediction
+from lighting.sizes import shrunk
 
 MOST_SIDE = 448  # pixels along the longer side; more bring no better camera
 _MISLED = 0.1  # share of the photos whose lines say nothing: cropped or set upright afterwards, or of a sloping street
@@ -59,11 +60,7 @@ def _known_lens(prediction: Prediction, vertical_fov: float | None) -> Floats | 
 def _grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Grey levels (h, w) of pixels (h, w, 3), at most MOST_SIDE along the longer side."""
     grey = Image.fromarray(pixels).convert("L")
-    scale = MOST_SIDE / max(grey.size)
-    if scale >= 1:
-        return np.asarray(grey)
-    size = (max(1, round(grey.width * scale)), max(1, round(grey.height * scale)))
-    return np.asarray(grey.resize(size, Image.Resampling.BOX))
+    return np.asarray(grey.resize(shrunk(*grey.size, MOST_SIDE), Image.Resampling.BOX))
 
 
 def _means(cameras: Cameras, edges: Edges, height: int) -> tuple[float, float, float]:

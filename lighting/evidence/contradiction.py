@@ -28,11 +28,12 @@ def contradictions(
     density: Floats,
     compass: tuple[float, float] | None,
     vertical_fov: float | None,
+    subject: str = "photo",
 ) -> Iterator[str]:
     """One sentence for each part of the evidence that the pixels almost exclude.
 
     `candidates` (K, 2) are suns with the pixels' density (K, 360) for each heading; K may be 0; `compass` is a heading
-    and its spread [deg].
+    and its spread [deg]; `subject` is what the sentences call the pixels' source.
     """
     if len(candidates) and elevation_tail(prediction, candidates[:, 0]) < ELEVATION_TAIL:
         yield (
@@ -44,7 +45,7 @@ def contradictions(
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
         yield (
             f"The vertical field of view is {vertical_fov:.0f}° by what is known of the lens, "
-            f"{prediction.vertical_fov:.0f}° by the pixels: the photo may be cropped."
+            f"{prediction.vertical_fov:.0f}° by the pixels: the {subject} may be cropped."
         )
 
 

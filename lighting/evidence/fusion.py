@@ -32,6 +32,7 @@ class Evidence:
     heading_spread: float = COMPASS_SPREAD  # deg, one standard deviation of that
     vertical_fov: float | None = None  # deg, of the upright photo
     gravity: Gravity | None = None  # how the camera was held
+    subject: str = "photo"  # what warnings call the pixels' source: a "clip" and a "stream" are taken, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ def stand(prediction: Prediction, evidence: Evidence) -> Stood:
     """The prediction with the camera's elevation and roll by pixels and gravity; its sun stays where it is."""
     if evidence.gravity is None:
         return Stood(prediction, evidence)
-    if (warning := contrary(prediction, evidence.gravity)) is not None:
+    if (warning := contrary(prediction, evidence.gravity, evidence.subject)) is not None:
         return Stood(prediction, replace(evidence, gravity=None), (warning,))
     elevation, roll = held(prediction, evidence.gravity)
     return Stood(replace(prediction, camera_elevation=elevation, camera_roll=roll), evidence)
@@ -88,7 +89,7 @@ def fuse_stood(stood: Stood) -> Fused:
     else:
         fused = on_grid(prediction, evidence, prediction.sun_probability)
     compass = None if evidence.heading is None else (evidence.heading, evidence.heading_spread)
-    against = contradictions(prediction, candidates, density, compass, evidence.vertical_fov)
+    against = contradictions(prediction, candidates, density, compass, evidence.vertical_fov, evidence.subject)
     return replace(fused, warnings=(*against, *stood.warnings))
 
 

@@ -26,8 +26,8 @@ class Gravity:
     spread: float  # deg, one standard deviation
 
 
-def contrary(prediction: Prediction, gravity: Gravity) -> str | None:
-    """A sentence where pixels and gravity are farther apart than chance explains."""
+def contrary(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> str | None:
+    """A sentence about a `subject` whose pixels and gravity are farther apart than chance explains."""
     above, aside = _apart(prediction, gravity)
     if math.hypot(above, aside * math.cos(math.radians(gravity.elevation))) <= MOST_APART:
         return None
@@ -35,7 +35,7 @@ def contrary(prediction: Prediction, gravity: Gravity) -> str | None:
     return (
         f"By its metadata the camera {said}, by the pixels it "
         f"{_words(prediction.camera_elevation, None if gravity.roll is None else prediction.camera_roll)}: "
-        "the photo may be cropped, turned or edited. What the metadata say of it was not used."
+        f"the {subject} may be cropped, turned or edited. What the metadata say of it was not used."
     )
 
 

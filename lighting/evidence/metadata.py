@@ -37,8 +37,8 @@ class Known:
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer
 
 
-def known(facts: PhotoFacts, given: Given) -> Known:
-    """The evidence from a photo's metadata and its user.
+def known(facts: PhotoFacts, given: Given, subject: str = "photo") -> Known:
+    """The evidence from a photo's metadata and its user; `subject` is what warnings call it.
 
     Raises ParameterError where the user's own time or place is at night. A photo's own metadata never raise.
     """
@@ -47,27 +47,28 @@ def known(facts: PhotoFacts, given: Given) -> Known:
     if (highest := _highest(candidates)) < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
         stated = "latitude" if given.time is None else "time"
         raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.", stated)
-    return _known(merged, candidates, given)
+    return _known(merged, candidates, given, subject)
 
 
-def known_later(facts: PhotoFacts, given: Given) -> Known:
+def known_later(facts: PhotoFacts, given: Given, subject: str) -> Known:
     """The same for a later frame of a clip, which may pass into the night: the user's own time does not raise."""
     merged = merge(facts, given)
-    return _known(merged, suns(merged), given)
+    return _known(merged, suns(merged), given, subject)
 
 
 def _highest(candidates: Suns) -> float:
     return max((elevation for elevation, _ in candidates), default=0.0)
 
 
-def _known(merged: PhotoFacts, candidates: Suns, given: Given) -> Known:
-    highest, warnings = _highest(candidates), _missing(merged, given)
+def _known(merged: PhotoFacts, candidates: Suns, given: Given, subject: str) -> Known:
+    highest, warnings = _highest(candidates), _missing(merged, given, subject)
     if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, below_horizon(merged, highest) + consequence)
     evidence = replace(
         _of_camera(merged),
         candidates=_in_twilight_on_the_horizon(candidates) if highest >= CIVIL_TWILIGHT else (),
+        subject=subject,
         **_compass(merged, given),
     )
     sun_is_up = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS
@@ -139,14 +140,14 @@ def _timeless(found: Sequence[Known], warning: str) -> list[Known]:
     ]
 
 
-def _missing(merged: PhotoFacts, given: Given) -> tuple[str, ...]:
+def _missing(merged: PhotoFacts, given: Given, subject: str) -> tuple[str, ...]:
     """Sentences about what the user said that could not be used."""
     if given.time is not None and merged.latitude is None:
-        return ("The time was not used, because the photo does not say where it was taken.",)
+        return (f"The time was not used, because the {subject} does not say where it was taken.",)
     if given.latitude is not None and merged.local_time is None and merged.utc_time is None:
-        return ("The place was not used, because the photo does not say when it was taken.",)
+        return (f"The place was not used, because the {subject} does not say when it was taken.",)
     if given.utc_offset is not None and merged.local_time is None:
-        return ("The offset from UTC was not used, because the photo has no local time.",)
+        return (f"The offset from UTC was not used, because the {subject} has no local time.",)
     return ()
 
 

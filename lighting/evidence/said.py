@@ -19,12 +19,16 @@ _NO_PHOTO = 0.01  # the most that `suitable` is for pictures that are no photo o
 def said_of(model: Model, photo: Photo, given: Given = NOTHING_GIVEN) -> Prediction:
     """The network's answer for a photo, with the camera by its straight lines too.
 
-    Where the photo or its user says which lens it has, elevation and roll are those of a camera with it. An empty frame
-    or a whole panorama keeps the network's camera, and does not suit.
+    Where the photo or its user says which lens it has, elevation and roll are those of a camera with it.
     """
     said = model.predict(to_tensor(photo, model.spec))[0]
-    if not (is_empty(photo.pixels) or is_panorama(photo.pixels)):
-        return upright(said, photo.pixels, camera_evidence(photo.facts, given).vertical_fov)
+    return as_shown(said, photo.pixels, camera_evidence(photo.facts, given).vertical_fov)
+
+
+def as_shown(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None) -> Prediction:
+    """As `upright`; an empty frame or a whole panorama keeps the network's camera, and does not suit."""
+    if not (is_empty(pixels) or is_panorama(pixels)):
+        return upright(said, pixels, vertical_fov)
     if said.light is None:
         return said
     return replace(said, light=replace(said.light, suitable=min(said.light.suitable, _NO_PHOTO)))

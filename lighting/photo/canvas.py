@@ -6,12 +6,12 @@ from PIL import Image
 
 from lighting.photo.read import Photo
 from lighting.records import ModelSpec
+from lighting.sizes import fitting
 
 
 def fit_size(width: int, height: int, spec: ModelSpec) -> tuple[int, int]:
     """The largest (width, height) of the photo's aspect ratio inside the network's canvas, at least 1 x 1."""
-    scale = min(spec.width / width, spec.height / height)
-    return max(1, round(width * scale)), max(1, round(height * scale))
+    return fitting(width, height, spec.width, spec.height)
 
 
 def place(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:

@@ -12,6 +12,7 @@ from lighting.preview.layout import Box
 from lighting.preview.palette import PANEL, WHITE, sun_colour
 from lighting.preview.shading import Stage
 from lighting.records import Lighting
+from lighting.sizes import fitting
 
 _NEAR = 52  # pixels within which the horizon may cross the words beside an arrow
 
@@ -20,8 +21,7 @@ def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: S
     """The photo with its horizon and the sun, and with the balls of a stage on its ground if one is given."""
     panel = Image.new("RGB", (box.width, box.height), PANEL)
     height, width = photo.shape[:2]
-    scale = min(box.width / width, box.height / height)
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    size = fitting(width, height, box.width, box.height)
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
     picture = picture if stage is None else with_balls(picture, lighting, stage)
     draw_horizon(picture, lighting)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting import sizes
 from lighting.errors import MissingExtraError
 from lighting.geometry import Floats
 
@@ -81,10 +82,10 @@ def features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: 
 def shrunk(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
     """A grey picture (H, W) with `max_side` pixels along its longer side, if it has more."""
     cv2 = opencv()
-    scale = max_side / max(grey.shape)
-    if scale >= 1.0:
+    height, width = grey.shape
+    size = sizes.shrunk(width, height, max_side)
+    if size == (width, height):
         return np.ascontiguousarray(grey)
-    size = (max(1, round(grey.shape[1] * scale)), max(1, round(grey.shape[0] * scale)))
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA))
 
 

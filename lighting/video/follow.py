@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting import sizes
 from lighting.colour import SRGB_LINEAR
 from lighting.geometry import Floats
 from lighting.turns import Features, Matches, centred, features, opencv, shrunk
@@ -176,8 +177,8 @@ class Follower:
 
     def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
-        scale = min(1.0, _LIGHT_SIDE / max(pixels.shape[:2]))
-        size = (round(pixels.shape[1] * scale), round(pixels.shape[0] * scale))
+        height, width = pixels.shape[:2]
+        scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), sizes.shrunk(width, height, _LIGHT_SIDE)
         small = self._cv2.resize(self._cv2.LUT(pixels, _MEASURED), size, interpolation=self._cv2.INTER_AREA)
         return np.asarray(small), scale
 

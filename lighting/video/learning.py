@@ -46,15 +46,15 @@ class LearntLens:
     """A field of view learnt as frames come: given, or by the network, or by turns between keyframes."""
 
     def __init__(self, given: float | None) -> None:
-        self._given = given
+        self.given = given  # deg; None where it is not known
         self._sum, self._weight = 0.0, 0.0  # of what turns say
         self._seen, self._looks = 50.0, 0
 
     @property
     def fov(self) -> float:
         """Vertical, deg."""
-        if self._given is not None:
-            return self._given
+        if self.given is not None:
+            return self.given
         own = LENS_SPREAD**-2
         return (self._sum + own * self._seen) / (self._weight + own)
 
@@ -65,7 +65,7 @@ class LearntLens:
 
     def learn(self, a: Key, b: Key) -> None:
         """From the turn between two keyframes, while the lens is not known well."""
-        if self._given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
+        if self.given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
             return
         turn = turn_between(a, b, None)
         if turn is not None and not turn.zoomed:

@@ -3,12 +3,12 @@
 Rotation and mirror flags make it upright, non-square pixels are stretched, 10-bit HLG and PQ are read by their curves.
 """
 
-from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.sizes import shrunk
 from lighting.video.transfer import CURVES, to_srgb
 
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
@@ -23,10 +23,8 @@ def shown_size(picture: Any, stretch: float) -> tuple[int, int]:
 def upright(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
     """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
     width, height = max(1, round(picture.width * stretch)), picture.height
-    scale = min(1.0, side / max(width, height))
-    size = (max(2, ceil(width * scale)), max(2, ceil(height * scale)))
     curve = CURVES.get(int(picture.color_trc))
-    pixels = _resized(picture, *size, "rgb24" if curve is None else "rgb48le")
+    pixels = _resized(picture, *shrunk(width, height, side), "rgb24" if curve is None else "rgb48le")
     pixels = pixels if curve is None else to_srgb(pixels, curve, int(picture.color_primaries))
     return _placed(pixels, _placing(picture))
 

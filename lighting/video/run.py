@@ -32,7 +32,7 @@ def shots_of(
     clip's first frame.
     """
     circumstances = around(clip, given)
-    for watched in shots_watched(clip.frames(), model, every, progress):
+    for watched in shots_watched(clip.frames(), model, every, progress, circumstances.vertical_fov):
         try:
             yield solve(watched, circumstances)
         except VideoError as error:

@@ -62,7 +62,7 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
     """
     if not watched.looks:
         raise VideoError("No frame of the shot is bright enough for daylight.")
-    one = as_one_lens(watched, around) or OneLens(watched, np.ones(len(watched.steps)), lens_of(watched, around))
+    one = as_one_lens(watched, around) or _unzoomed(watched, around)
     watched, fov = one.watched, one.lens[0]
     turnings = turnings_of(watched, fov)
     orientation, believed = orientations(watched, turnings, fov)
@@ -71,6 +71,10 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
     path = path_of(time, orientation, believed, level(up))
     gains = gains_of(watched.steps)
     return _lit(one, around, path, gains, tuple(_doubts(one, around, turnings)))
+
+
+def _unzoomed(watched: Watched, around: Circumstances) -> OneLens:
+    return OneLens(watched.through_known_lens(), np.ones(len(watched.steps)), lens_of(watched, around))
 
 
 def _doubts(one: OneLens, around: Circumstances, turnings: Sequence[Turning]) -> Iterator[str]:

@@ -22,6 +22,7 @@ from lighting.geometry import Floats, wrap_azimuth
 from lighting.model import Model
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
+from lighting.sizes import shrunk
 from lighting.turns import focal_of, nearest_rotation, rotation_about, rotation_vector
 from lighting.video.bank import FIRST, Bank, Kept
 from lighting.video.clip import SIDE, Frame
@@ -66,7 +67,7 @@ class Tracker:
         if not 0.0 <= look_every < math.inf:
             raise ParameterError(f"look_every must be a finite number of seconds, at least 0, not {look_every}.")
         self._model = model or Model.load()
-        self._around = Circumstances(given=given or Given(use_exif=False))
+        self._around = Circumstances(given=given or Given(use_exif=False), subject="stream")
         self._look_every, self._due = look_every, -math.inf
         self._follower, self._lens = Follower(), LearntLens(self._around.given.vertical_fov)
         self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
@@ -184,7 +185,8 @@ class Tracker:
 
     def _look(self, frame: Frame, known: Known) -> None:
         self._due = frame.time + self._look_every - 1e-6
-        seen = see(self._model, frame.pixels)
+        seen = see(self._model, frame.pixels, self._lens.given)
+        seen = seen.by_lens or seen
         self._lens.see(seen.prediction.vertical_fov)
         if self._seen.chain != self._chain:
             self._seen = Looks(self._chain)
@@ -226,8 +228,8 @@ def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The frame with its longer side at most SIDE pixels."""
     from PIL import Image
 
-    longer = max(pixels.shape[:2])
-    if longer <= SIDE:
+    height, width = pixels.shape[:2]
+    size = shrunk(width, height, SIDE)
+    if size == (width, height):
         return np.ascontiguousarray(pixels)
-    size = (max(2, round(pixels.shape[1] * SIDE / longer)), max(2, round(pixels.shape[0] * SIDE / longer)))
     return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=2.0))

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from lighting.colour import luminance, srgb_decode
 from lighting.decoding import lighting_from
 from lighting.envmap import photo_ground, photo_sky
-from lighting.evidence import said_of
+from lighting.evidence import as_shown
 from lighting.model import Model
-from lighting.photo import Photo
+from lighting.photo import Photo, to_tensor
+from lighting.records import Prediction
 from lighting.video.clip import Frame
 from lighting.video.cuts import divided, split
 from lighting.video.dissolves import Dissolve, Dissolves
@@ -29,9 +30,13 @@ Pixels = NDArray[np.uint8]
 class Watcher:
     """Takes a clip's frames one by one, and hands out what was gathered of them."""
 
-    def __init__(self, model: Model, every: float = EVERY) -> None:
-        """The network sees the first frame of each shot and one every `every` seconds; MissingExtraError."""
+    def __init__(self, model: Model, every: float = EVERY, vertical_fov: float | None = None) -> None:
+        """The network sees the first frame of each shot and one every `every` seconds; MissingExtraError.
+
+        `vertical_fov` [deg] is that of the clip's lens, if it is known.
+        """
         self._model, self._every, self._due = model, every, 0.0
+        self._vertical_fov = vertical_fov
         self._follower, self._dissolves = Follower(), Dissolves()
         self._is_to_judge = False  # whether a new stretch is to be compared with what was before
         self._steps: list[Step] = []
@@ -88,7 +93,7 @@ class Watcher:
         if is_dark(frame.pixels):
             self._due = frame.time
             return
-        self._looks[frame.index] = see(self._model, frame.pixels)
+        self._looks[frame.index] = see(self._model, frame.pixels, self._vertical_fov)
         self._due = frame.time + self._every - 1e-6
 
     def _is_time_to_judge(self, stretch: int) -> bool:
@@ -100,13 +105,19 @@ class Watcher:
 
 
 def shots_watched(
-    frames: Iterable[Frame], model: Model, every: float = EVERY, progress: Callable[[float], Any] | None = None
+    frames: Iterable[Frame],
+    model: Model,
+    every: float = EVERY,
+    progress: Callable[[float], Any] | None = None,
+    vertical_fov: float | None = None,
 ) -> Iterator[Watched]:
     """What each shot of a clip shows, as soon as it is over; `progress` is told the time [s] of each frame.
 
+    `vertical_fov` [deg] is that of the lens, if it is known.
+
     An interruption by the user ends the last shot where the clip had been read to, and is raised after that.
     """
-    watcher, interruption = Watcher(model, every), None
+    watcher, interruption = Watcher(model, every, vertical_fov), None
     try:
         for frame in frames:
             yield from watcher.take(frame)
@@ -119,10 +130,21 @@ def shots_watched(
         raise interruption
 
 
-def see(model: Model, pixels: Pixels) -> Seen:
-    """What the network says of a frame (h, w, 3), upright sRGB, with the colours of sky and ground that it shows."""
+def see(model: Model, pixels: Pixels, vertical_fov: float | None = None) -> Seen:
+    """What the network says of a frame (h, w, 3), upright sRGB, with the colours of sky and ground that it shows.
+
+    Beside it the same by a lens of `vertical_fov` [deg], if it is known.
+    """
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
-    said = said_of(model, photo)
+    said = model.predict(to_tensor(photo, model.spec))[0]
+    alone = _coloured(as_shown(said, pixels), pixels)
+    if vertical_fov is None:
+        return alone
+    return replace(alone, by_lens=_coloured(as_shown(said, pixels, vertical_fov), pixels))
+
+
+def _coloured(said: Prediction, pixels: Pixels) -> Seen:
+    """What is said of a frame, with the colours that it shows."""
     if (light := said.light) is None:
         return Seen(said)
     if (tint := photo_sky(pixels, lighting_from(said))) is not None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 
-from lighting.evidence import Given, Known, known, known_later
+from lighting.evidence import Given, Known, camera_evidence, known, known_later
 from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
 from lighting.records import Prediction
@@ -18,6 +18,7 @@ class Seen:
 
     prediction: Prediction  # its sky in the colour that the frame shows
     ground: Floats | None = None  # (3,) reflectance, where the frame shows enough of it
+    by_lens: "Seen | None" = None  # the same by a camera with the clip's known lens, where it has one
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,10 @@ class Watched:
     keys: dict[int, Key]  # by number
     looks: dict[int, Seen]  # by the frame's index
 
+    def through_known_lens(self) -> "Watched":
+        """The same where the lens that is known is that of all frames: it was not zoomed."""
+        return replace(self, looks={frame: seen.by_lens or seen for frame, seen in self.looks.items()})
+
 
 @dataclass(frozen=True, eq=False)
 class Circumstances:
@@ -37,6 +42,12 @@ class Circumstances:
     facts: PhotoFacts = field(default_factory=PhotoFacts)  # of the clip's first moment
     gimbal: Gimbal = field(default_factory=Gimbal)
     given: Given = field(default_factory=Given)
+    subject: str = "clip"  # what warnings call it
+
+    @property
+    def vertical_fov(self) -> float | None:
+        """Of the lens [deg] by the user or the metadata."""
+        return camera_evidence(self.facts, self.given).vertical_fov
 
     def known_at(self, seconds: float, heading: float | None = None) -> Known:
         """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
@@ -55,4 +66,5 @@ class Circumstances:
             facts = replace(facts, heading=heading, heading_reference="true")
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
             facts, given = replace(facts, heading=None), replace(given, heading=None)
-        return known(facts, given) if seconds == 0.0 else known_later(facts, given)
+        tell = known if seconds == 0.0 else known_later
+        return tell(facts, given, self.subject)

@@ -39,21 +39,22 @@ def test_where_results_go_does_not_decide_about_them(network: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("found", "has_results", "words"),
+    ("found", "words"),
     [
-        (None, True, "holds results, but no batch.json"),
-        (b'{"maps": 1, "source": "a"}', True, r"other settings \(maps\);"),
-        (b'{"maps": 1, "source": "b"}', False, r"other settings \(maps, source\);"),
-        (b"[1]", True, r"other settings \(source\);"),
+        (None, "holds results, but no batch.json"),
+        (b'{"maps": 1, "source": "a"}', r"other settings \(maps\);"),
+        (b'{"maps": 1, "source": "b"}', r"other settings \(maps, source\);"),
+        (b"[1]", r"other settings \(source\);"),
     ],
 )
-def test_other_settings_are_named(found: bytes | None, has_results: bool, words: str) -> None:
+def test_other_settings_are_named(found: bytes | None, words: str) -> None:
     with pytest.raises(BatchError, match=words):
-        check_settings(found, {"maps": None, "source": "a"}, has_results, "out")
+        check_settings(found, {"maps": None, "source": "a"}, True, "out")
 
 
-def test_the_same_settings_or_none_at_all_allow_a_batch() -> None:
+def test_the_same_settings_or_no_results_allow_a_batch() -> None:
     check_settings(None, {"maps": None}, False, "out")
+    check_settings(b'{"maps": 1}', {"maps": None}, False, "out")
     check_settings(b'{"maps": null, "added": 1}', {"maps": None}, True, "out")
 
 

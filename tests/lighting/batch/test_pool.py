@@ -166,6 +166,26 @@ def test_results_of_another_job_are_refused(
     assert len(records(tmp_path / "out")) == 5
 
 
+def test_a_folder_without_one_photo_done_takes_other_settings(photos: Path, tmp_path: Path, network: Path) -> None:
+    (tmp_path / "damaged.onnx").write_bytes(b"nonsense")
+    out = tmp_path / "out"
+    assert run(photos, out, "--model", tmp_path / "damaged.onnx").exit_code == 1
+    assert (out / "batch.json").exists()
+    assert run(photos / "bad.jpg", out, "--model", network).exit_code == 1
+    assert [set(record) for record in records(out)] == [{"file", "error"}]
+    assert run(photos / "a.jpg", out, "--model", network, "--fov", 44).exit_code == 0
+    assert [record["file"] for record in records(out)] == ["a.jpg"]
+
+
+def test_what_ray_did_is_refused(photos: Path, tmp_path: Path, network: Path) -> None:
+    (tmp_path / "lighting.parquet").mkdir()
+    (tmp_path / "batch.json").write_text('{"engine": "ray"}\n')
+    (tmp_path / "lighting.parquet" / "part.parquet").touch()
+    result = run(photos / "a.jpg", tmp_path, "--model", network)
+    assert result.exit_code == 1
+    assert "holds results of other settings (engine, " in result.stderr
+
+
 def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, network: Path) -> None:
     (tmp_path / "lighting.jsonl").write_text("somebody's\n")
     result = run(photos, tmp_path, "--model", network)

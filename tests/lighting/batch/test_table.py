@@ -1,19 +1,23 @@
 """The results as Parquet."""
 
+import json
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pyarrow.parquet import read_table
 
-from lighting.batch import require_parquet
+from lighting.batch import require_parquet, write_table
 from lighting.batch.table import row, schema
 from lighting.errors import BatchError
 from lighting.ranges import RANGES
 from lighting.records import Lighting
 from tests.conftest import encode, scene
 from tests.lighting.batch.runners import records, run
+
+LIGHT = Lighting(10.0, 20.0, 3.0, 1.0)
 
 
 @pytest.mark.slow
@@ -58,6 +62,25 @@ def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: p
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (
+            {"lighting": {**LIGHT.to_dict(), "sky": {"turbidity": 11, "exposure": 1.0}}},
+            "turbidity is 11; it must lie in",
+        ),
+        ({}, "The lighting record needs an object 'sun'."),
+    ],
+)
+def test_a_line_that_cannot_be_is_named(tmp_path: Path, content: dict[str, Any], said: str) -> None:
+    lines = [{"file": "a.jpg", "error": "No."}, {"file": "b.jpg", **content}]
+    journal = tmp_path / "lighting.jsonl"
+    journal.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8-sig")
+    with pytest.raises(BatchError, match=rf"^{journal}, line 2: {said}"):
+        write_table(tmp_path)
+    assert list(tmp_path.iterdir()) == [journal]
+
+
 def test_a_row_has_the_schemas_columns() -> None:
     columns = schema().names
     assert list(row("a.jpg", Lighting(10.0, 20.0, 3.0, 1.0))) == columns
@@ -69,7 +92,7 @@ def test_a_row_has_the_schemas_columns() -> None:
 def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(BatchError, match=r"^Parquet needs pyarrow: pip install"):
-        require_parquet()
+        require_parquet(Path())
 
 
 def test_the_strength_of_the_light_has_columns_of_its_own() -> None:

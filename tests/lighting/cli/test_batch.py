@@ -25,6 +25,30 @@ def test_results_in_a_file_are_refused(photo_path: Path) -> None:
     assert result.stderr == f"Error: {photo_path} is a file; the results need a folder.\n"
 
 
+@pytest.mark.parametrize("option", ["--parquet", "--overwrite"])
+def test_a_folder_in_place_of_the_table_is_refused_first(photo_path: Path, tmp_path: Path, option: str) -> None:
+    out = tmp_path / "out"
+    (out / "lighting.parquet").mkdir(parents=True)
+    result = run(photo_path, out, option)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == (
+        f"Error: {out}/lighting.parquet is a folder, as --engine ray writes it; choose another one for the results.\n"
+    )
+    assert [path.name for path in out.iterdir()] == ["lighting.parquet"]
+
+
+def test_a_table_in_a_folder_that_does_not_exist_is_refused_first(photo_path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "lighting.parquet").symlink_to(tmp_path / "none" / "table.parquet")
+    result = run(photo_path, out, "--parquet")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == (
+        f"Error: {out}/lighting.parquet is a link to a file in {tmp_path}/none, which is no folder.\n"
+    )
+    assert [path.name for path in out.iterdir()] == ["lighting.parquet"]
+
+
 def test_ray_and_pyarrow_are_not_imported_unless_asked() -> None:
     code = "import sys, lighting.cli, lighting.batch; print(*sys.modules)"
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

@@ -38,16 +38,22 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
         ("{}\n{}", "stdin does not hold one JSON record: Extra data: line 2 column 1 (char 3)."),
         ("[" * 100_000, "stdin does not hold one JSON record: maximum recursion depth exceeded"),
         ("\xff", "stdin does not hold one JSON record: 'utf-8' codec can't decode byte 0xff"),
-        ("NaN", "The lighting record needs an object 'sun'."),
-        ("[]", "The lighting record needs an object 'sun'."),
-        ('{"lighting": null}', "The lighting record needs an object 'sun'."),
+        ("NaN", "stdin: The lighting record needs an object 'sun'."),
+        ("[]", "stdin: The lighting record needs an object 'sun'."),
+        ('{"lighting": null}', "stdin: The lighting record needs an object 'sun'."),
         ('{"file": "x.jpg", "error": "Gone."}', "stdin holds an error in place of a lighting record."),
-        ('{"sun": {"azimuth": NaN, "elevation": 3}, "sky": {"turbidity": 3, "exposure": 1}}', "sun_azimuth must be a"),
+        (
+            '{"sun": {"azimuth": NaN, "elevation": 3}, "sky": {"turbidity": 3, "exposure": 1}}',
+            "stdin: sun_azimuth must",
+        ),
         (
             '{"sun": {"azimuth": 3, "elevation": 3}, "sky": {"turbidity": 11, "exposure": 1}}',
-            "turbidity is 11; it must",
+            "stdin: turbidity is 11; it must",
         ),
-        ('{"sun": {"azimuth": 3, "elevation": -3}, "sky": {"turbidity": 3, "exposure": 1}}', "sun_elevation is -3;"),
+        (
+            '{"sun": {"azimuth": 3, "elevation": -3}, "sky": {"turbidity": 3, "exposure": 1}}',
+            "stdin: sun_elevation is -3",
+        ),
         ('{"sun": {"azimuth": 1' + "0" * 5000 + "}}", "stdin does not hold one JSON record: Exceeds the limit"),
     ],
     ids=range(12),
@@ -56,6 +62,21 @@ def test_a_bad_record_is_one_sentence(tmp_path: Path, text: str, sentence: str) 
     result = run("render", "-", "-o", tmp_path / "a.exr", stdin=text.encode("latin-1"))
     assert error_of(result).startswith(sentence)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_record_out_of_range_is_named(photo_path: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.json"
+    record = LIGHTING.to_dict()
+    path.write_text(json.dumps({**record, "sky": {**record["sky"], "turbidity": 11}}), encoding="utf-8-sig")
+    out = tmp_path / "out"
+    commands: list[list[str | Path]] = [
+        ["render", path, "-o", tmp_path / "a.exr"],
+        ["info", path],
+        ["scene", photo_path, "--for", "usd", "--lighting", path, "-o", out],
+    ]
+    for command in commands:
+        assert error_of(run(*command)) == f"{path}: turbidity is 11; it must lie in 1 to 10."
+    assert not out.exists()
 
 
 def test_inputs_are_never_overwritten(network: Path, tmp_path: Path) -> None:

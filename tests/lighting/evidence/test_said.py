@@ -14,8 +14,8 @@ from lighting.geometry import Floats, Pinhole, angle_between, camera_axes, camer
 from lighting.model import Model
 from lighting.photo import PhotoFacts, photo_of, to_tensor
 from lighting.records import Prediction
-from tests.lighting.evidence.test_fusion import lobe
 from tests.lighting.evidence.test_calibration import poles
+from tests.lighting.evidence.test_fusion import lobe
 
 SIZE = (400, 300)
 

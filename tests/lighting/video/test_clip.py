@@ -31,6 +31,12 @@ def test_a_rotation_flag_turns_the_picture(tmp_path: Path, rotation: int, top_go
     assert pixels[..., 0].mean() == pytest.approx(100, abs=10)
 
 
+def test_frames_are_no_longer_than_asked_for(tmp_path: Path) -> None:
+    """640 / 1050 * 1050 is more than 640 in floating point."""
+    path = write_clip(tmp_path / "a.mp4", [np.full((590, 1050, 3), 128, np.uint8)] * 2)
+    assert first(path).shape == (360, 640, 3)
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("rotation", [0, 90, -90, 180])
 def test_flags_turn_and_mirror(tmp_path: Path, rotation: int, mirrored: bool) -> None:

@@ -17,7 +17,9 @@ from lighting.files import write_envmap
 from lighting.geometry import camera_axes
 from lighting.model import Model
 from lighting.video import output
+from lighting.video.watch import see
 from tests.conftest import LIT, write_network
+from tests.lighting.evidence.test_calibration import poles
 from tests.lighting.video.clips import Pixels, pan, write_clip
 
 
@@ -70,8 +72,28 @@ def test_a_clip_that_is_no_ordinary_one_is_told(tmp_path: Path) -> None:
     model = write_network(tmp_path / "doubtful.onnx", more={**LIT, "light": doubtful})
     clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
     done = run(clip, "-o", tmp_path / "out", "--model", model, "--height", 32)
-    assert f"Warning: {clip}: This does not look like an ordinary photo" in done.output
+    assert f"Warning: {clip}: This does not look like an ordinary clip" in done.output
     assert len(records(tmp_path / "out")[0]["lighting"]["warnings"]) == done.output.count("Warning: ") == 1
+
+
+def test_a_lens_that_is_given_tells_how_the_camera_was_held(network: Path, tmp_path: Path) -> None:
+    pixels = poles(20.0, 0.0, 60.0, (320, 180))
+    clip = write_clip(tmp_path / "poles.mp4", [pixels] * 3)
+    assert run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, "--fov", 60).exit_code == 0
+    seen = see(Model.load(network), pixels, 60.0)
+    assert seen.by_lens is not None
+    alone, known = (said.prediction.camera_elevation for said in (seen, seen.by_lens))
+    assert abs(records(tmp_path / "out")[0]["lighting"]["camera"]["elevation"] - known) < 0.3 * abs(known - alone)
+
+
+def test_warnings_speak_of_the_clip(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
+    said = ("--time", "2024-06-01T12:00:00Z", "--fov", 5)
+    done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, *said)
+    assert done.exit_code == 0, done.output
+    assert "The time was not used, because the clip does not say where it was taken." in done.output
+    assert "° by the pixels: the clip may be cropped." in done.output
+    assert "photo" not in done.output
 
 
 def green(frame: Pixels) -> Pixels:

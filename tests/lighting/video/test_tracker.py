@@ -17,7 +17,9 @@ from lighting.turns.rays import rotation_vector
 from lighting.video import Tracker, turning
 from lighting.video.bank import FIRST
 from lighting.video.turning import Turning
+from lighting.video.watch import see
 from lighting.video.zoom import zoomed_fov
+from tests.lighting.evidence.test_calibration import poles
 from tests.lighting.video.clips import FOV, look, orientation, panorama, seen
 
 BLACK = np.zeros((180, 320, 3), np.uint8)
@@ -180,6 +182,27 @@ def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
     assert last.lighting.sun_elevation == pytest.approx(61.0, abs=3.0)  # Munich in June
     towards_sun = last.lighting.camera_heading + last.lighting.sun_azimuth
     assert float(wrap_azimuth(towards_sun - 148.0)) == pytest.approx(0.0, abs=15.0)
+
+
+def test_a_lens_that_is_given_tells_how_the_camera_was_held(model: Model) -> None:
+    pixels = poles(20.0, 0.0, 60.0)
+    told = Tracker(model, Given(vertical_fov=60.0, use_exif=False))(pixels, 0.0)
+    known = see(model, pixels, 60.0).by_lens
+    assert told is not None
+    assert known is not None
+    assert told.lighting.camera_elevation == pytest.approx(known.prediction.camera_elevation, abs=1e-3)
+
+
+def test_frames_of_one_row_are_no_crash(model: Model) -> None:
+    tracker, frame = Tracker(model), np.full((1, 1000, 3), 128, np.uint8)
+    assert [tracker(frame, time) for time in (0.0, 1.0)] == [None, None]  # it shows nothing to follow
+
+
+def test_warnings_speak_of_the_stream(model: Model) -> None:
+    told = Tracker(model, Given(vertical_fov=5.0, use_exif=False))(look(0.0), 0.0)
+    assert told is not None
+    assert any("the stream may be cropped" in warning for warning in told.lighting.warnings)
+    assert not any("photo" in warning for warning in told.lighting.warnings)
 
 
 def test_the_ground_is_the_one_that_was_seen(lit_network: Path) -> None:

@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lighting.evidence import Given, said_of
 from lighting.model import Model
+from lighting.photo import photo_of
 from lighting.video.watch import see
 from tests.conftest import scene
+from tests.lighting.evidence.test_calibration import poles
 
 
 def sky_of(model: Model, pixels: np.ndarray) -> np.ndarray:
@@ -30,6 +33,16 @@ def test_a_network_that_says_nothing_of_the_light_is_left_alone(network: Path) -
     seen = see(Model.load(network), scene(320, 240))
     assert seen.prediction.light is None
     assert seen.ground is None
+
+
+def test_a_lens_that_is_known_enters_how_the_camera_was_held(network: Path) -> None:
+    model, pixels = Model.load(network), poles(20.0, 0.0, 60.0)
+    seen = see(model, pixels, 60.0)
+    assert seen.by_lens is not None
+    assert see(model, pixels).by_lens is None
+    assert seen.prediction.camera_elevation == said_of(model, photo_of(pixels)).camera_elevation
+    known = said_of(model, photo_of(pixels), Given(vertical_fov=60.0)).camera_elevation
+    assert seen.by_lens.prediction.camera_elevation == known != seen.prediction.camera_elevation
 
 
 def test_a_frames_ground_has_the_colour_that_it_shows(lit_network: Path) -> None:

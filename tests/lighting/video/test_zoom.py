@@ -80,6 +80,15 @@ def test_a_zoom_by_a_lens_that_is_given_begins_with_it(model: Model) -> None:
     assert shot.zoom[-1] == pytest.approx(1.6, rel=0.01)
 
 
+@pytest.mark.parametrize("ratio", [1.0, 1.6])
+def test_a_lens_that_is_given_tells_how_an_unzoomed_camera_was_held(model: Model, ratio: float) -> None:
+    given, pictures = Circumstances(given=Given(vertical_fov=60.0)), filmed(zooms(ratio))
+    plain = watched(pictures, model)
+    (by_lens,) = shots_watched(frames(pictures), model, 0.5, vertical_fov=given.vertical_fov)
+    moved = solve(by_lens, given).path.elevation - solve(plain, given).path.elevation
+    assert bool(np.abs(moved).max() > 0.1) == (ratio == 1.0)
+
+
 def test_one_lens_is_no_zoom(model: Model) -> None:
     assert as_one_lens(watched(filmed(zooms(1.0)), model), Circumstances()) is None
     assert as_one_lens(watched(filmed(zooms(1.02)), model), Circumstances()) is None
