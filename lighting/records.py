@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import Floats, direction
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, check_range, is_finite, plain_numbers
-from lighting.sections import record_of, values_in
+from lighting.sections import as_in_record, record_of, values_in
 from lighting.sky import MODELS
 
 SKY_MODEL = "hosek-wilkie"
@@ -176,9 +176,14 @@ class Lighting:
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
         """The Lighting in a record of `to_dict`; absent optional fields take defaults, derived values are ignored.
 
-        Raises ParameterError, which names the field that is missing, of the wrong type or out of range.
+        Raises ParameterError, which names the field that is missing, of the wrong type or out of range, as the record
+        does: sun.azimuth.
         """
-        return cls(**values_in(record))
+        values = values_in(record)
+        try:
+            return cls(**values)
+        except ParameterError as error:
+            raise ParameterError(as_in_record(str(error))) from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,11 @@ _COLOURS = {  # where the JSON record has them
     "sky.irradiance": "sky_irradiance",
     "ground.color": "ground_color",
 }
+_PLACES = {  # where the JSON record has each attribute
+    "camera_heading_probability": "camera.heading_probability",
+    **{attribute: path for path, attribute in _COLOURS.items()},
+    **{attribute: f"{section}.{name}" for section, names in _SECTIONS.items() for name, attribute in names.items()},
+}
 
 
 def record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any]:
@@ -69,7 +74,7 @@ def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
     }
     for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
         if values[name] is None:
-            raise ParameterError(f"The lighting record lacks {name}.")
+            raise ParameterError(f"The lighting record lacks {_PLACES[name]}.")
     values |= {f"model_{name}": _text(found["model"], name) for name in ("name", "version")}
     values |= {name: _texts(record, name) for name in ("evidence", "warnings")}
     values["camera_heading_probability"] = _numbers(
@@ -82,10 +87,17 @@ def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
+def as_in_record(sentence: str) -> str:
+    """The sentence about an attribute, which begins with its name, about the field of the JSON record that holds it."""
+    name, space, rest = sentence.partition(" ")
+    return f"{_PLACES.get(name, name)}{space}{rest}"
+
+
 def _text(section: Mapping[str, Any], name: str) -> str | None:
-    if not isinstance(section.get(name, ""), str):
-        raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(section[name])}.")
-    return section.get(name)
+    text = section.get(name)
+    if text is not None and not isinstance(text, str):
+        raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(text)}.")
+    return text
 
 
 def _texts(record: Mapping[str, Any], name: str) -> tuple[str, ...]:

@@ -83,6 +83,7 @@ _WORDS = {  # plainer than pydantic's, by its name of the error
     "extra_forbidden": "is not known here",
     "literal_error": "must be {expected}",
     "model_type": "must be a JSON object",
+    "dict_type": "must be a JSON object",
     "list_type": "must be a list",
     "string_type": "must be a text",
     "too_short": "must have at least {min_length} values",

@@ -40,6 +40,7 @@ from server.values import (
     named,
 )
 
+BY_DEFAULT = "by default where the light states its power, or where it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
 
 
@@ -102,7 +103,7 @@ class LightingQuery(GivenQuery):
 class MapQuery(Query):
     """How a map is rendered."""
 
-    sun: FlagOrAuto = Field(None, description="paint the sun's disc; by default if direct sunlight is likely")
+    sun: FlagOrAuto = Field(None, description=f"paint the sun's disc; {BY_DEFAULT}")
     height: Height = 512
     yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
     format: Format = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
@@ -201,7 +202,7 @@ class SceneQuery(Query):
 
     tool: Tool = Field(description="the tool that opens it")
     up_axis: UpAxis = Field("Y", description="with `tool=usd`")
-    sun: FlagOrAuto = Field(None, description="include direct sunlight; by default if it is likely")
+    sun: FlagOrAuto = Field(None, description=f"include direct sunlight; {BY_DEFAULT}")
     height: Height = 512
 
     @model_validator(mode="after")

@@ -30,6 +30,8 @@ def _objection(name: str, suffixes: Sequence[str]) -> str | None:
         return "Binary data needs a file or a pipe, not a terminal." if shown else None
     if path.is_dir():
         return f"{name} is a folder."
+    if path.exists() and not path.is_file():
+        return f"{name} is a pipe or a device, not a file."
     if path.suffix.lower() not in suffixes:
         return f"{name} must end in {_either(suffixes)}."
     folder = Path(os.path.realpath(name)).parent if path.is_symlink() else path.parent

@@ -30,10 +30,11 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"file": sky, **state.to_dict()}))
         return
+    side = "left" if state.sun_azimuth < 0 else "right"
     trust = "" if state.trusted else ", not to be trusted"
     click.echo(
-        f"{shown(sky)}: sun {state.sun_azimuth:.1f}° right of the centre, {state.sun_elevation:.1f}° high "
-        f"({state.sun_source}); "
+        f"{shown(sky)}: sun {abs(state.sun_azimuth):.1f}° {side} of the centre, "
+        f"{state.sun_elevation:.1f}° high ({state.sun_source}); "
         f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
         f"{trust}; cover {100 * state.cover:.0f} %"
     )

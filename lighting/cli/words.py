@@ -48,12 +48,19 @@ def in_words(name: str, lighting: "Lighting") -> str:
     """One line for people."""
     tilt, roll = round(lighting.camera_elevation, 1), round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
-        f"{shown(name)}: sun {_side(lighting.sun_azimuth)}, {lighting.sun_elevation:.1f}° high "
-        f"(50 % within {lighting.radius_50:.1f}°, 90 % within {lighting.radius_90:.1f}°), "
-        f"direct sunlight {100 * lighting.sun_visibility:.0f} %, turbidity {lighting.turbidity:.1f}; "
+        f"{shown(name)}: sun {_side(lighting.sun_azimuth)}, {lighting.sun_elevation:.1f}° high"
+        f"{_spread(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
+        f"turbidity {lighting.turbidity:.1f}; "
         f"camera looks {abs(tilt):.1f}° {'up' if tilt >= 0 else 'down'}, roll {roll:.1f}°, "
         f"vertical field of view {lighting.vertical_fov:.1f}°{_headings(lighting)}{_evidence(lighting)}"
     )
+
+
+def _spread(lighting: "Lighting") -> str:
+    """The radii around the sun; a record that was written by hand may have none."""
+    if lighting.radius_90 == 0.0:
+        return ""
+    return f" (50 % within {lighting.radius_50:.1f}°, 90 % within {lighting.radius_90:.1f}°)"
 
 
 def _headings(lighting: "Lighting") -> str:

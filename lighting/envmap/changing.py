@@ -56,7 +56,7 @@ def _sky(lighting: Lighting) -> Floats:
 
 
 def _followed(stated: Colour, before: Floats, after: Floats) -> Colour:
-    """The stated colour times what the model's has changed by."""
+    """The stated colour times what the model's has changed by, in the six digits of an estimate's."""
     values = np.array(stated) * after / np.maximum(before, _LEAST)
-    red, green, blue = np.clip(values, *COLOUR_RANGES["sky_irradiance"]).tolist()
+    red, green, blue = (float(f"{value:.6g}") for value in np.clip(values, *COLOUR_RANGES["sky_irradiance"]))
     return red, green, blue

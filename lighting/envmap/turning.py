@@ -13,6 +13,7 @@ from lighting.ranges import COLOUR_RANGES, RANGES
 from lighting.records import Colour, Lighting
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
+_DIGITS = 6  # behind the point, of turned angles in degrees; records' own have fewer
 
 
 def rotate(image: Image, yaw: float) -> Image:
@@ -35,8 +36,8 @@ def turn(lighting: Lighting, yaw: float) -> Lighting:
     """The record of a map turned by `yaw` [deg]; its azimuth 0 lies `yaw` to the left of where the camera points."""
     turned = replace(
         lighting,
-        sun_azimuth=float(wrap_azimuth(lighting.sun_azimuth + yaw)),
-        relative_heading=None if lighting.relative_heading is None else (lighting.relative_heading - yaw) % 360.0,
+        sun_azimuth=round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _DIGITS),
+        relative_heading=None if lighting.relative_heading is None else _heading(lighting.relative_heading - yaw),
     )
     if lighting.camera_heading is None:
         return turned
@@ -44,7 +45,7 @@ def turn(lighting: Lighting, yaw: float) -> Lighting:
     shifted = np.interp(degrees + yaw, degrees, probability, period=360.0) if probability else np.array([])
     return replace(
         turned,
-        camera_heading=(lighting.camera_heading - yaw) % 360.0,
+        camera_heading=_heading(lighting.camera_heading - yaw),
         camera_heading_probability=tuple(shifted.tolist()),
     )
 
@@ -58,6 +59,10 @@ def brighten(lighting: Lighting, gain: Floats) -> Lighting:
         sun_irradiance=_times(lighting.sun_irradiance, gain),
         sky_irradiance=_times(lighting.sky_irradiance, gain),
     )
+
+
+def _heading(degrees: float) -> float:
+    return round(degrees % 360.0, _DIGITS) % 360.0
 
 
 def _times(colour: Colour | None, gain: Floats) -> Colour | None:

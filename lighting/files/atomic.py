@@ -1,5 +1,6 @@
 """Files that appear under their final name only when they are whole."""
 
+import errno
 import os
 import re
 import stat
@@ -15,9 +16,12 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `target` that takes its place if the block ends well and vanishes if it does not.
 
     The suffix is kept, since writers read the format from it. A link stays, and what it leads to is replaced; a file
-    that is replaced passes its permissions on. Raises OSError where the folder cannot be written.
+    that is replaced passes its permissions on. Raises OSError where the folder cannot be written, and for a pipe or a
+    device, which a file would take away from others: /dev/null from the whole system.
     """
     final = Path(os.path.realpath(target))
+    if final.exists() and not final.is_file() and not final.is_dir():
+        raise OSError(errno.EEXIST, "it is a pipe or a device, not a file", str(target))
     temporary = _empty(final, Path(target).suffix)
     try:
         yield temporary

@@ -160,7 +160,9 @@ def check_size(width: int, height: int, limit: int, kind: str) -> None:
     if min(width, height) < MIN_SIDE:
         raise PhotoError(f"The photo is {width} x {height} pixels; each side must have at least {MIN_SIDE}.")
     if max(width, height) > MAX_ASPECT * min(width, height):
-        raise PhotoError(f"The photo is {width} x {height} pixels; one side may be {MAX_ASPECT} times the other.")
+        raise PhotoError(
+            f"The photo is {width} x {height} pixels; one side may be at most {MAX_ASPECT} times the other."
+        )
 
 
 def _reason(error: Exception) -> str:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.errors import ProbeError
-from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions
+from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.prefilter import shrink
 from lighting.probe.regions import HEIGHT, solid_angle
 from lighting.probe.sky_fit import SUN_CLEARANCE, SkyFit, fit_sky
@@ -24,7 +24,7 @@ CLEAR = 0.35  # of |log(measured / model)| of the luminance, up to which a direc
 
 @dataclass(frozen=True)
 class SkyState:
-    """A sky in numbers; angles in deg, azimuth from the map's centre column, clockwise positive."""
+    """A sky in numbers; angles in deg, azimuth from the map's centre column, clockwise positive, -180 to 180."""
 
     sun_azimuth: float
     sun_elevation: float
@@ -64,7 +64,8 @@ def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None)
         raise ProbeError("Too little clear sky is seen to fit a model to: the sky is overcast or hidden.")
     cover = _cover(image, direction(azimuth, elevation), fit)
     source = "given" if sun else "found"
-    return SkyState(azimuth, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
+    side = float(wrap_azimuth(azimuth))
+    return SkyState(side, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
 
 
 def _check_sky(image: NDArray[np.float32]) -> None:

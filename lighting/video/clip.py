@@ -200,7 +200,7 @@ def _check_size(width: int, height: int) -> None:
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
         raise VideoError(
             f"The clip is {width} x {height} pixels; each side must have at least {MIN_SIDE}, "
-            f"and one may be {MAX_ASPECT} times the other."
+            f"and one may be at most {MAX_ASPECT} times the other."
         )
 
 

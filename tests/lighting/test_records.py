@@ -52,6 +52,10 @@ PLACES = {  # of each field in the JSON record
 WRONG = [None, "3", True, [3.0], {"value": 3.0}, math.nan, math.inf, -math.inf, 10**4000, np.bool_(True), np.str_("3")]
 
 
+def in_json(name: str) -> str:
+    return ".".join(PLACES[name])
+
+
 def record_with(name: str, value: object) -> dict[str, Any]:
     record = deepcopy(LIGHTING.to_dict())
     section, key = PLACES[name]
@@ -112,7 +116,7 @@ def test_values_outside_a_range_are_named(name: str) -> None:
         with pytest.raises(ParameterError) as caught:
             changed(name, value)
         assert sentence(caught.value).startswith(f"{name} is ")
-        with pytest.raises(ParameterError, match=f"^{name} is "):
+        with pytest.raises(ParameterError, match=f"^{in_json(name)} is "):
             Lighting.from_dict(record_with(name, value))
     for value in (low, high):
         assert getattr(changed(name, value), name) == value
@@ -123,7 +127,7 @@ def test_values_outside_a_range_are_named(name: str) -> None:
 def test_values_of_the_wrong_type_are_named(name: str, value: object) -> None:
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record_with(name, value))
-    assert sentence(caught.value).startswith(f"{name} must be a finite number")
+    assert sentence(caught.value).startswith(f"{in_json(name)} must be a finite number")
 
 
 @pytest.mark.parametrize("name", ["sun_azimuth", "sun_elevation", "turbidity", "exposure"])
@@ -133,7 +137,7 @@ def test_a_missing_value_is_named(name: str) -> None:
     del record[section][key]
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record)
-    assert sentence(caught.value) == f"The lighting record lacks {name}."
+    assert sentence(caught.value) == f"The lighting record lacks {in_json(name)}."
 
 
 @pytest.mark.parametrize("name", ["ground_albedo", "vertical_fov", "sun_visibility"])
@@ -163,6 +167,27 @@ def test_another_sky_model_is_refused(model: object) -> None:
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record)
     assert "the known ones are hosek-wilkie, preetham" in sentence(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "value", "said"),
+    [
+        ("camera", "heading", 400.0, "camera.heading is 400;"),
+        ("camera", "heading_probability", [0.5], "camera.heading_probability has 1 values;"),
+        ("ground", "color", [1, 2], "ground.color must be three numbers"),
+        ("ground", "color", [0, 0, 2], "ground.color is 2;"),
+    ],
+)
+def test_an_error_names_the_field_as_the_record_does(section: str, name: str, value: object, said: str) -> None:
+    record = LIGHTING.to_dict()
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict({**record, section: {**record.get(section, {}), name: value}})
+    assert sentence(caught.value).startswith(said)
+
+
+def test_a_model_without_a_name_is_none() -> None:
+    read = Lighting.from_dict({**LIGHTING.to_dict(), "model": {"name": None, "version": None}})
+    assert (read.model_name, read.model_version) == ("none", "0")
 
 
 def test_a_model_name_must_be_text() -> None:

@@ -161,6 +161,7 @@ BOTH = '"sun": {"azimuth": 1, "elevation": 2}, "sky": {"turbidity": 3, "exposure
         (f'{{{BOTH}, "ground": {{"color": [0, 0, 0, 0]}}}}', "ground.color: must have at most 3 values"),
         (f'{{{BOTH}, "ground": {{"color": 0.1}}}}', "ground.color: must be a list"),
         (f'{{{BOTH}, "model": {{"name": 7}}}}', "model.name: must be a text"),
+        (f'{{{BOTH[:-1]}, "coefficients": []}}}}', f"sky.coefficients: {OBJECT}"),
     ],
 )
 def test_json_that_is_no_record_is_422_in_plain_words(client: TestClient, body: str, detail: str) -> None:

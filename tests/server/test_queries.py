@@ -14,12 +14,13 @@ from starlette.testclient import TestClient
 
 from lighting import Given, read_exr, render
 from lighting.cli.given import _OPTIONS
+from lighting.cli.options import sun_option
 from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from lighting.ranges import OPTIONAL_RANGES, RANGES
 from lighting.turns import has_opencv
-from server.queries import GivenQuery, MapQuery
+from server.queries import BY_DEFAULT, GivenQuery, MapQuery, PhotoSceneQuery
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import client_of, jpeg_headers, together
 from tests.server.test_problems import problem
@@ -91,6 +92,12 @@ def test_the_probability_is_that_of_all_that_is_known(client: TestClient, estima
     told = estimate(client, PHONE, probability="true")["probability"]["probability"]
     assert np.allclose(told, found.distribution.probability, rtol=1e-5)
     assert not np.allclose(told, estimator.predict(read_photo(PHONE)).sun_probability, rtol=1e-2)
+
+
+def test_when_the_sun_is_painted_is_told_as_on_the_command_line() -> None:
+    command: Any = sun_option(lambda: None)
+    assert BY_DEFAULT in command.__click_params__[0].help
+    assert all(BY_DEFAULT in str(query.model_fields["sun"].description) for query in (MapQuery, PhotoSceneQuery))
 
 
 def test_names_are_those_of_the_command_line() -> None:

@@ -44,15 +44,15 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
         ('{"file": "x.jpg", "error": "Gone."}', "stdin holds an error in place of a lighting record."),
         (
             '{"sun": {"azimuth": NaN, "elevation": 3}, "sky": {"turbidity": 3, "exposure": 1}}',
-            "stdin: sun_azimuth must",
+            "stdin: sun.azimuth must",
         ),
         (
             '{"sun": {"azimuth": 3, "elevation": 3}, "sky": {"turbidity": 11, "exposure": 1}}',
-            "stdin: turbidity is 11; it must",
+            "stdin: sky.turbidity is 11; it must",
         ),
         (
             '{"sun": {"azimuth": 3, "elevation": -3}, "sky": {"turbidity": 3, "exposure": 1}}',
-            "stdin: sun_elevation is -3",
+            "stdin: sun.elevation is -3",
         ),
         ('{"sun": {"azimuth": 1' + "0" * 5000 + "}}", "stdin does not hold one JSON record: Exceeds the limit"),
     ],

@@ -12,10 +12,12 @@ from tests.lighting.cli.runners import error_of, run, terminal
 def test_a_bad_output_is_refused_before_any_work(command: list[str], tmp_path: Path) -> None:
     """The input does not exist either, and nobody got as far as looking."""
     (tmp_path / "folder.png").mkdir()
+    (tmp_path / "device.png").symlink_to("/dev/null")
     for name, sentence in (
         ("a.gif", "must end in "),
         ("a", "must end in "),
         ("folder.png", "is a folder."),
+        ("device.png", "is a pipe or a device, not a file."),
         ("absent/a.png", "There is no folder "),
     ):
         result = run(*command, "absent.jpg", "-o", tmp_path / name)

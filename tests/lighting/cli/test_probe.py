@@ -13,12 +13,14 @@ from export.probe.report import DAY, PLACE, lighting_at
 from export.probe.synthetic import Camera, expose, photograph
 from lighting.cli import cli
 from lighting.cli.probe import KINDS
+from lighting.envmap import render
 from lighting.files.exr import read_attributes, read_exr, write_exr
 from lighting.probe.align import yaw_rotation
 from lighting.probe.folders import probe_path, probes_in
 from lighting.probe.lens import KINDS as LENSES
 from lighting.probe.lens import lens_of
 from lighting.probe.settings import Moment
+from lighting.records import Lighting
 from tests.lighting.cli.runners import error_of
 from tests.pictures import taken, write_png16
 
@@ -121,6 +123,17 @@ def test_a_map_without_a_sky_is_said(tmp_path: Path) -> None:
     result = run("fit", tmp_path / "a.exr")
     assert result.exit_code == 1
     assert "No sun is found" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("sun", "azimuth", "side"),
+    [("40,30", 40.0, "40.0° right"), ("-40,30", -40.0, "40.0° left"), ("320,30", -40.0, "40.0° left")],
+)
+def test_the_side_of_the_sun_is_told_as_everywhere(tmp_path: Path, sun: str, azimuth: float, side: str) -> None:
+    sky = Lighting(sun_azimuth=azimuth, sun_elevation=30.0, turbidity=3.0, exposure=1.0)
+    write_exr(tmp_path / "a.exr", render(sky, 64))
+    assert f": sun {side} of the centre, 30.0° high (given); " in run("fit", tmp_path / "a.exr", "--sun", sun).stdout
+    assert json.loads(run("fit", tmp_path / "a.exr", "--sun", sun, "--json").stdout)["sun_azimuth"] == azimuth
 
 
 @pytest.mark.parametrize("sun", ["nan,10", "10,nan", "400,10", "10,99", "10,-1", "10", "a,b", "1,2,3"])

@@ -31,6 +31,13 @@ def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -
     assert words in in_words("x.jpg", lighting)
 
 
+def test_a_record_without_radii_claims_none() -> None:
+    told = Lighting(10.0, 33.0, 3.0, 0.1)
+    assert in_words("x.jpg", told).startswith("x.jpg: sun 10.0° right, 33.0° high, direct sunlight 100 %")
+    told = Lighting(10.0, 33.0, 3.0, 0.1, radius_50=9.5, radius_90=31.0)
+    assert "33.0° high (50 % within 9.5°, 90 % within 31.0°), direct sunlight" in in_words("x.jpg", told)
+
+
 def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path) -> None:
     result = run("estimate", "absent.jpg", photo_path, "--model", network)
     assert len(result.stdout.splitlines()) == 1

@@ -19,22 +19,22 @@ def test_a_light_without_irradiances_is_only_replaced() -> None:
     assert change(PLAIN, CHANGES) == replace(PLAIN, sun_elevation=8.0, turbidity=6.0, exposure=9.0)
 
 
-def test_no_change_changes_nothing() -> None:
-    same = change(STATED, {})
-    np.testing.assert_allclose(sun_irradiance(same), (6, 4, 2), rtol=1e-12)
-    np.testing.assert_allclose(sky_irradiance(same), (1, 2, 3), rtol=1e-12)
+@pytest.mark.parametrize("changes", [{}, {"sun_azimuth": 31.0}, {"camera_elevation": 5.0}])
+def test_what_moves_no_power_leaves_every_digit(changes: dict[str, float]) -> None:
+    light = replace(STATED, sun_irradiance=(9.60513, 10.5285, 9.32128), sky_irradiance=(0.760374, 1.24752, 1.99918))
+    assert change(light, changes) == replace(light, **changes)  # type: ignore[arg-type]
 
 
 def test_exposure_scales_both() -> None:
     twice = change(STATED, {"exposure": 8.0})
-    np.testing.assert_allclose(sun_irradiance(twice), (12, 8, 4), rtol=1e-9)
-    np.testing.assert_allclose(sky_irradiance(twice), (2, 4, 6), rtol=1e-9)
+    np.testing.assert_allclose(sun_irradiance(twice), (12, 8, 4), rtol=1e-5)
+    np.testing.assert_allclose(sky_irradiance(twice), (2, 4, 6), rtol=1e-5)
 
 
 def test_the_sun_keeps_its_ratio_to_the_models() -> None:
     changed, model = change(STATED, CHANGES), change(PLAIN, CHANGES)
     before = sun_irradiance(STATED) / sun_irradiance(PLAIN)
-    np.testing.assert_allclose(sun_irradiance(changed) / sun_irradiance(model), before, rtol=1e-9)
+    np.testing.assert_allclose(sun_irradiance(changed) / sun_irradiance(model), before, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("cover", "spread"), [(0.0, 0.0), (1.0, 1.0)])
@@ -43,7 +43,7 @@ def test_an_overcast_sky_changes_in_grey_alone(cover: float, spread: float) -> N
     stated = replace(STATED, sky_cover=cover)
     gain = sky_irradiance(change(stated, CHANGES)) / sky_irradiance(stated)
     model = sky_irradiance(change(PLAIN, CHANGES)) / sky_irradiance(PLAIN)
-    np.testing.assert_allclose(np.ptp(gain) / np.ptp(model), 1 - spread, atol=1e-9)
+    np.testing.assert_allclose(np.ptp(gain) / np.ptp(model), 1 - spread, atol=1e-5)
 
 
 def test_what_is_stated_anew_counts_as_it_is() -> None:

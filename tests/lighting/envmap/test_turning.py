@@ -58,6 +58,14 @@ def test_a_turned_record_keeps_the_suns_compass_azimuth() -> None:
     assert turn(lighting(0.0), 30.0).camera_heading is None
 
 
+def test_turned_angles_have_no_digits_of_rounding() -> None:
+    known = replace(lighting(0.0), sun_azimuth=57.5527, camera_heading=142.67, relative_heading=33.4)
+    assert turn(known, 360.0) == known
+    turned = turn(known, 123.456)
+    assert (turned.sun_azimuth, turned.camera_heading, turned.relative_heading) == (-178.9913, 19.214, 269.944)
+    assert turn(replace(known, camera_heading=30.0), 30.0 + 1e-9).camera_heading == 0.0
+
+
 def test_a_brightened_record_renders_a_brightened_map() -> None:
     gain = np.array([2.0, 2.0, 2.0])
     for light in (lighting(), given_light(sky_cover=0.3)):

@@ -99,6 +99,17 @@ def test_a_folder_in_the_way_is_an_oserror_and_stays(tmp_path: Path) -> None:
     assert names(tmp_path) == ["map.exr"]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+@pytest.mark.parametrize("name", ["pipe.exr", "link.exr"])
+def test_a_pipe_is_not_replaced(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / "pipe.exr")
+    (tmp_path / "link.exr").symlink_to("pipe.exr")
+    with pytest.raises(OSError, match="it is a pipe or a device, not a file"), replacing(tmp_path / name):
+        pass
+    assert (tmp_path / "pipe.exr").is_fifo()
+    assert names(tmp_path) == ["link.exr", "pipe.exr"]
+
+
 def test_what_killed_processes_left_is_found_and_nothing_else(tmp_path: Path) -> None:
     target = tmp_path / "checkpoint.pt"
     assert leftovers(tmp_path / "none" / "checkpoint.pt") == []
