@@ -80,7 +80,9 @@ def edges_of(grey: NDArray[np.uint8], up: Floats, focal: float) -> Edges:
     other = np.flatnonzero(~is_upright & (across * across + along * along > np.float32(4 * LEAST_OTHER_STEP**2)))
     steps = right.ravel()[other].astype(np.float32), upwards.ravel()[other].astype(np.float32)
     towards = (np.arctan2(*steps) * np.float32(_TURN / (2 * np.pi))).astype(np.int16).astype(np.uint8)
-    return Edges(_linked(upright, np.abs(step), sides, grey.shape), _linked(other, np.hypot(*steps), towards, grey.shape))
+    return Edges(
+        _linked(upright, np.abs(step), sides, grey.shape), _linked(other, np.hypot(*steps), towards, grey.shape)
+    )
 
 
 def _gradient(grey: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:

@@ -35,7 +35,7 @@ def as_shown(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | 
 
 
 def upright(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None) -> Prediction:
-    """The same with the camera by the straight lines of the photo's pixels (h, w, 3) too, and by its lens [deg] if known.
+    """The same with the camera by the straight lines of the pixels (h, w, 3) too, and by the lens [deg] if known.
 
     A sun that the photo shows stays on its pixel.
     """
