@@ -75,7 +75,7 @@ def test_a_record_out_of_range_is_named(photo_path: Path, tmp_path: Path) -> Non
         ["scene", photo_path, "--for", "usd", "--lighting", path, "-o", out],
     ]
     for command in commands:
-        assert error_of(run(*command)) == f"{path}: turbidity is 11; it must lie in 1 to 10."
+        assert error_of(run(*command)) == f"{path}: sky.turbidity is 11; it must lie in 1 to 10."
     assert not out.exists()
 
 
