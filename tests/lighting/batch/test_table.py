@@ -67,7 +67,7 @@ def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: p
     [
         (
             {"lighting": {**LIGHT.to_dict(), "sky": {"turbidity": 11, "exposure": 1.0}}},
-            "turbidity is 11; it must lie in",
+            "sky.turbidity is 11; it must lie in",
         ),
         ({}, "The lighting record needs an object 'sun'."),
     ],
