@@ -13,10 +13,8 @@ from PIL import Image
 
 from lighting.evidence.cameras import LENSES, Cameras, by_the_network, cameras_around, half_of
 from lighting.evidence.contradiction import LENS_RATIO, lens_ratio
-from lighting.evidence.horizontals import MOST_LINES as MOST_OTHER
 from lighting.evidence.horizontals import by_horizontals
 from lighting.evidence.lines import Edges, edges_of
-from lighting.evidence.verticals import MOST_LINES as MOST_UPRIGHT
 from lighting.evidence.verticals import by_verticals
 from lighting.geometry import Floats, focal_length, up_in_camera
 from lighting.records import Prediction
@@ -35,7 +33,6 @@ def with_lines(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: 
     grey = _grey(pixels)
     up = up_in_camera(prediction.camera_elevation, prediction.camera_roll)
     edges = edges_of(grey, up, focal_length(len(grey), prediction.vertical_fov))
-    edges = Edges(edges.upright.longest(MOST_UPRIGHT), edges.other.longest(MOST_OTHER))
     known = _known_lens(prediction, vertical_fov)
     if not (len(edges.upright.length) or len(edges.other.length)) and known is None:
         return prediction

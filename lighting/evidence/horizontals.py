@@ -13,7 +13,7 @@ from lighting.evidence.cameras import Cameras
 from lighting.evidence.lines import Lines, in_picture
 from lighting.geometry import Floats, level_in_camera
 
-MOST_LINES = 60
+_MOST_LINES = 60  # the longest, which tell as much as all
 _HEADINGS = np.arange(0.0, 180.0, 3.0)  # deg from the camera's own; the second half is at right angles to the first
 _HORIZONTAL = 0.35  # share of the edges that run along one of the two headings; the rest has any angle
 _LEANING = 1.0  # deg, standard deviation of horizontals about the true direction
@@ -23,6 +23,7 @@ _WEIGHT = 0.5  # of an edge as long as the picture is tall; others count by the 
 
 def by_horizontals(lines: Lines, height: int, cameras: Cameras, roll: float) -> Floats:
     """Logarithm of the likelihood (L, E) of lines in a picture `height` pixels tall, by cameras with a roll [deg]."""
+    lines = lines.longest(_MOST_LINES)
     level = level_in_camera(_HEADINGS[:, None, None], cameras.elevation, roll)
     bell = _apart(lines, in_picture(level, cameras.half[:, None]).reshape(3, -1))
     spread = np.radians(np.hypot(_LEANING, _ENDS / lines.length)).astype(np.float32)[:, None]

@@ -11,7 +11,7 @@ from lighting.evidence.cameras import Cameras, half_of
 from lighting.evidence.lines import AROUND, Lines, in_picture
 from lighting.geometry import Floats, up_in_camera
 
-MOST_LINES = 80
+_MOST_LINES = 80  # the longest, which tell as much as all
 _VERTICAL = 0.3  # share of the edges that are verticals; the rest has any angle within AROUND
 _LEANING = 0.8  # deg, standard deviation of verticals about the true vertical
 _ENDS = 12.0  # deg x pixels, how uncertain the angle of an edge is by its length
@@ -20,6 +20,7 @@ _WEIGHT = 1.5  # of an edge as long as the picture is tall; others count by the 
 
 def by_verticals(lines: Lines, height: int, cameras: Cameras) -> Floats:
     """Logarithm of the likelihood (L, E, R) of cameras by lines near vertical, in a picture `height` pixels tall."""
+    lines = lines.longest(_MOST_LINES)
     up = up_in_camera(cameras.elevation[..., None], cameras.roll)
     apart = _apart(lines, in_picture(up, cameras.half[:, None, None]), cameras)
     spread = np.hypot(_LEANING, _ENDS / lines.length).astype(np.float32)[:, None]
