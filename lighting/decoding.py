@@ -63,9 +63,7 @@ def lighting_from(prediction: Prediction, sun: SunEstimate | None = None) -> Lig
         "camera_roll": prediction.camera_roll,
         "vertical_fov": prediction.vertical_fov,
     }
-    inside: dict[str, Any] = {
-        name: _significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()
-    }
+    inside: dict[str, Any] = {name: significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()}
     spec = prediction.spec
     inside |= _strength(prediction.light, prediction.sun_visibility) if prediction.light else {}
     return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=("pixels",))
@@ -81,8 +79,8 @@ def _strength(light: Light, visibility: float) -> dict[str, Any]:
     return {
         "sun_irradiance": colour(light.sun_irradiance * 2.0**_SHY * fading(visibility), "sun_irradiance"),
         "sky_irradiance": colour(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
-        "sky_cover": _significant(cover),
-        "suitable": _significant(float(np.clip(light.suitable, 0.0, 1.0))),
+        "sky_cover": significant(cover),
+        "suitable": significant(float(np.clip(light.suitable, 0.0, 1.0))),
     }
 
 
@@ -111,7 +109,7 @@ def tinted(irradiance: Colour, said: float, known: float) -> Colour:
 
 def colour(values: Floats, name: str) -> Colour:
     """Red, green and blue (3,) as plain numbers inside the range that COLOUR_RANGES has for `name`."""
-    red, green, blue = (_significant(float(v)) for v in np.clip(values, *COLOUR_RANGES[name]))
+    red, green, blue = (significant(float(v)) for v in np.clip(values, *COLOUR_RANGES[name]))
     return red, green, blue
 
 
@@ -132,7 +130,8 @@ def light_of_numbers(numbers: Floats, around: NDArray[np.float32] | None = None)
     return Light(irradiance[:3], irradiance[3:], float(numbers[6]), float(numbers[7]), around)
 
 
-def _significant(value: float) -> float:
+def significant(value: float) -> float:
+    """The value to six digits, as records hold it."""
     return float(f"{value:.6g}")
 
 

@@ -17,7 +17,7 @@ from lighting.sky import MODELS
 
 SKY_MODEL = "hosek-wilkie"
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
-EVIDENCE = ("pixels", "time+place", "heading", "focal length", "gravity", "turns", "other photos")
+EVIDENCE = ("pixels", "time+place", "heading", "focal length", "gravity", "camera exposure", "turns", "other photos")
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 SUITABLE = 0.5  # `suitable` below it earns a warning
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas

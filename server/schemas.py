@@ -120,7 +120,7 @@ class LightingRecord(Part):
     evidence: list[str] = Field(
         [],
         description="the sources that the estimate uses",
-        examples=[["pixels", "time+place", "heading", "focal length", "gravity"]],
+        examples=[["pixels", "time+place", "heading", "focal length", "gravity", "camera exposure"]],
     )
     warnings: list[str] = Field([], description="sentences, mostly about metadata that contradict the pixels")
     place: PlacePart | None = None

@@ -3,8 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from lighting.decoding import lighting_from, said_elevation, tinted
-from lighting.evidence.fusion import Fused
+from lighting.decoding import lighting_from, said_elevation, significant, tinted
+from lighting.evidence.exposure import daylight, too_dark
+from lighting.evidence.fusion import Evidence, Fused
 from lighting.evidence.metadata import Known
 from lighting.records import SUITABLE, Estimate
 
@@ -13,6 +14,7 @@ _UNSUITABLE = (
     "the answer may mean nothing."
 )
 UNSUITABLE = _UNSUITABLE.format("photo")
+_IN_TWILIGHT = 0.1  # the most that `suitable` is where time and place have the sun below the horizon
 
 
 def estimate_of(fused: Fused, known: Known) -> Estimate:
@@ -33,9 +35,24 @@ def estimate_of(fused: Fused, known: Known) -> Estimate:
     if not known.sun_is_up:
         told["sun_visibility"] = 0.0
         told["sun_irradiance"] = None if lighting.sun_irradiance is None else (0.0, 0.0, 0.0)
-    if lighting.suitable is not None and lighting.suitable < SUITABLE:
-        told["warnings"] = (*told["warnings"], _UNSUITABLE.format(known.evidence.subject))
+    if lighting.suitable is not None:
+        told["suitable"] = suitable = _suitable(lighting.suitable, known)
+        if suitable < SUITABLE:
+            told["warnings"] = (*told["warnings"], *_reasons(known.evidence))
     if known.location is not None:
         told["latitude"], told["longitude"] = known.location
     light = fused.prediction.light
     return Estimate(replace(lighting, **told), fused.on_cells(), light.around if light else None)
+
+
+def _suitable(by_pixels: float, known: Known) -> float:
+    """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
+    exposure = known.evidence.exposure_value
+    by_exposure = 1.0 if exposure is None else daylight(exposure)
+    return significant(min(by_pixels * by_exposure, 1.0 if known.sun_is_up else _IN_TWILIGHT))
+
+
+def _reasons(evidence: Evidence) -> tuple[str, ...]:
+    """Sentences about a picture that does not suit."""
+    dark = () if evidence.exposure_value is None else too_dark(evidence.exposure_value, evidence.subject)
+    return (*dark, _UNSUITABLE.format(evidence.subject))

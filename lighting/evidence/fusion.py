@@ -32,6 +32,7 @@ class Evidence:
     heading_spread: float = COMPASS_SPREAD  # deg, one standard deviation of that
     vertical_fov: float | None = None  # deg, of the upright photo
     gravity: Gravity | None = None  # how the camera was held
+    exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
     subject: str = "photo"  # what warnings call the pixels' source: a "clip" and a "stream" are taken, too
 
 
@@ -152,5 +153,6 @@ def used(evidence: Evidence) -> tuple[str, ...]:
         "heading": bool(evidence.candidates) and evidence.heading is not None,
         "focal length": evidence.vertical_fov is not None,
         "gravity": evidence.gravity is not None,
+        "camera exposure": evidence.exposure_value is not None,
     }
     return tuple(name for name, there in parts.items() if there)

@@ -68,6 +68,7 @@ def _known(merged: PhotoFacts, candidates: Suns, given: Given, subject: str) -> 
     evidence = replace(
         _of_camera(merged),
         candidates=_in_twilight_on_the_horizon(candidates) if highest >= CIVIL_TWILIGHT else (),
+        exposure_value=merged.exposure_value,
         subject=subject,
         **_compass(merged, given),
     )

@@ -26,6 +26,7 @@ _TIMES = (  # local times, the better one first, with their offsets from UTC
     (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
     (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
 )
+_EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others are damage
 _SAME_ASPECT = 0.02  # relative difference up to which a picture counts as uncropped
 
 
@@ -46,6 +47,7 @@ class PhotoFacts:
     camera_roll: float | None = None  # deg, positive turns the camera clockwise; steep cameras have none
     gravity_source: str | None = None  # of the two: "accelerometer", "gimbal" or "elevation angle"
     gravity_spread: float | None = None  # deg, one standard deviation of the two
+    exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
 
 
 def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
@@ -74,6 +76,7 @@ def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
         camera_roll=None if held is None else held.roll,
         gravity_source=None if held is None else held.source,
         gravity_spread=None if held is None else held.spread,
+        exposure_value=_fact(_exposure_value, camera),
     )
 
 
@@ -201,11 +204,24 @@ def _focal_length(tags: Tags) -> float | None:
 
 def _exposure(tags: Tags) -> float | None:
     base = ExifTags.Base
-    sensitivity = tags.get(base.ISOSpeedRatings, 100)
-    iso = _number(sensitivity[0] if isinstance(sensitivity, tuple) else sensitivity) or 100.0
+    iso = _sensitivity(tags.get(base.ISOSpeedRatings, 100)) or 100.0
     aperture = _number(tags.get(base.FNumber, 1)) or 1.0
     exposure = _number(tags[base.ExposureTime]) * iso / 100.0 / aperture**2
     return exposure if exposure > 0 else None
+
+
+def _exposure_value(tags: Tags) -> float | None:
+    """log2(f-number^2 / time x 100 / ISO); absent unless all three are noted."""
+    base = ExifTags.Base
+    time, aperture = _number(tags[base.ExposureTime]), _number(tags[base.FNumber])
+    value = math.log2(aperture**2 / time * 100.0 / _sensitivity(tags[base.ISOSpeedRatings]))
+    low, high = _EXPOSURE_VALUES
+    return value if low <= value <= high else None
+
+
+def _sensitivity(noted: Any) -> float:
+    """ISO from a number, or from the first of several."""
+    return _number(noted[0] if isinstance(noted, tuple) else noted)
 
 
 def _is_whole(tags: Tags, aspect: float) -> bool:

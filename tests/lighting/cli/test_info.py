@@ -11,7 +11,7 @@ from tests.conftest import TINY
 from tests.lighting.cli.runners import LIGHTING, error_of, run
 
 METADATA = ["local_time", "utc_offset", "utc_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
-METADATA += ["camera_elevation", "camera_roll", "gravity_source", "gravity_spread"]
+METADATA += ["camera_elevation", "camera_roll", "gravity_source", "gravity_spread", "exposure_value"]
 
 
 def test_info_of_a_map_can_be_rendered_again(record_path: Path, tmp_path: Path) -> None:

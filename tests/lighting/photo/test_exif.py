@@ -135,6 +135,34 @@ def test_a_bad_tag_is_an_absent_one(name: str, value: object, lost: str) -> None
     assert sum(getattr(facts, field) is None for field in told) <= 3
 
 
+SETTINGS = {"ExposureTime": 1 / 125, "FNumber": 16.0, "ISOSpeedRatings": 100}
+
+
+@pytest.mark.parametrize(
+    ("other", "exposure_value"),
+    [
+        ({}, 14.97),
+        ({"ISOSpeedRatings": 400}, 12.97),
+        ({"ISOSpeedRatings": (100, 100)}, 14.97),
+        ({"FNumber": 2.8, "ExposureTime": 2.0}, 1.97),
+        ({"FNumber": 0.0}, None),
+        ({"ISOSpeedRatings": 0}, None),
+        ({"ExposureTime": 0.0}, None),
+        ({"ExposureTime": 1e12}, None),
+    ],
+)
+def test_exposure_value_by_the_cameras_settings(other: dict[str, Any], exposure_value: float | None) -> None:
+    block = exif({ExifTags.Base[name]: value for name, value in {**SETTINGS, **other}.items()})
+    assert facts_of(block).exposure_value == (exposure_value and pytest.approx(exposure_value, abs=0.01))
+
+
+@pytest.mark.parametrize("absent", SETTINGS)
+def test_all_of_an_exposures_settings_must_be_noted(absent: str) -> None:
+    """A lens without contacts notes no f-number."""
+    block = exif({ExifTags.Base[name]: value for name, value in SETTINGS.items() if name != absent})
+    assert facts_of(block).exposure_value is None
+
+
 def test_zero_north_zero_east_is_nowhere() -> None:
     facts = facts_of(munich(GPSLatitude=(0.0, 0.0, 0.0), GPSLongitude=(0.0, 0.0, 0.0)))
     assert facts.latitude is facts.longitude is None

@@ -82,6 +82,7 @@ const USED: Record<string, string> = {
   heading: "the compass heading",
   "focal length": "the lens's focal length",
   gravity: "how the camera was held",
+  "camera exposure": "the camera's exposure (how bright the scene was)",
   turns: "the turns between the photos",
   "other photos": "the other photos",
 };
