@@ -1,8 +1,8 @@
 """Whether a scene was as bright as daylight makes it, by the exposure that the camera noted.
 
-At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9; shop windows and streets
-in bright lamplight have 8, rooms 5 to 7 (ANSI PH2.7, Photographic Exposure Guide). Exposures tell indoors from outdoors
-better than pixels do (Boutell and Luo, CVPR 2004).
+At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9; streets and shop
+windows in bright lamplight take 8, rooms 5 to 7 (ANSI PH2.7, Photographic Exposure Guide). Exposures tell indoors from
+outdoors better than pixels do (Boutell and Luo, CVPR 2004).
 """
 
 _DARK = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
