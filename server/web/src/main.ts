@@ -155,6 +155,7 @@ function open(index: number): void {
 function change(part: Partial<Look>, kind: string): void {
   const view = current();
   if (!view) return;
+  forgive();
   view.history.push({ ...lookOf(view), ...part }, kind, gesture());
   refresh();
 }
