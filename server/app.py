@@ -18,6 +18,7 @@ from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
 from server.service import Service
 from server.settings import Settings, read_settings
+from server.uploads import FORM, PHOTO_FIELD
 
 TAGS = [
     {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
@@ -52,7 +53,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
     problems.install(app)
     _include(app, service)
     _wrap(app, service)
-    _document(app)
+    _document(app, service.settings)
     return app
 
 
@@ -82,7 +83,7 @@ def _wrap(app: FastAPI, service: Service) -> None:
             CORSMiddleware,
             allow_origins=service.settings.cors_origins,
             allow_methods=["GET", "POST"],
-            allow_headers=["Authorization", "Content-Type", "X-Request-ID"],
+            allow_headers=["Authorization", "Content-Type", "If-None-Match", "X-Request-ID"],
             expose_headers=EXPOSED,
         )
     app.add_middleware(SecurityHeaders)
@@ -110,8 +111,8 @@ def _operation_id(route: APIRoute) -> str:
     return route.name
 
 
-def _document(app: FastAPI) -> None:
-    """Add the schemas to the OpenAPI document to which only bodies and errors refer."""
+def _document(app: FastAPI, settings: Settings) -> None:
+    """Add to the OpenAPI document the schemas to which only bodies and errors refer, and the most photos of a form."""
     generate = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -122,6 +123,8 @@ def _document(app: FastAPI) -> None:
                 continue
             schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas.update({**schema.pop("$defs", {}), model.__name__: schema, **schemas})
+        form = document["paths"]["/v1/lighting"]["post"]["requestBody"]["content"][FORM]["schema"]
+        form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
         return document
 
     app.openapi = openapi  # type: ignore[method-assign]

@@ -1,5 +1,6 @@
 """For operators: health, metrics, one log line per request, and a handler for unexpected errors."""
 
+import asyncio
 import logging
 import re
 import secrets
@@ -17,6 +18,7 @@ from server.schemas import Status
 from server.service import Service, Services
 
 UNCOUNTED = ("/livez", "/readyz", "/healthz", "/metrics")
+SHUT_DOWN = "The service shut down before this request was finished; send it again."
 UNMATCHED = "unmatched"  # label of requests that match no route
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
 _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
@@ -106,7 +108,10 @@ def _request_id(headers: Headers) -> str:
 
 
 class Caught:
-    """Answers 500 without internal details for errors that nothing else handled, and logs them."""
+    """Answers 500 without internal details for errors that nothing else handled, and logs them.
+
+    A request that a shutdown ends, because its time is over, is answered 503.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -121,11 +126,19 @@ class Caught:
 
         try:
             await self.app(scope, receive, watched)
+        except asyncio.CancelledError:
+            if scope["type"] != "http" or started:
+                raise
+            await _tell(BusyError(SHUT_DOWN), scope, receive, send)
         except Exception as error:
             if scope["type"] != "http" or started:
                 raise
-            answer = await problems.answer(Request(scope), error)
-            await answer(scope, receive, send)
+            await _tell(error, scope, receive, send)
+
+
+async def _tell(error: Exception, scope: Scope, receive: Receive, send: Send) -> None:
+    answer = await problems.answer(Request(scope), error)
+    await answer(scope, receive, send)
 
 
 class HeadAsGet:

@@ -83,7 +83,8 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         elif getattr(error, "error_status_hint", 400) == problems.HEADERS_TOO_LARGE.status:
             self._refuse(problems.HEADERS_TOO_LARGE, f"The request line and the headers exceed {HEADER_BYTES} bytes.")
         else:
-            self._refuse(problems.MALFORMED, msg)
+            reason = str(error or msg).partition(": bytearray")[0]  # without the bytes, which may hold a key
+            self._refuse(problems.MALFORMED, f"The request cannot be read: {reason}.")
 
     def pause_writing(self) -> None:
         super().pause_writing()

@@ -16,12 +16,14 @@ def parse_record(data: bytes) -> Lighting:
     """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
 
     It is UTF-8, with or without a byte order mark, or UTF-16, as PowerShell redirects that line.
-    Raises ProblemError for what is not JSON, RequestValidationError for wrong fields.
+    Raises ProblemError for what is not JSON or an answer about several photos, RequestValidationError for wrong fields.
     """
     try:
         record = from_json(data.decode(detect_encoding(data)))
     except ValueError as error:
         raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
+    if isinstance(record, dict) and "lightings" in record:
+        raise problems.invalid("lightings", "holds the records of several photos; send one of them", "body")
     inner = record.get("lighting", record) if isinstance(record, dict) else record
     try:
         return LightingRecord.model_validate(inner).lighting()

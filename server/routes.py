@@ -16,7 +16,6 @@ from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQ
 from server.records import parse_record
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 from server.service import Admitted, PhotoBytes, PhotosBytes, Services
-from server.settings import Settings
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
 from server.values import MEDIA_TYPES
 
@@ -28,7 +27,7 @@ PHOTO_BODY: dict[str, Any] = {
     FORM: {"schema": FORM_SCHEMA},
     **{photo_type: {"schema": BINARY} for photo_type in PHOTO_TYPES},
 }
-MANY = {"type": "array", "items": BINARY, "minItems": 1, "maxItems": Settings.model_fields["max_photos"].default}
+MANY = {"type": "array", "items": BINARY, "minItems": 1}  # the app adds how many at most
 PHOTOS_FORM: dict[str, Any] = {FORM: {"schema": {**FORM_SCHEMA, "properties": {PHOTO_FIELD: MANY}}}}
 RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
 MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}

@@ -81,7 +81,7 @@ def _triple(text: Any) -> list[str] | None:
     return numbers
 
 
-_NUMBER = r"[0-9]+([.][0-9]+)?(e-?[0-9]+)?"
+_NUMBER = r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?"
 _AS_TEXT = (BeforeValidator(in_words(_triple)), _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"))
 Irradiances = Annotated[tuple[Irradiance, Irradiance, Irradiance] | None, *_AS_TEXT]
 Reflectances = Annotated[tuple[Reflectance, Reflectance, Reflectance] | None, *_AS_TEXT]

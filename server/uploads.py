@@ -53,6 +53,7 @@ class Body:
 
     async def photos(self, most: int, *also: str) -> list[bytes]:
         """The bytes of one to `most` photos; raises ProblemError."""
+        self._refuse_coded()
         kind = media_type(self.request)
         if kind == FORM:
             return await self._in_time(lambda: self._photos_of_form(most))
@@ -63,7 +64,15 @@ class Body:
 
     async def record(self) -> bytes:
         """The bytes of a JSON lighting record; raises ProblemError."""
+        self._refuse_coded()
         return await self._in_time(lambda: self._whole(min(self.limits.max_bytes, MAX_RECORD_BYTES)))
+
+    def _refuse_coded(self) -> None:
+        """Raise ProblemError for a body that is compressed for its way here: it would be taken for a damaged photo."""
+        coding = self.request.headers.get("content-encoding", "").strip().lower()
+        if coding not in ("", "identity"):
+            detail = "The body has a Content-Encoding; send it as it is, without one."
+            raise ProblemError(problems.UNSUPPORTED_TYPE, detail, {"Accept-Encoding": "identity"})
 
     async def _in_time(self, reading: Callable[[], Awaitable[T]]) -> T:
         with self._arriving(), self._deadline:
@@ -94,9 +103,10 @@ class Body:
             _refuse_others(form)
             fields = form.getlist(PHOTO_FIELD)
             files = [field for field in fields if isinstance(field, UploadFile)]
-            if not 1 <= len(files) == len(fields) <= most:
-                wanted = "one file" if most == 1 else f"1 to {most} files"
-                raise problems.invalid(PHOTO_FIELD, f"The form needs {wanted} in this field and nothing else.", "form")
+            if not 1 <= len(files) == len(fields):
+                raise problems.invalid(PHOTO_FIELD, "The form needs a file in this field and nothing else.", "form")
+            if len(files) > most:
+                raise _too_many(most)
             return [await file.read() for file in files]
 
     @asynccontextmanager
@@ -111,6 +121,8 @@ class Body:
         try:
             form = await parser.parse()
         except MultiPartException as error:
+            if parser.crowded:
+                raise _too_many(most) from error
             raise ProblemError(problems.UNREADABLE_BODY, f"The form cannot be read: {error.message}") from error
         try:
             yield form
@@ -119,9 +131,13 @@ class Body:
 
 
 class _Form(MultiPartParser):
-    """A parser that refuses a form that ends early."""
+    """A parser that refuses a form that ends early, and says whether one had more files than it reads."""
 
     ended = False
+
+    @property
+    def crowded(self) -> bool:
+        return self._current_files > self.max_files
 
     def on_end(self) -> None:
         self.ended = True
@@ -133,6 +149,11 @@ class _Form(MultiPartParser):
                 file.close()
             raise MultiPartException("It is cut short.")
         return form
+
+
+def _too_many(most: int) -> ProblemError:
+    wanted = "one photo here" if most == 1 else f"at most {most} photos"
+    return problems.invalid(PHOTO_FIELD, f"A form holds {wanted}, and this one holds more.", "form")
 
 
 def _refuse_others(form: FormData) -> None:

@@ -14,6 +14,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -128,7 +129,7 @@ def _unpack(data: bytes, folder: Path) -> None:
             for name in NEEDED:
                 if name in sizes:
                     (folder / name).write_bytes(archive.read(name))
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
         raise AnswerError("The service's answer is not a scene.") from error
     _check(folder)
 

@@ -1,27 +1,44 @@
 """Lines on the sphere of directions: the sun's regions and the photo's frame."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from PIL import Image
 
 from lighting.geometry import Floats, camera_axes
-from lighting.preview.ink import shaded_stroke, write_inside
+from lighting.preview.ink import shaded_stroke, text_width, write_inside
 from lighting.preview.palette import sun_colour
 from lighting.records import Lighting
+
+_LETTERS = 15  # pixels, size of a share
 
 
 def regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
     """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
     colour = sun_colour(lighting)
-    for radius, share, width in ((lighting.radius_90, "90 %", 1.5), (lighting.radius_50, "50 %", 2.5)):
+    labels: list[tuple[str, Floats]] = []
+    for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
         rim = _rim(lighting, radius)
         if radius <= 0 or rim[180, 1] <= 0:
             continue
         line = pixels(rim[rim[:, 1] > -0.02])
         shaded_stroke(picture, list(pieces(line, picture.width)), colour, width)
         outwards = pixels(rim[180]) - pixels(_rim(lighting, 0.98 * radius)[180])
-        write_inside(picture, pixels(rim[180]) + 14 * outwards / np.hypot(*outwards), share, 15, colour)
+        outwards = outwards / np.hypot(*outwards)
+        spot = pixels(rim[180]) + 14 * outwards
+        labels.append((share, _clear_of([other for _, other in labels], spot, outwards)))
+    for share, spot in labels:
+        write_inside(picture, spot, share, _LETTERS, colour)
+
+
+def _clear_of(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
+    """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
+    room = np.array([text_width("90 %", _LETTERS) + 6, _LETTERS + 4])
+    for other in others:
+        lacking = room - (spot - other) * np.sign(outwards)
+        if np.all(np.abs(spot - other) < room):
+            spot = spot + outwards * float(np.min(lacking / np.maximum(np.abs(outwards), 1e-6)))
+    return spot
 
 
 def _rim(lighting: Lighting, radius: float) -> Floats:

@@ -29,6 +29,10 @@ async function correct(page, seen) {
   await page.click("#given button[type=submit]");
   await page.waitForSelector("#error:not([hidden])");
   seen.night = await page.textContent("#error");
+  seen.nightInSight = await page.evaluate(() => {
+    const sights = ["#error", "#given button"].map((name) => document.querySelector(name).getBoundingClientRect());
+    return scrollY > 0 && sights.every(({ top, bottom }) => top >= 0 && bottom <= innerHeight);
+  });
   seen.complaints = seen.complaints.filter((words) => !/status of 422/.test(words)); // that refusal, in the console
   await relit(page, () => page.click("#forget"));
   seen.evidence.push(await page.textContent("#evidence"));
@@ -46,6 +50,9 @@ async function several(page, seen, photos, folder) {
   await saved(page, "#get-json", folder, "together.json");
   await saved(page, "#get-exr", folder, "together.exr");
   seen.togetherCopies = [await copied(page, "curl"), await copied(page, "python")];
+  seen.copyShown = [await page.isVisible("#snippet")];
+  await relit(page, () => page.locator("#photos button").first().click());
+  seen.copyShown.push(await page.isVisible("#snippet"));
 }
 
 async function showHeic(page, seen, heic) {

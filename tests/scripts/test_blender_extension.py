@@ -207,6 +207,16 @@ def _zip(**files: bytes) -> bytes:
     return stream.getvalue()
 
 
+def _damaged() -> bytes:
+    """A ZIP whose packed bytes, and nothing else, are another file's."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("scene.json", bytes(range(256)) * 9)
+    data = stream.getvalue()
+    start = 30 + len("scene.json")
+    return data[:start] + b"\xff" * 40 + data[start + 40 :]
+
+
 @pytest.mark.parametrize(
     ("answer", "sentence"),
     [
@@ -214,6 +224,7 @@ def _zip(**files: bytes) -> bytes:
         ((500, b"<html>", {}), "The service answered 500 "),
         ((302, b"", {"Location": "http://127.0.0.1:9/"}), "The service answered 302 "),
         ((200, b"PK", {}), "The service's answer is not a scene."),
+        ((200, _damaged(), {}), "The service's answer is not a scene."),
         ((200, _zip(other=b""), {}), "The answer has no scene.json, "),
     ],
 )

@@ -272,11 +272,25 @@ def test_after_sigterm_running_requests_end_well_and_new_ones_are_refused(networ
         assert "sun_azimuth" not in server.log
 
 
-def whole_answer(connection: socket.socket) -> bytes:
+def test_what_a_shutdown_cannot_wait_for_is_answered_503(network: Path) -> None:
+    with started(network, concurrency=1, shutdown_seconds=1) as server:
+        connection = socket.create_connection(("127.0.0.1", server.port), timeout=60)
+        connection.sendall(b"POST /v1/lighting HTTP/1.1\r\nHost: x\r\nContent-Type: image/jpeg\r\n")
+        connection.sendall(b"Content-Length: 1000\r\n\r\n" + bytes(10))
+        server.until("lighting_uploads", 1)
+        server.process.send_signal(signal.SIGTERM)
+        answer = json.loads(whole_answer(connection, 503))
+        assert server.process.wait(60) == -signal.SIGTERM
+        assert answer["type"] == "tag:outdoor-lighting,2026:busy"
+        assert "shut down" in answer["detail"]
+        assert "Traceback" not in server.log
+
+
+def whole_answer(connection: socket.socket, status: int = 200) -> bytes:
     answer = http.client.HTTPResponse(connection)
     answer.begin()
     body = answer.read()
-    assert (answer.status, len(body)) == (200, int(answer.headers["content-length"]))
+    assert (answer.status, len(body)) == (status, int(answer.headers["content-length"]))
     connection.close()
     return body
 

@@ -42,6 +42,18 @@ def test_an_origin_that_may_call_sees_the_exposed_headers(estimator: Estimator) 
     assert answer.headers["access-control-expose-headers"] == ", ".join(EXPOSED)
 
 
+def test_an_origin_that_may_call_may_ask_whether_its_copy_is_still_good(estimator: Estimator) -> None:
+    client = client_of(estimator, cors_origins=("https://page.example",))
+    asked = {"Access-Control-Request-Method": "GET", "Access-Control-Request-Headers": "if-none-match"}
+    assert client.options("/v1/envmap", headers={"Origin": "https://page.example", **asked}).status_code == 200
+
+
+def test_the_document_says_how_many_photos_a_form_may_hold(estimator: Estimator) -> None:
+    document = client_of(estimator, max_photos=3).get("/openapi.json").json()
+    body = document["paths"]["/v1/lighting"]["post"]["requestBody"]["content"]["multipart/form-data"]
+    assert body["schema"]["properties"]["photo"]["maxItems"] == 3
+
+
 def test_the_document_holds_the_schemas_of_bodies_and_errors(app: FastAPI) -> None:
     schemas = app.openapi()["components"]["schemas"]
     assert {"Problem", "LightingRecord", "LightingEstimate", "SunPart", "PlacePart"} <= set(schemas)

@@ -303,6 +303,7 @@ class TestWhatThePhotoSays:
         assert "time and place" not in before == after
         assert visit["form"] == "2024-08-10T14:28:12"
         assert "dark" in visit["night"]
+        assert visit["nightInSight"]
 
     def test_several_photos_are_answered_together(self, visit: dict[str, Any]) -> None:
         assert len(visit["together"]) == 2
@@ -320,6 +321,9 @@ class TestWhatThePhotoSays:
         for copied in visit["togetherCopies"]:
             run(copied, folder)
             np.testing.assert_allclose(read_exr(folder / DATED.replace("jpg", "exr"))[0], image, atol=2e-3)
+
+    def test_a_copy_goes_away_with_what_it_is_of(self, visit: dict[str, Any]) -> None:
+        assert visit["copyShown"] == [True, False]
 
     def test_heic_is_shown_as_the_service_decodes_it(self, visit: dict[str, Any]) -> None:
         if "heic" not in visit:

@@ -125,6 +125,23 @@ def test_what_is_no_http_is_400(port: int) -> None:
     refused(rest(connection), 400, "malformed-request")
 
 
+@pytest.mark.parametrize(
+    ("headers", "reason"),
+    [
+        (b"", b"Missing mandatory Host: header"),
+        (b"Host: x\r\nContent-Length: 3\r\nContent-Length: 4\r\n", b"conflicting Content-Length headers"),
+        (b"Host: x\r\nAuthor ization: Bearer secret\r\n", b"illegal header line"),
+    ],
+)
+def test_what_is_wrong_with_headers_is_said_and_the_headers_are_not(port: int, headers: bytes, reason: bytes) -> None:
+    connection = connected(port)
+    connection.sendall(b"GET / HTTP/1.1\r\n" + headers + b"\r\n")
+    answer = rest(connection)
+    refused(answer, 400, "malformed-request")
+    assert b"The request cannot be read: " + reason + b"." in answer
+    assert b"secret" not in answer
+
+
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: x\r\nX-A: "])
 def test_headers_that_do_not_come_end_the_connection(port: int, sent: bytes) -> None:
     connection = connected(port)

@@ -30,6 +30,11 @@ def test_what_is_not_json_is_a_problem(data: bytes) -> None:
         parse_record(data)
 
 
+def test_an_answer_about_several_photos_is_no_record() -> None:
+    with pytest.raises(ProblemError, match="several photos; send one of them"):
+        parse_record(json.dumps({"lightings": [full_record(LIGHT)] * 2}).encode())
+
+
 @pytest.mark.parametrize("record", [[], 7, {}, {"sun": {}}, {"lighting": None}])
 def test_wrong_fields_are_named_below_the_body(record: Any) -> None:
     with pytest.raises(RequestValidationError) as caught:

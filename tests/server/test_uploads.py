@@ -1,5 +1,6 @@
 """Bad bodies: each gets the right 4xx, and the service answers the next good request."""
 
+import gzip
 import struct
 import zlib
 from collections.abc import Iterator
@@ -119,6 +120,20 @@ def test_another_content_type_is_415_and_names_those_taken(client: TestClient, m
     assert "application/json" not in answer.headers["accept"]
 
 
+@pytest.mark.parametrize(("path", "media"), [("/v1/lighting", "image/jpeg"), ("/v1/envmap", "application/json")])
+@pytest.mark.parametrize("coding", ["gzip", "GZIP", "gzip, br", "zstd"])
+def test_a_body_with_a_content_encoding_is_415(client: TestClient, path: str, media: str, coding: str) -> None:
+    headers = {"Content-Type": media, "Content-Encoding": coding}
+    answer = client.post(path, content=gzip.compress(GOOD), headers=headers)
+    assert "Content-Encoding" in problem(answer, 415, "unsupported-type")["detail"]
+    assert answer.headers["accept-encoding"] == "identity"
+
+
+def test_the_identity_is_no_content_encoding(client: TestClient) -> None:
+    headers = {"Content-Type": "image/jpeg", "Content-Encoding": "identity"}
+    assert client.post("/v1/lighting", content=GOOD, headers=headers).status_code == 200
+
+
 def test_json_is_taken_where_a_record_is(client: TestClient) -> None:
     problem(client.post("/v1/preview", json={}), 415, "unsupported-type")
     assert "application/json" in client.post("/v1/envmap", content=b"", headers={}).headers["accept"]
@@ -165,7 +180,7 @@ BAD_FORMS = {
     "text in the field": (form(TEXT), 422),
     "text and a file": (form(TEXT, FILE), 422),
     "nine files": (form(*[FILE] * 9), 422),
-    "seventeen files": (form(*[FILE] * 17), 400),
+    "seventeen files": (form(*[FILE] * 17), 422),
     "text behind a file": (form(FILE, TEXT), 422),
     "seventeen fields": (form(*[FIELD] * 17), 400),
     "a nameless part": (form(NAMELESS), 400),

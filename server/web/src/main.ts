@@ -23,7 +23,7 @@ import { ObjectView } from "./views/object";
 import { showPhotos } from "./views/photos";
 import { listenForPhotos, showMatching } from "./views/pick";
 import { Sliders } from "./views/sliders";
-import { listenForCopies } from "./views/snippets";
+import { forgetCopy, listenForCopies } from "./views/snippets";
 import { fitted } from "./views/svg";
 
 interface Wish {
@@ -155,6 +155,7 @@ function open(index: number): void {
 function change(part: Partial<Look>, kind: string): void {
   const view = current();
   if (!view) return;
+  forgive();
   view.history.push({ ...lookOf(view), ...part }, kind, gesture());
   refresh();
 }
@@ -164,6 +165,7 @@ function refresh(): void {
   const view = current();
   if (!view || !shown) return;
   const look = lookOf(view);
+  forgetCopy();
   sliders.show(look.parameters, parametersOf(view.answer));
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
   showUndo(view.history);

@@ -109,7 +109,8 @@ describe("what the page did not read", () => {
     const [time, place] = value({}, ["time+place"], { ...NOTHING, lat: "48", lon: "11" });
     expect([time, place]).toEqual(["read by the service", "not in the file"]);
     const other = { time: "2024-06-01T14:30:05", latitude: 48, longitude: 11 };
-    expect(value({}, ["time+place"], NOTHING, [{}, other])[1]).toBe("not in the file");
+    expect(value({}, ["time+place"], NOTHING, [{}, other])[1]).toBe("from another photo");
+    expect(value(other, ["time+place"], NOTHING, [{}, other])[1]).toBe("48.0000°\u00a0N, 11.0000°\u00a0E");
     expect(value({}, ["heading"], { ...NOTHING, headings: "0,90" })[2]).toBe("not in the file");
   });
 });

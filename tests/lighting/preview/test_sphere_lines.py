@@ -1,10 +1,16 @@
 """Lines on the sphere of directions: at their angle, closed, cut at the seam."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from PIL import Image
 
 from lighting.geometry import Pinhole, angle_between, camera_pixel
-from lighting.preview.sphere_lines import _rim, frame_directions, pieces
+from lighting.preview.compass import _on_dome
+from lighting.preview.ink import text_width
+from lighting.preview.sphere_lines import _rim, frame_directions, pieces, regions
 from tests.previews import outdoors
 
 
@@ -29,3 +35,20 @@ def test_the_frame_runs_along_the_photos_border() -> None:
 def test_a_line_is_cut_where_it_crosses_the_seam() -> None:
     line = np.array([[90.0, 1], [96, 2], [99, 3], [2, 4], [5, 5], [98, 6]])
     assert [len(piece) for piece in pieces(line, 100.0)] == [3, 2]  # a single point is no line
+
+
+@pytest.mark.parametrize("radii", [(7.0, 10.0), (13.0, 24.0), (20.0, 30.0)])
+@pytest.mark.parametrize("azimuth", [-150.0, -91.0, -60.0, 0.0, 45.0, 80.0, 100.0, 179.0])
+@pytest.mark.parametrize("elevation", [5.0, 40.0])
+def test_the_shares_of_regions_do_not_cover_each_other(
+    radii: tuple[float, float], azimuth: float, elevation: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: dict[str, NDArray[np.float64]] = {}
+    monkeypatch.setattr(
+        "lighting.preview.sphere_lines.write_inside",
+        lambda picture, spot, share, size, colour: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
+    )
+    lighting = replace(outdoors(azimuth, elevation), radius_50=radii[0], radius_90=radii[1])
+    regions(Image.new("RGB", (480, 480)), lighting, lambda directions: _on_dome(directions, 480, 196))
+    across, down = np.abs(written["50 %"] - written["90 %"])
+    assert across >= text_width("90 %", 15) or down >= 15

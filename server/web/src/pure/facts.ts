@@ -11,7 +11,7 @@ export interface Said {
 }
 
 /** The facts in words; what a photo does not say is named too, since it can be given. `used`: see `usedUnseen`. */
-export function said(facts: Facts, used: readonly Fact[] = []): Said[] {
+export function said(facts: Facts, used: Sources = {}): Said[] {
   const unknown = facts.unread ? "cannot be read here" : "not in the file";
   const lens = facts.focal && `${short(facts.focal)} mm (as of a 35 mm camera)`;
   const words: Record<Fact | "Camera", string | undefined> = {
@@ -23,7 +23,7 @@ export function said(facts: Facts, used: readonly Fact[] = []): Said[] {
   };
   return Object.entries(words).map(([name, value]) => ({
     name,
-    value: value ?? (used.some((fact) => fact === name) ? "read by the service" : unknown),
+    value: value ?? used[name as Fact] ?? unknown,
   }));
 }
 
@@ -35,15 +35,16 @@ const SOURCES = {
   Lens: { evidence: "focal length", given: ["fov"], fact: "focal" },
 } as const;
 type Fact = keyof typeof SOURCES;
+type Sources = Partial<Record<Fact, string>>;
 
-/** What the answer used though neither the user nor any of the photos, as they are read here, say it. */
-export function usedUnseen(evidence: readonly string[], given: Given, photos: readonly Facts[]): Fact[] {
-  return (Object.keys(SOURCES) as Fact[]).filter((name) => {
-    const source = SOURCES[name];
-    const known =
-      source.given.some((field) => given[field]) || photos.some((facts) => facts[source.fact] !== undefined);
-    return evidence.includes(source.evidence) && !known;
-  });
+/** Where the answer has from what it used, though neither the user nor the photo, as it is read here, says it. */
+export function usedUnseen(evidence: readonly string[], given: Given, photos: readonly Facts[]): Sources {
+  const used = (Object.keys(SOURCES) as Fact[]).filter(
+    (name) => evidence.includes(SOURCES[name].evidence) && !SOURCES[name].given.some((field) => given[field]),
+  );
+  const lent = (name: Fact): boolean =>
+    name !== "Lens" && photos.some((facts) => facts[SOURCES[name].fact] !== undefined);
+  return Object.fromEntries(used.map((name) => [name, lent(name) ? "from another photo" : "read by the service"]));
 }
 
 const REFUSED = /^By its metadata the camera (looks .+?), by the pixels it /; // the service's words

@@ -7,12 +7,18 @@ const MAKERS = { curl: curlOf, python: pythonOf } as const;
 type Kind = keyof typeof MAKERS;
 
 export function listenForCopies(subject: () => Promise<Subject | undefined>): void {
+  byId("size").addEventListener("change", forgetCopy);
   for (const kind of Object.keys(MAKERS) as Kind[]) {
     byId(`copy-${kind}`).addEventListener("click", async () => {
       const what = await subject();
       if (what) copy(MAKERS[kind](what), kind);
     });
   }
+}
+
+/** Takes a copied text away once another light, photo or size is on show. */
+export function forgetCopy(): void {
+  byId("snippet-box").hidden = true;
 }
 
 async function copy(words: string, kind: Kind): Promise<void> {
