@@ -255,6 +255,18 @@ def sun_power(data: Path, labels: Path, model: Path | None) -> None:
     click.echo(sun_power_report(Model.load(model), data, labels))
 
 
+@cli.command("sun-colour")
+@data
+@labels
+@network
+def sun_colour(data: Path, labels: Path, model: Path | None) -> None:
+    """Fit how far the sun's colour goes to that of a clear sky's sun."""
+    from export.evaluation.sun_colour import sun_colour_report
+    from lighting.model import Model
+
+    click.echo(sun_colour_report(Model.load(model), data, labels))
+
+
 @cli.command()
 @click.option("--stack", type=FOLDER, default=None, help="Folder of a fisheye sky in exposures of unknown length.")
 def probe(stack: Path | None) -> None:

@@ -28,6 +28,8 @@ _SHY = 0.18  # stops by which a sun that shines is understated; `python -m expor
 _LOW = (3.0, 12.0)  # deg of elevation between which the sun's colour follows its known elevation
 _TINT = 0.5  # power of the ratio of clear suns' colours; fitted to the HDR panoramas of `train`
 _CLEAR = 3.0  # turbidity of those suns
+_WHITE = 60.0  # deg of elevation of the clear sun that cameras show as white
+_USUAL = 0.4  # power to which a sun goes to the clear sun's colour; `python -m export sun-colour` fitted it on `train`
 _HIDDEN_SKY = 0.7  # stops by which an overcast sky is understated, by the overcast HDR panoramas of `train`
 
 
@@ -96,15 +98,36 @@ def fading(visibility: float) -> float:
 def tinted(irradiance: Colour, said: float, known: float) -> Colour:
     """The sun's irradiance, as bright as before, where its elevation [deg] is `known` and the pixels `said` another.
 
-    The network states the colour of a sun where it has it, and it puts low suns too high: their light is too white.
-    A sun that is higher than said, or above 12 deg, keeps its colour.
+    The network learnt most suns' colours from 8-bit panoramas, in whose blue skies there is too little red, and gives
+    them to the sun: the colour is drawn to that of a clear sun as high as said. And it states the colour of a sun where
+    it has it, and puts low suns too high: their light is too white. One that is higher than said, or above 12 deg, is
+    not turned to what is known.
     """
-    brightness = float(luminance(np.array(irradiance)))
-    if brightness == 0.0:
+    stated = np.array(irradiance)
+    if float(luminance(stated)) == 0.0:
         return irradiance
-    suns = [sun_radiance(direction(0.0, float(np.clip(e, *_LOW))), _CLEAR) for e in (min(known, said), said)]
-    values = np.array(irradiance) * (suns[0] / suns[1]) ** _TINT
-    return colour(values * (brightness / float(luminance(values))), "sun_irradiance")
+    return colour(as_bright(toward_clear(stated, said, _USUAL) * _turned(said, known), stated), "sun_irradiance")
+
+
+def toward_clear(irradiance: Floats, elevation: float, power: float) -> Floats:
+    """A sun's irradiance (3,), as bright as before, with its colour drawn to a clear sun's at an elevation [deg]."""
+    usual = _clear_sun(max(elevation, _LOW[0])) / _clear_sun(_WHITE)
+    return as_bright(irradiance ** (1 - power) * as_bright(usual, irradiance) ** power, irradiance)
+
+
+def as_bright(values: Floats, other: Floats) -> Floats:
+    """Values (3,) with the luminance of others."""
+    return values * (float(luminance(other)) / float(luminance(values)))
+
+
+def _turned(said: float, known: float) -> Floats:
+    """Factors (3,) by which clear suns differ at a known elevation and at that which the pixels said [deg]."""
+    there, here = (_clear_sun(float(np.clip(e, *_LOW))) for e in (min(known, said), said))
+    return (there / here) ** _TINT
+
+
+def _clear_sun(elevation: float) -> Floats:
+    return np.asarray(sun_radiance(direction(0.0, elevation), _CLEAR), dtype=np.float64)
 
 
 def colour(values: Floats, name: str) -> Colour:

@@ -29,9 +29,10 @@ def estimate_of(fused: Fused, known: Known) -> Estimate:
         told["camera_heading_probability"] = tuple(round(float(p), 6) for p in heading.probability)
     if fused.relative_heading is not None:
         told["relative_heading"] = round(fused.relative_heading.best, 2) % 360.0
-    if lighting.sun_irradiance is not None and "time+place" in fused.used:
+    if lighting.sun_irradiance is not None:
         said = said_elevation(fused.prediction) if fused.elevation_said is None else fused.elevation_said
-        told["sun_irradiance"] = tinted(lighting.sun_irradiance, said, lighting.sun_elevation)
+        elevation = lighting.sun_elevation if "time+place" in fused.used else said
+        told["sun_irradiance"] = tinted(lighting.sun_irradiance, said, elevation)
     if not known.sun_is_up:
         told["sun_visibility"] = 0.0
         told["sun_irradiance"] = None if lighting.sun_irradiance is None else (0.0, 0.0, 0.0)

@@ -21,6 +21,7 @@ from lighting.decoding import (
     lighting_from,
     sun_on_rings,
     tinted,
+    toward_clear,
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.ranges import RANGES
@@ -165,17 +166,34 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert doubtful.sky_irradiance == sure.sky_irradiance
 
 
+WHITE = (3.0, 3.0, 3.0)
+
+
 def test_a_sun_that_is_known_to_be_low_is_warmer_and_as_bright() -> None:
-    white = (3.0, 3.0, 3.0)
-    red, green, blue = tinted(white, 14.0, 5.0)
+    red, green, blue = tinted(WHITE, 14.0, 5.0)
+    as_said = tinted(WHITE, 14.0, 14.0)
     assert red > green > blue
+    assert red / blue > 1.5 * as_said[0] / as_said[2]
     assert luminance(np.array([red, green, blue])) == pytest.approx(3.0, rel=1e-4)
-    assert tinted((red, green, blue), 5.0, 14.0) == (red, green, blue)
-    assert tinted(white, 20.0, 60.0) == tinted(white, 7.0, 7.0) == white
-    assert tinted(white, 40.0, 0.0) == tinted(white, 40.0, 3.0)
+    assert tinted(WHITE, 5.0, 14.0) == tinted(WHITE, 5.0, 5.0)
+    assert tinted(WHITE, 20.0, 60.0) == tinted(WHITE, 20.0, 20.0)
+    assert tinted(WHITE, 40.0, 0.0) == tinted(WHITE, 40.0, 3.0)
     assert tinted((0.0, 0.0, 0.0), 14.0, 5.0) == (0.0, 0.0, 0.0)
     faint = np.array(tinted((3e-8, 3e-8, 3e-8), 14.0, 5.0))
     assert faint == pytest.approx(1e-8 * np.array([red, green, blue]), rel=1e-4)
+
+
+def test_a_sun_s_colour_goes_to_that_of_a_clear_one_as_high() -> None:
+    assert tinted(WHITE, 60.0, 60.0) == pytest.approx(WHITE, rel=1e-4)
+    shades = [red / blue for red, _, blue in (tinted(WHITE, e, e) for e in (3.0, 5.0, 10.0, 20.0, 40.0, 90.0))]
+    assert shades == sorted(shades, reverse=True)
+    assert shades[-1] == pytest.approx(1.0, abs=0.03)
+    cyan = np.array([2.2, 3.0, 3.3])
+    assert toward_clear(cyan, 60.0, 0.0) == pytest.approx(cyan)
+    half, whole = (toward_clear(cyan, 60.0, power) for power in (0.5, 1.0))
+    assert whole == pytest.approx(np.full(3, float(luminance(cyan))))
+    assert half[0] / half[1] == pytest.approx((2.2 / 3.0) ** 0.5)
+    assert luminance(half) == pytest.approx(luminance(cyan))
 
 
 def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:
