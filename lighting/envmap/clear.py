@@ -62,7 +62,7 @@ def paint_clear(image: Image, lighting: Lighting, lobe: Image) -> None:
             value = lobe[channel].take(index)
             value += offset[channel, part, None]
             value *= factor[channel, part, None]
-            np.maximum(value, 0, out=image[part, :, channel])
+            image[part, :, channel] = np.maximum(value, 0, out=value)
 
 
 def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:

@@ -62,7 +62,7 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image, gain: floa
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
     clipped = brightest(linear) > CLIPPED
     linear *= np.float32(gain)
-    linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
+    np.maximum(linear, image[rows, columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
     return Shown(rows, columns, linear, weight)
 
 
@@ -113,15 +113,17 @@ def _pixels(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[
     """
     azimuth, elevation = (np.radians(angle) for angle in latlong_angles(height))
     azimuth, elevation = azimuth[columns], elevation[rows]
-    level, up = np.cos(elevation).astype(np.float32), np.sin(elevation).astype(np.float32)
+    level, up = np.cos(elevation).astype(np.float32)[:, None], np.sin(elevation).astype(np.float32)[:, None]
     side, ahead = np.sin(azimuth).astype(np.float32), -np.cos(azimuth).astype(np.float32)
-    parts = []
-    for axis in camera.axes.astype(np.float32):
-        parts.append(np.multiply.outer(level, axis[0] * side + axis[2] * ahead) + (axis[1] * up)[:, None])
-    depth = np.where(parts[2] > 1e-6, parts[2], np.float32(np.nan))
+    right, above, depth = (
+        level * (axis[0] * side + axis[2] * ahead) + axis[1] * up for axis in camera.axes.astype(np.float32)
+    )
+    behind = depth <= 1e-6
+    depth[behind] = 1
     focal = np.float32(2 * camera.focal_length)
-    x, y = parts[0] / depth * (focal / camera.width), parts[1] / depth * (focal / camera.height)
-    return np.nan_to_num(x, nan=2.0), np.nan_to_num(y, nan=2.0)
+    x, y = right / depth * (focal / camera.width), above / depth * (focal / camera.height)
+    x[behind] = y[behind] = 2
+    return x, y
 
 
 def _index(place: Image, count: int, sign: int) -> NDArray[np.intp]:
