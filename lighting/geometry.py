@@ -86,7 +86,7 @@ def camera_axes(azimuth: float, elevation: float, roll: float) -> Floats:
     """The camera's right, up and forward unit vectors as rows (3, 3); angles in deg."""
     forward = direction(azimuth, elevation)
     right = direction(azimuth + 90.0, 0.0)
-    up = np.cross(right, forward)
+    up = direction(azimuth, elevation + 90.0)
     c, s = np.cos(np.radians(roll)), np.sin(np.radians(roll))
     return np.stack([c * right - s * up, s * right + c * up, forward])
 
