@@ -1,6 +1,7 @@
 """Where a photo lies in a map, and its pixels there."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,15 @@ def sampled(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Float
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
     small = pixels[first[0] :: step, first[1] :: step]
-    return SRGB_LINEAR[small], camera_directions(camera_of(lighting, small.shape[1], small.shape[0]))
+    return SRGB_LINEAR.take(small), _directions(camera_of(lighting, small.shape[1], small.shape[0]))
+
+
+@lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are looked at one after the other
+def _directions(camera: Pinhole) -> Floats:
+    """`camera_directions` of the few pixels that are looked at."""
+    directions = camera_directions(camera)
+    directions.setflags(write=False)  # since others get it as well
+    return directions
 
 
 def shown_size(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
