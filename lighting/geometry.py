@@ -26,8 +26,9 @@ SPOT = 0.6  # how far below the picture's middle things are put on the ground, 0
 
 def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
     """Unit vectors (..., 3) of azimuth and elevation [deg], which broadcast."""
-    az, el = np.broadcast_arrays(np.radians(azimuth), np.radians(elevation))
-    return np.stack([np.sin(az) * np.cos(el), np.sin(el), -np.cos(az) * np.cos(el)], axis=-1)
+    az, el = np.radians(azimuth), np.radians(elevation)
+    level = np.cos(el)
+    return np.stack(np.broadcast_arrays(np.sin(az) * level, np.sin(el), -np.cos(az) * level), axis=-1)
 
 
 def angles(direction: ArrayLike) -> tuple[Floats, Floats]:
@@ -85,15 +86,16 @@ def camera_axes(azimuth: float, elevation: float, roll: float) -> Floats:
     """The camera's right, up and forward unit vectors as rows (3, 3); angles in deg."""
     forward = direction(azimuth, elevation)
     right = direction(azimuth + 90.0, 0.0)
-    up = np.cross(right, forward)
+    up = direction(azimuth, elevation + 90.0)
     c, s = np.cos(np.radians(roll)), np.sin(np.radians(roll))
     return np.stack([c * right - s * up, s * right + c * up, forward])
 
 
 def up_in_camera(elevation: ArrayLike, roll: ArrayLike) -> Floats:
     """The world's up (3, ...) along the right, up and forward of cameras with these angles (...) [deg]."""
-    el, ro = np.broadcast_arrays(np.radians(elevation), np.radians(roll))
-    return np.stack([-np.sin(ro) * np.cos(el), np.cos(ro) * np.cos(el), np.sin(el)])
+    el, ro = np.radians(elevation), np.radians(roll)
+    level = np.cos(el)
+    return np.stack(np.broadcast_arrays(-np.sin(ro) * level, np.cos(ro) * level, np.sin(el)))
 
 
 def level_in_camera(heading: ArrayLike, elevation: ArrayLike, roll: ArrayLike) -> Floats:
@@ -101,10 +103,11 @@ def level_in_camera(heading: ArrayLike, elevation: ArrayLike, roll: ArrayLike) -
 
     Headings are clockwise from where each camera points.
     """
-    he, el, ro = np.broadcast_arrays(np.radians(heading), np.radians(elevation), np.radians(roll))
-    aside, above = np.sin(he), -np.sin(el) * np.cos(he)
+    he, el, ro = np.radians(heading), np.radians(elevation), np.radians(roll)
+    aside, ahead = np.sin(he), np.cos(he)
+    above = -np.sin(el) * ahead
     c, s = np.cos(ro), np.sin(ro)
-    return np.stack([c * aside - s * above, s * aside + c * above, np.cos(el) * np.cos(he)])
+    return np.stack(np.broadcast_arrays(c * aside - s * above, s * aside + c * above, np.cos(el) * ahead))
 
 
 def focal_length(height: float, vertical_fov: float) -> float:

@@ -59,10 +59,10 @@ def _ratios(
 def _spread(values: Image, known: NDArray[np.bool_], rows: int, part: slice) -> Image:
     """Values (P, 2R, 3) of a part of a map's rows, drawn from the cells (P, 2R) where they are known to all others."""
     azimuth, elevation = (f32(angle) for angle in latlong_angles(rows))
-    across, up = (axis[known] for axis in np.meshgrid(azimuth, elevation[part]))
+    row, column = np.nonzero(known)
     level = np.cos(np.radians(elevation[part]))[:, None, None]
-    beside2 = (level * np.abs(wrap_azimuth(azimuth[:, None] - across))) ** 2  # (P, 2R, K)
-    above2 = (elevation[part][:, None, None] - up) ** 2
+    beside2 = (level * f32(wrap_azimuth(azimuth[:, None] - azimuth[column]))) ** 2  # (P, 2R, K)
+    above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
     weight = (np.float32(_NEAR**2) + beside2 + np.float32(_UPRIGHT**2) * above2) ** np.float32(-_FALL)
     mean = weight @ values[known] / weight.sum(axis=2, keepdims=True)
     fading = np.exp(-np.sqrt((beside2 + 4 * above2).min(axis=2)) / np.float32(_FADES))

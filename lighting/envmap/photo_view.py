@@ -1,6 +1,7 @@
 """Where a photo lies in a map, and its pixels there."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image, gain: floa
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
     clipped = brightest(linear) > CLIPPED
     linear *= np.float32(gain)
-    linear[clipped] = np.maximum(linear[clipped], image[rows, columns][clipped])
+    np.maximum(linear, image[rows, columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
     return Shown(rows, columns, linear, weight)
 
 
@@ -71,7 +72,15 @@ def sampled(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Float
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
     small = pixels[first[0] :: step, first[1] :: step]
-    return SRGB_LINEAR[small], camera_directions(camera_of(lighting, small.shape[1], small.shape[0]))
+    return SRGB_LINEAR.take(small), _directions(camera_of(lighting, small.shape[1], small.shape[0]))
+
+
+@lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are looked at one after the other
+def _directions(camera: Pinhole) -> Floats:
+    """`camera_directions` of the few pixels that are looked at."""
+    directions = camera_directions(camera)
+    directions.setflags(write=False)  # since others get it as well
+    return directions
 
 
 def shown_size(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
@@ -113,15 +122,17 @@ def _pixels(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[
     """
     azimuth, elevation = (np.radians(angle) for angle in latlong_angles(height))
     azimuth, elevation = azimuth[columns], elevation[rows]
-    level, up = np.cos(elevation).astype(np.float32), np.sin(elevation).astype(np.float32)
+    level, up = np.cos(elevation).astype(np.float32)[:, None], np.sin(elevation).astype(np.float32)[:, None]
     side, ahead = np.sin(azimuth).astype(np.float32), -np.cos(azimuth).astype(np.float32)
-    parts = []
-    for axis in camera.axes.astype(np.float32):
-        parts.append(np.multiply.outer(level, axis[0] * side + axis[2] * ahead) + (axis[1] * up)[:, None])
-    depth = np.where(parts[2] > 1e-6, parts[2], np.float32(np.nan))
+    right, above, depth = (
+        level * (axis[0] * side + axis[2] * ahead) + axis[1] * up for axis in camera.axes.astype(np.float32)
+    )
+    behind = depth <= 1e-6
+    depth[behind] = 1
     focal = np.float32(2 * camera.focal_length)
-    x, y = parts[0] / depth * (focal / camera.width), parts[1] / depth * (focal / camera.height)
-    return np.nan_to_num(x, nan=2.0), np.nan_to_num(y, nan=2.0)
+    x, y = right / depth * (focal / camera.width), above / depth * (focal / camera.height)
+    x[behind] = y[behind] = 2
+    return x, y
 
 
 def _index(place: Image, count: int, sign: int) -> NDArray[np.intp]:

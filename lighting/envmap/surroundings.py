@@ -23,6 +23,7 @@ from lighting.records import Estimate, Lighting
 _FINER = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
 _ROWS = 24  # of the cells in which the map is changed
+_BAND = 32  # rows that are multiplied at once
 _SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell
 _GLOW = 40.0  # deg around a sun within which the sky's brightness is the sun's
 _MOVED = 20.0  # deg by which a sun was moved for its glow to have gone
@@ -146,7 +147,8 @@ def _pooled(image: Image) -> Image:
     height, width = image.shape[:2]
     y = ((np.arange(_ROWS * _SAMPLES) + 0.5) * height / (_ROWS * _SAMPLES)).astype(np.intp)
     x = ((np.arange(2 * _ROWS * _SAMPLES) + 0.5) * width / (2 * _ROWS * _SAMPLES)).astype(np.intp)
-    return np.asarray(image[np.ix_(y, x)].reshape(_ROWS, _SAMPLES, 2 * _ROWS, _SAMPLES, 3).mean(axis=(1, 3)))
+    rows = image.take(y, axis=0).take(x, axis=1).reshape(_ROWS, _SAMPLES, -1).mean(axis=1)
+    return np.asarray(rows.reshape(_ROWS, 2 * _ROWS, _SAMPLES, 3).mean(axis=2))
 
 
 def _ratio(around: Image, bare: Image) -> Image:
@@ -159,16 +161,24 @@ def _ratio(around: Image, bare: Image) -> Image:
 def _multiply(image: Image, cells: Image) -> None:
     """Multiply a map (H, 2H, 3) by cells (R, 2R, 3) that blend into each other but for the horizon."""
     middle, horizon = len(image) // 2, len(cells) // 2
-    image[:middle] *= _smooth(cells[:horizon], middle, image.shape[1])
-    image[middle:] *= _smooth(cells[horizon:], middle, image.shape[1])
+    _multiply_half(image[:middle], cells[:horizon])
+    _multiply_half(image[middle:], cells[horizon:])
 
 
-def _smooth(cells: Image, height: int, width: int) -> Image:
-    """Cells (R, C, 3) as (height, width, 3), linear between their centres; columns wrap and rows end."""
-    rows, columns = len(cells), cells.shape[1]
-    wide = _between(width, columns, lambda cell: cell % columns) @ cells  # (R, width, 3)
+def _multiply_half(image: Image, cells: Image) -> None:
+    """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
+
+    Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
+    """
+    (height, width), (rows, columns) = image.shape[:2], cells.shape[:2]
+    wide = (_between(width, columns, lambda cell: cell % columns) @ cells).reshape(rows, -1)  # (R, 3 W)
     down = _between(height, rows, lambda cell: np.clip(cell, 0, rows - 1))
-    return np.asarray((down @ wide.reshape(rows, -1)).reshape(height, width, 3))
+    flat = image.reshape(height, -1)
+    for start in range(0, height, _BAND):
+        band = slice(start, start + _BAND)
+        near = np.flatnonzero(down[band].any(axis=0))
+        between = slice(near[0], near[-1] + 1)
+        flat[band] *= down[band, between] @ wide[between]
 
 
 def _between(pixels: int, cells: int, inside: Callable[[NDArray[np.intp]], NDArray[np.intp]]) -> NDArray[np.float32]:

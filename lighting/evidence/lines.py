@@ -75,24 +75,23 @@ def edges_of(grey: NDArray[np.uint8], up: Floats, focal: float) -> Edges:
     strong = np.abs(across)
     is_upright = np.abs(along) <= np.float32(np.tan(np.radians(AROUND))) * strong
     upright = np.flatnonzero(is_upright & (strong > 2 * LEAST_STEP))
-    step = across.ravel()[upright]
+    step = across.take(upright)
     sides = np.where(step > 0, 0, _TURN // 2).astype(np.uint8)  # they part by which of their sides is brighter
     other = np.flatnonzero(~is_upright & (across * across + along * along > np.float32(4 * LEAST_OTHER_STEP**2)))
-    steps = right.ravel()[other].astype(np.float32), upwards.ravel()[other].astype(np.float32)
-    towards = (np.arctan2(*steps) * np.float32(_TURN / (2 * np.pi))).astype(np.int16).astype(np.uint8)
-    return Edges(
-        _linked(upright, np.abs(step), sides, grey.shape), _linked(other, np.hypot(*steps), towards, grey.shape)
-    )
+    x, y = right.take(other), upwards.take(other)
+    towards = (np.arctan2(x, y) * np.float32(_TURN / (2 * np.pi))).astype(np.int16).astype(np.uint8)
+    size = np.sqrt(x * x + y * y)
+    return Edges(_linked(upright, np.abs(step), sides, grey.shape), _linked(other, size, towards, grey.shape))
 
 
-def _gradient(grey: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+def _gradient(grey: NDArray[np.uint8]) -> tuple[Floats, Floats]:
     """Twice the steps (h - 1, w - 1) of brightness to the right and upwards, on the corners that four pixels share."""
     levels = grey.astype(np.int16)
     falling, rising = levels[1:, 1:] - levels[:-1, :-1], levels[:-1, 1:] - levels[1:, :-1]
-    return falling + rising, rising - falling
+    return (falling + rising).astype(np.float32), (rising - falling).astype(np.float32)
 
 
-def _turned(right: NDArray[np.int16], upwards: NDArray[np.int16], up: Floats, focal: float) -> tuple[Floats, Floats]:
+def _turned(right: Floats, upwards: Floats, up: Floats, focal: float) -> tuple[Floats, Floats]:
     """Gradients (h - 1, w - 1) across the expected vertical, positive to the right, and along it, up to a factor."""
     height, width = right.shape
     x, y = np.arange(1, width + 1) - 0.5 * (width + 1), 0.5 * (height + 1) - np.arange(1, height + 1)
@@ -108,38 +107,37 @@ def _linked(corners: NDArray[np.intp], size: Floats, towards: NDArray[np.uint8],
     """
     height, width = shape
     rows, columns = np.divmod(corners, max(width - 1, 1))
-    chain, kept = _of_size(_chains(rows, columns, towards, width - 1), LEAST_PIXELS)
-    x, y = columns[kept] + (1 - 0.5 * width), (0.5 * height - 1) - rows[kept]
-    return _fitted(chain, size[kept].astype(np.float64), x, y, height)
+    chain, kept = _of_size(_chains(rows * width + columns, towards, width), LEAST_PIXELS)
+    x, y = columns.take(kept) + (1 - 0.5 * width), (0.5 * height - 1) - rows.take(kept)
+    return _fitted(chain, size.take(kept).astype(np.float64), x, y, height)
 
 
-def _chains(
-    rows: NDArray[np.intp], columns: NDArray[np.intp], towards: NDArray[np.uint8], width: int
-) -> NDArray[np.intp]:
-    """The number (P,) of the chain that each of the ordered corners belongs to.
+def _chains(corners: NDArray[np.intp], towards: NDArray[np.uint8], width: int) -> NDArray[np.intp]:
+    """The number (P,) of the chain that each of the ordered corners belongs to; one row has `width` places for them.
 
     Neighbours in a row whose directions (P,) agree make a run, and each run follows one above that it touches and
-    agrees with.
+    agrees with. The last place of a row is free, so that neighbouring places are neighbours in the picture.
     """
-    begins = np.ones(len(rows), dtype=bool)
-    begins[1:] = (np.diff(rows) != 0) | (np.diff(columns) != 1) | ~_alike(towards[1:], towards[:-1])
+    begins = np.ones(len(corners), dtype=bool)
+    begins[1:] = (np.diff(corners) != 1) | ~_alike(towards[1:], towards[:-1])
     start = np.flatnonzero(begins)
-    end = np.append(start, len(rows))[1:] - 1
+    end = np.append(start, len(corners))[1:] - 1
     run = np.cumsum(begins) - 1
-    at = np.full((int(rows[-1]) + 2 if len(rows) else 1, width + 2), -1)  # with a margin on three sides
-    at[rows + 1, columns + 1] = np.arange(len(rows))
+    margin = width + 1  # places before the first one that are looked at
+    at = np.full(margin + 1 + int(corners.max(initial=0)), -1, dtype=np.int32)
+    at[corners + margin] = np.arange(len(corners), dtype=np.int32)
     first = np.arange(len(start))
     free = first.copy()
     middle = (start + end) // 2
     for own, aside in ((middle, 0), (start, 0), (end, 0), (start, -1), (end, 1)):
-        touching = own[free]
-        above = at[rows[touching], columns[touching] + 1 + aside]
-        follows = (above >= 0) & _alike(towards[above], towards[touching])
-        first[free[follows]] = run[above[follows]]
+        touching = own.take(free)
+        above = at.take(corners.take(touching) + (margin - width + aside))
+        follows = (above >= 0) & _alike(towards.take(above), towards.take(touching))
+        first[free[follows]] = run.take(above[follows])
         free = free[~follows]
-    while not np.array_equal(further := first[first], first):
+    while not np.array_equal(further := first.take(first), first):
         first = further
-    return np.asarray(first[run])
+    return first.take(run)
 
 
 def _alike(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -147,11 +145,11 @@ def _alike(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.bool_
     return np.asarray(one - other + np.uint8(_ALIKE) <= 2 * _ALIKE)
 
 
-def _of_size(chain: NDArray[np.intp], least: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Chains of at least `least` pixels numbered from 0, and which pixels are theirs."""
-    large = np.bincount(chain, minlength=len(chain)) >= least
-    kept = large[chain]
-    return (np.cumsum(large) - 1)[chain[kept]], kept
+def _of_size(chain: NDArray[np.intp], least: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Chains of at least `least` pixels numbered from 0, and the indices of the pixels that are theirs."""
+    large = np.bincount(chain) >= least
+    kept = np.flatnonzero(large.take(chain))
+    return (np.cumsum(large) - 1).take(chain.take(kept)), kept
 
 
 def _fitted(chain: NDArray[np.intp], weight: Floats, x: Floats, y: Floats, height: int) -> Lines:

@@ -32,6 +32,7 @@ SOFTWARE = f"outdoor-lighting {__version__}"
 CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # Rec.709 red, green, blue and D65, as x and y
 
 MAGIC = b"v/1\x01"
+_BUFFER = 1 << 20  # bytes written at once; OpenEXR writes each 16 rows, with their place and size, by themselves
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
 
 
@@ -139,7 +140,7 @@ def opened(target: Target) -> Iterator[BinaryIO]:
         yield target
         return
     try:
-        with replacing(target) as temporary, temporary.open("wb") as stream:
+        with replacing(target) as temporary, temporary.open("wb", _BUFFER) as stream:
             yield stream
     except OSError as error:
         raise EnvironmentMapError(f"{os.fspath(target)} cannot be written: {error.strerror or error}.") from error

@@ -79,10 +79,12 @@ def _next_marker(view: NDArray[np.uint8], start: int) -> int | None:
     size = _FEW
     while start < view.size - 1:
         part = view[start : start + size + 1]
-        found = (part[:-1] == 0xFF) & _is_code(part[1:])
-        first = int(found.argmax())
-        if found[first]:
-            return start + first
+        found = (part[:-1] == 0xFF) & (part[1:] != 0)  # rare in a picture, where every 0xFF is stuffed with a 0
+        if found.any():
+            found &= _is_code(part[1:])
+            first = int(found.argmax())
+            if found[first]:
+                return start + first
         start, size = start + size, min(2 * size, _MANY)
     return None
 

@@ -23,8 +23,8 @@ _SAMPLED = 320  # rows or columns of the longer side that are looked at
 def is_empty(pixels: Pixels) -> bool:
     """Whether pixels (h, w, 3) hold next to no contrast: a black, blank or blown-out frame."""
     step = -(-max(pixels.shape[:2]) // _SAMPLED)
-    red, green, blue = np.moveaxis(pixels[::step, ::step].astype(np.uint16), 2, 0)
-    darker = np.bincount((red + green + blue).ravel()).cumsum()  # pixels of at most each sum of channels
+    red, green, blue = np.moveaxis(pixels[::step, ::step], 2, 0)
+    darker = np.bincount((np.add(red, green, dtype=np.uint16) + blue).ravel()).cumsum()  # pixels up to each sum of them
     edge = darker[-1] // 100
     darkest, brightest = np.searchsorted(darker, (edge, darker[-1] - 1 - edge), side="right")
     return bool(brightest - darkest < 3 * _EMPTY)
