@@ -7,7 +7,7 @@ from lighting.decoding import lighting_from, said_elevation, significant, tinted
 from lighting.evidence.exposure import daylight, too_dark
 from lighting.evidence.fusion import Evidence, Fused
 from lighting.evidence.metadata import Known
-from lighting.records import SUITABLE, Estimate
+from lighting.records import SUITABLE, Estimate, Lighting
 
 _UNSUITABLE = (
     "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
@@ -20,30 +20,41 @@ _IN_TWILIGHT = 0.1  # the most that `suitable` is where time and place have the 
 def estimate_of(fused: Fused, known: Known) -> Estimate:
     """The Estimate of fused evidence, with the evidence used and the warnings."""
     lighting = lighting_from(fused.prediction, fused.sun)
-    heading = fused.camera_heading
-    told: dict[str, Any] = {"evidence": fused.used, "warnings": (*known.warnings, *fused.warnings)}
-    if heading is not None:
+    suitable, warnings = lighting.suitable, (*known.warnings, *fused.warnings)
+    if suitable is not None:
+        suitable = _suitable(suitable, known)
+        warnings = (*warnings, *(_reasons(known.evidence) if suitable < SUITABLE else ()))
+    told: dict[str, Any] = {"evidence": fused.used, "warnings": warnings, "suitable": suitable}
+    told |= _headings(fused) | _sunlight(lighting, fused, known)
+    if known.location is not None:
+        told["latitude"], told["longitude"] = known.location
+    light = fused.prediction.light
+    return Estimate(replace(lighting, **told), fused.on_cells(), light.around if light else None)
+
+
+def _headings(fused: Fused) -> dict[str, Any]:
+    """The fields of a Lighting that say where its camera points."""
+    told: dict[str, Any] = {}
+    if (heading := fused.camera_heading) is not None:
         told["camera_heading"] = round(heading.best, 2) % 360.0
         told["camera_heading_radius_50"] = round(heading.radius_50, 2)
         told["camera_heading_radius_90"] = round(heading.radius_90, 2)
         told["camera_heading_probability"] = tuple(round(float(p), 6) for p in heading.probability)
     if fused.relative_heading is not None:
         told["relative_heading"] = round(fused.relative_heading.best, 2) % 360.0
-    if lighting.sun_irradiance is not None:
-        said = said_elevation(fused.prediction) if fused.elevation_said is None else fused.elevation_said
-        elevation = lighting.sun_elevation if "time+place" in fused.used else said
-        told["sun_irradiance"] = tinted(lighting.sun_irradiance, said, elevation)
+    return told
+
+
+def _sunlight(lighting: Lighting, fused: Fused, known: Known) -> dict[str, Any]:
+    """The fields of a Lighting that say how the sun shines: with the colour of its height, and not from below."""
+    irradiance = lighting.sun_irradiance
     if not known.sun_is_up:
-        told["sun_visibility"] = 0.0
-        told["sun_irradiance"] = None if lighting.sun_irradiance is None else (0.0, 0.0, 0.0)
-    if lighting.suitable is not None:
-        told["suitable"] = suitable = _suitable(lighting.suitable, known)
-        if suitable < SUITABLE:
-            told["warnings"] = (*told["warnings"], *_reasons(known.evidence))
-    if known.location is not None:
-        told["latitude"], told["longitude"] = known.location
-    light = fused.prediction.light
-    return Estimate(replace(lighting, **told), fused.on_cells(), light.around if light else None)
+        return {"sun_visibility": 0.0, "sun_irradiance": None if irradiance is None else (0.0, 0.0, 0.0)}
+    if irradiance is None:
+        return {}
+    said = said_elevation(fused.prediction) if fused.elevation_said is None else fused.elevation_said
+    elevation = lighting.sun_elevation if "time+place" in fused.used else said
+    return {"sun_irradiance": tinted(irradiance, said, elevation)}
 
 
 def _suitable(by_pixels: float, known: Known) -> float:
