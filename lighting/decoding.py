@@ -122,12 +122,16 @@ def as_bright(values: Floats, other: Floats) -> Floats:
 
 def _turned(said: float, known: float) -> Floats:
     """Factors (3,) by which clear suns differ at a known elevation and at that which the pixels said [deg]."""
-    there, here = (_clear_sun(float(np.clip(e, *_LOW))) for e in (min(known, said), said))
-    return (there / here) ** _TINT
+    there, here = (float(np.clip(e, *_LOW)) for e in (min(known, said), said))
+    return np.ones(3) if there == here else (_clear_sun(there) / _clear_sun(here)) ** _TINT
 
 
+@lru_cache(maxsize=64)
 def _clear_sun(elevation: float) -> Floats:
-    return np.asarray(sun_radiance(direction(0.0, elevation), _CLEAR), dtype=np.float64)
+    """The radiance (3,) of a clear sun, which is nobody's to change."""
+    radiance = sun_radiance(direction(0.0, elevation), _CLEAR)
+    radiance.flags.writeable = False
+    return radiance
 
 
 def colour(values: Floats, name: str) -> Colour:
