@@ -67,6 +67,8 @@ def record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any
 
 def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type."""
+    if not isinstance(record, Mapping):
+        raise ParameterError(f"A lighting record must be an object, not {reprlib.repr(record)}.")
     names = (*_SECTIONS, "model", "ground")
     found = {name: _section(record, name, required=name in ("sun", "sky")) for name in names}
     values = {
@@ -115,7 +117,7 @@ def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, .
 
 
 def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
-    section = record.get(name) if isinstance(record, Mapping) else None
+    section = record.get(name)
     if section is None and not required:
         return {}
     if not isinstance(section, Mapping):

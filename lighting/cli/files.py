@@ -96,7 +96,13 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
     try:
         record = json.loads(data)  # PowerShell writes UTF-16
     except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{shown(name)} does not hold one JSON record: {error}.") from error
+        several = isinstance(error, json.JSONDecodeError) and error.msg == "Extra data"
+        fault = (
+            "holds more than one record, and one is read at a time"
+            if several
+            else f"does not hold one JSON record: {error}"
+        )
+        raise ParameterError(f"{shown(name)} {fault}.") from error
     if isinstance(record, dict) and "error" in record:
         raise ParameterError(f"{shown(name)} holds an error in place of a lighting record.")
     try:

@@ -167,8 +167,12 @@ def _lighting_in(header: dict[str, Any]) -> Lighting | None:
     if text is None:
         return None
     try:
-        return Lighting.from_dict(json.loads(text))
-    except (ParameterError, ValueError, TypeError) as error:
+        record = json.loads(text)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise EnvironmentMapError("The EXR file's lighting.json cannot be read: it is not JSON.") from error
+    try:
+        return Lighting.from_dict(record)
+    except ParameterError as error:
         raise EnvironmentMapError(f"The EXR file's lighting.json cannot be read: {error}") from error
 
 

@@ -165,7 +165,9 @@ def test_missing_channels_are_named(image: NDArray[np.float32]) -> None:
         read_exr(io.BytesIO(data))
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"sun": {"azimuth": 0, "elevation": 200}, "sky": {}}', "3"])
+@pytest.mark.parametrize(
+    "text", ["{", "[]", "{}", '{"sun": {"azimuth": 0, "elevation": 200}, "sky": {}}', "3", 100_000 * "["]
+)
 def test_a_damaged_record_is_one_sentence(image: NDArray[np.float32], text: str) -> None:
     data = encoded({"RGB": image}, **{"lighting.json": text})
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file's lighting\.json cannot be read: "):
