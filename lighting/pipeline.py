@@ -85,6 +85,8 @@ class Estimator:
         heading for each of several photos, and MissingExtraError without OpenCV.
         """
         _check_asked(photos, given)
+        if not callable(match) and not isinstance(match, bool):
+            raise ParameterError(f"match must be True, False or a function, not {match!r}.")
         check_headings(len(photos), headings)
         check_heading(len(photos), given.heading)
         if len(photos) < 2:
@@ -130,8 +132,10 @@ def estimate_from(photo: Photo, said: Prediction, given: Given = NOTHING_GIVEN) 
     return with_seen_colours([photo], [estimate_of(fused, facts)])[0]
 
 
-def _check_asked(photos: Sequence[object], given: object) -> None:
-    """Raise PhotoError for what is no Photo, ParameterError for what is no Given."""
+def _check_asked(photos: object, given: object) -> None:
+    """Raise PhotoError for what is no Photo or no list of them, ParameterError for what is no Given."""
+    if not isinstance(photos, Sequence):
+        raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
     for kind in (type(photo).__name__ for photo in photos if not isinstance(photo, Photo)):
         raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
     if not isinstance(given, Given):

@@ -143,6 +143,10 @@ class Lighting:
         for name, limits in COLOUR_RANGES.items():
             _check_colour(name, getattr(self, name), limits)
         _check_headings(self.camera_heading_probability)
+        for name in ("model_name", "model_version"):
+            _check_text(name, getattr(self, name))
+        for name in ("evidence", "warnings"):
+            object.__setattr__(self, name, _texts(name, getattr(self, name)))
         if self.sky_model not in MODELS:
             known = ", ".join(name for name in MODELS if not name[-1].isdigit())
             raise ParameterError(
@@ -227,6 +231,17 @@ def _check_colour(name: str, colour: object, limits: tuple[float, float]) -> Non
         raise ParameterError(f"{name} must be three numbers: red, green and blue.")
     for value in colour:
         check_range(name, value, *limits)
+
+
+def _check_text(name: str, value: object) -> None:
+    if not isinstance(value, str):
+        raise ParameterError(f"{name} must be a text, not {reprlib.repr(value)}.")
+
+
+def _texts(name: str, values: object) -> tuple[str, ...]:
+    if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
+        raise ParameterError(f"{name} must be a list of texts, not {reprlib.repr(values)}.")
+    return tuple(values)
 
 
 def _check_spec(name: str, fits: bool) -> None:

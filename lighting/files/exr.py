@@ -178,7 +178,13 @@ def _lighting_in(header: dict[str, Any]) -> Lighting | None:
 
 def _read(source: Target) -> bytes:
     if not isinstance(source, str | os.PathLike):
-        return source.read()
+        read = getattr(source, "read", None)
+        if not callable(read):
+            kind = type(source).__name__
+            raise EnvironmentMapError(f"An EXR is read from a path or a binary stream, not {kind}.")
+        if not isinstance(data := read(), bytes):
+            raise EnvironmentMapError("The file is open as text; an EXR is read from one that is open in binary mode.")
+        return data
     try:
         return Path(source).read_bytes()
     except OSError as error:

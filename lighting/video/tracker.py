@@ -29,6 +29,7 @@ from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
 from lighting.video.learning import LearntLens, Looks
+from lighting.video.records import rounded_angle, rounded_compass
 from lighting.video.shot import north_of
 from lighting.video.turning import is_believed, turning
 from lighting.video.watch import is_dark, see
@@ -212,13 +213,13 @@ class Tracker:
         north = north_of(fused, known)
         lighting = replace(
             brighten(base, self._gain),
-            sun_azimuth=float(wrap_azimuth(base.sun_azimuth - heading)),
-            camera_elevation=elevation,
-            camera_roll=roll,
-            vertical_fov=self._lens.fov,
-            camera_heading=None if north is None else (north + heading) % 360.0,
+            sun_azimuth=rounded_angle(wrap_azimuth(base.sun_azimuth - heading)),
+            camera_elevation=rounded_angle(elevation),
+            camera_roll=rounded_angle(roll),
+            vertical_fov=rounded_angle(self._lens.fov),
+            camera_heading=None if north is None else rounded_compass(north + heading),
             camera_heading_probability=(),
-            relative_heading=heading % 360.0,
+            relative_heading=rounded_compass(heading),
         )
         red, green, blue = map(float, self._gain)
         return Sighting(lighting, heading, (red, green, blue), followed, self._chain == FIRST)

@@ -202,6 +202,16 @@ def test_a_model_name_must_be_text() -> None:
         Lighting.from_dict({**LIGHTING.to_dict(), "model": {"name": {"deep": 1}}})
 
 
+@pytest.mark.parametrize("name", ["evidence", "warnings"])
+@pytest.mark.parametrize("value", ["pixels", 3, [3], None])
+def test_lists_of_texts_are_checked_and_kept_as_tuples(name: str, value: Any) -> None:
+    right: dict[str, Any] = {name: ["pixels"]}
+    wrong: dict[str, Any] = {name: value}
+    assert getattr(Lighting(0.0, 0.0, 2.0, 1.0, **right), name) == ("pixels",)
+    with pytest.raises(ParameterError, match=f"^{name} must be a list of texts, not "):
+        Lighting(0.0, 0.0, 2.0, 1.0, **wrong)
+
+
 json_values = st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["azimuth", "elevation", "x"]), inner),

@@ -183,6 +183,12 @@ def test_other_files_are_refused(content: bytes) -> None:
         read_exr(io.BytesIO(content))
 
 
+@pytest.mark.parametrize("source", [None, 3, b"v/1\x01", io.StringIO("v/1")], ids=["none", "number", "bytes", "text"])
+def test_what_is_neither_a_path_nor_a_binary_stream_is_refused(source: Any) -> None:
+    with pytest.raises(EnvironmentMapError, match=r"An EXR is read from a path or a binary stream, not|open as text"):
+        read_exr(source)
+
+
 @pytest.mark.parametrize("share", [0.001, 0.01, 0.05, 0.2, 0.5, 0.9, 0.999])
 def test_cut_files_are_refused_quietly(data: bytes, share: float, capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
