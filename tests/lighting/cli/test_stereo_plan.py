@@ -61,7 +61,7 @@ def test_an_overcast_day_is_called_useless() -> None:
         (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 2, "latitude is 91"),
         ([*PLACE, "--date", "2200-06-21"], 2, "year"),
         ([*PLACE, "--date", "2026-02-30"], 2, "'2026-02-30' is not a day such as 2026-06-21."),
-        ([*PLACE, "--date", "21 June"], 2, "does not match the format"),
+        ([*PLACE, "--date", "21 June"], 2, "'21 June' is not a day"),
         (PLACE, 2, "A plan needs --lat, --lon and --date, or --probes."),
         ([*PLACE, "--until", "2026-06-21"], 2, "--until needs --date."),
         ([*PLACE, "--date", "2026-06-21", "--json", "-o", "-"], 2, "both go to stdout"),
