@@ -37,8 +37,8 @@ def print_fit(found: "Fit", as_json: bool, quiet: bool) -> None:
 def fit_in_words(found: "Fit") -> str:
     """One line for people."""
     parts = [
-        f"the first photo looks to {found.heading:.0f}° from true north (50 % within {found.heading_radius_50:.0f}°, "
-        f"90 % within {found.heading_radius_90:.0f}°)"
+        f"the first photo looks to {round(found.heading) % 360}° from true north "
+        f"(50 % within {found.heading_radius_50:.0f}°, 90 % within {found.heading_radius_90:.0f}°)"
     ]
     degrees, hours = "{:.0f}°".format, "{:+.1f} h".format
     if found.latitude is not None:
