@@ -37,7 +37,7 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
         ("", "stdin does not hold one JSON record: Expecting value: line 1 column 1 (char 0)."),
         ("{}\n{}", "stdin holds more than one record, and one is read at a time."),
         ("[" * 100_000, "stdin does not hold one JSON record: maximum recursion depth exceeded"),
-        ("\xff", "stdin does not hold one JSON record: 'utf-8' codec can't decode byte 0xff"),
+        ("\xff", "stdin does not hold a JSON record: it is not text in UTF-8."),
         ("NaN", "stdin: A lighting record must be an object, not nan."),
         ("[]", "stdin: A lighting record must be an object, not []."),
         ('{"lighting": null}', "stdin: A lighting record must be an object, not None."),
