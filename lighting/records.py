@@ -190,6 +190,12 @@ class Lighting:
             raise ParameterError(as_in_record(str(error))) from error
 
 
+def check_lighting(thing: object) -> None:
+    """Raise ParameterError for what is no Lighting."""
+    if not isinstance(thing, Lighting):
+        raise ParameterError(f"A Lighting is needed, not {type(thing).__name__}; an estimate has one as `lighting`.")
+
+
 @dataclass(frozen=True, eq=False)
 class SunDistribution:
     """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""

@@ -22,7 +22,7 @@ from lighting.files.atomic import replacing
 from lighting.files.compression import Compression, packed_with
 from lighting.files.record import full_record
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
-from lighting.records import Lighting
+from lighting.records import Lighting, check_lighting
 from lighting.version import __version__
 
 Image = NDArray[np.float32]
@@ -148,9 +148,7 @@ def opened(target: Target) -> Iterator[BinaryIO]:
 def _attributes(lighting: Lighting | None) -> dict[str, Any]:
     if lighting is None:
         return {}
-    if not isinstance(lighting, Lighting):
-        kind = type(lighting).__name__
-        raise ParameterError(f"A Lighting is needed, not {kind}; an estimate has one as `lighting`.")
+    check_lighting(lighting)
     return {
         **{f"lighting.{name}": float(getattr(lighting, name)) for name in RANGES},
         **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},

@@ -42,6 +42,15 @@ def test_headings_come_back_after_a_round(model: Model) -> None:
     assert all(a is not None and a.followed for a in answers)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [({"model": "network.onnx"}, "A Model is needed, not str"), ({"given": {"latitude": 3.0}}, "is a Given, not dict")],
+)
+def test_a_tracker_says_what_it_takes(wrong: dict[str, Any], said: str, model: Model) -> None:
+    with pytest.raises(ParameterError, match=said):
+        Tracker(**{"model": model, **wrong})
+
+
 def test_angles_of_a_light_have_four_digits_behind_the_point(model: Model) -> None:
     tracker = Tracker(model, look_every=5.0)
     for i in range(3):
