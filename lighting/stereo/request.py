@@ -17,7 +17,7 @@ from lighting.stereo.windows import Check, go_on
 
 @dataclass(frozen=True)
 class ModelledSkies:
-    """A place and days there under a kind of sky; raises ParameterError for another one and for what is out of range."""
+    """A place and days there under a kind of sky; ParameterError for another one and for what is out of range."""
 
     latitude: float  # deg, positive north
     longitude: float  # deg, positive east
