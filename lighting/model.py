@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.cpus import available_cpus
-from lighting.errors import ModelError
+from lighting.errors import ModelError, ParameterError
 from lighting.records import AROUND_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 
@@ -80,6 +80,16 @@ class Model:
         if not all(np.isfinite(o).all() for o in outputs):
             raise ModelError("The network's answer is not finite.")
         return outputs
+
+
+def model_or_packaged(model: object) -> Model:
+    """The Model given, or for None the one in this package; ModelError, and ParameterError for what is neither."""
+    if model is None:
+        return Model.load()
+    if not isinstance(model, Model):
+        kind = type(model).__name__
+        raise ParameterError(f"A Model is needed, not {kind}; in lighting.model, Model.load reads a file.")
+    return model
 
 
 def figures_path(spec: ModelSpec, folder: Path) -> Path:

@@ -15,6 +15,7 @@ from lighting.evidence import (
     Evidence,
     Given,
     camera_evidence,
+    check_given,
     check_heading,
     check_headings,
     estimate_of,
@@ -26,7 +27,7 @@ from lighting.evidence import (
     stand,
     tilt_spread,
 )
-from lighting.model import Model
+from lighting.model import Model, model_or_packaged
 from lighting.photo import Photo, Source, read_photo
 from lighting.records import Estimate, Prediction
 
@@ -48,10 +49,7 @@ class Estimator:
 
         Raises ModelError, and ParameterError for what is no Model.
         """
-        if model is not None and not isinstance(model, Model):
-            kind = type(model).__name__
-            raise ParameterError(f"A Model is needed, not {kind}; in lighting.model, Model.load reads a file.")
-        self.model = model or Model.load()
+        self.model = model_or_packaged(model)
 
     def predict(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Prediction:
         """What the pixels say: the sun's probability on the network's grid, and raw parameters.
@@ -85,6 +83,8 @@ class Estimator:
         heading for each of several photos, and MissingExtraError without OpenCV.
         """
         _check_asked(photos, given)
+        if not callable(match) and not isinstance(match, bool):
+            raise ParameterError(f"match must be True, False or a function, not {match!r}.")
         check_headings(len(photos), headings)
         check_heading(len(photos), given.heading)
         if len(photos) < 2:
@@ -130,12 +130,13 @@ def estimate_from(photo: Photo, said: Prediction, given: Given = NOTHING_GIVEN) 
     return with_seen_colours([photo], [estimate_of(fused, facts)])[0]
 
 
-def _check_asked(photos: Sequence[object], given: object) -> None:
-    """Raise PhotoError for what is no Photo, ParameterError for what is no Given."""
+def _check_asked(photos: object, given: object) -> None:
+    """Raise PhotoError for what is no Photo or no list of them, ParameterError for what is no Given."""
+    if not isinstance(photos, Sequence):
+        raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
     for kind in (type(photo).__name__ for photo in photos if not isinstance(photo, Photo)):
         raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
-    if not isinstance(given, Given):
-        raise ParameterError(f"What is known of a photo is a Given, not {type(given).__name__}.")
+    check_given(given)
 
 
 def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:

@@ -143,6 +143,10 @@ class Lighting:
         for name, limits in COLOUR_RANGES.items():
             _check_colour(name, getattr(self, name), limits)
         _check_headings(self.camera_heading_probability)
+        for name in ("model_name", "model_version"):
+            _check_text(name, getattr(self, name))
+        for name in ("evidence", "warnings"):
+            object.__setattr__(self, name, _texts(name, getattr(self, name)))
         if self.sky_model not in MODELS:
             known = ", ".join(name for name in MODELS if not name[-1].isdigit())
             raise ParameterError(
@@ -186,6 +190,12 @@ class Lighting:
             raise ParameterError(as_in_record(str(error))) from error
 
 
+def check_lighting(thing: object) -> None:
+    """Raise ParameterError for what is no Lighting."""
+    if not isinstance(thing, Lighting):
+        raise ParameterError(f"A Lighting is needed, not {type(thing).__name__}; an estimate has one as `lighting`.")
+
+
 @dataclass(frozen=True, eq=False)
 class SunDistribution:
     """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""
@@ -227,6 +237,17 @@ def _check_colour(name: str, colour: object, limits: tuple[float, float]) -> Non
         raise ParameterError(f"{name} must be three numbers: red, green and blue.")
     for value in colour:
         check_range(name, value, *limits)
+
+
+def _check_text(name: str, value: object) -> None:
+    if not isinstance(value, str):
+        raise ParameterError(f"{name} must be a text, not {reprlib.repr(value)}.")
+
+
+def _texts(name: str, values: object) -> tuple[str, ...]:
+    if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
+        raise ParameterError(f"{name} must be a list of texts, not {reprlib.repr(values)}.")
+    return tuple(values)
 
 
 def _check_spec(name: str, fits: bool) -> None:

@@ -38,6 +38,8 @@ _COLOURS = {  # where the JSON record has them
     "ground.color": "ground_color",
 }
 _PLACES = {  # where the JSON record has each attribute
+    "model_name": "model.name",
+    "model_version": "model.version",
     "camera_heading_probability": "camera.heading_probability",
     **{attribute: path for path, attribute in _COLOURS.items()},
     **{attribute: f"{section}.{name}" for section, names in _SECTIONS.items() for name, attribute in names.items()},
@@ -67,6 +69,8 @@ def record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any
 
 def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type."""
+    if not isinstance(record, Mapping):
+        raise ParameterError(f"A lighting record must be an object, not {reprlib.repr(record)}.")
     names = (*_SECTIONS, "model", "ground")
     found = {name: _section(record, name, required=name in ("sun", "sky")) for name in names}
     values = {
@@ -75,15 +79,15 @@ def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
     for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
         if values[name] is None:
             raise ParameterError(f"The lighting record lacks {_PLACES[name]}.")
-    values |= {f"model_{name}": _text(found["model"], name) for name in ("name", "version")}
-    values |= {name: _texts(record, name) for name in ("evidence", "warnings")}
+    values |= {f"model_{name}": found["model"].get(name) for name in ("name", "version")}
+    values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
     values["camera_heading_probability"] = _numbers(
         found["camera"], "heading_probability", "camera.heading_probability"
     )
     for path, attribute in _COLOURS.items():
         section, name = path.split(".")
         values[attribute] = _numbers(found[section], name, path) or None
-    values |= {"sky_model": found["sky"].get("model"), "suitable": record.get("suitable")}
+    values["sky_model"] = found["sky"].get("model")
     return {name: value for name, value in values.items() if value is not None}
 
 
@@ -91,20 +95,6 @@ def as_in_record(sentence: str) -> str:
     """The sentence about an attribute, which begins with its name, about the field of the JSON record that holds it."""
     name, space, rest = sentence.partition(" ")
     return f"{_PLACES.get(name, name)}{space}{rest}"
-
-
-def _text(section: Mapping[str, Any], name: str) -> str | None:
-    text = section.get(name)
-    if text is not None and not isinstance(text, str):
-        raise ParameterError(f"model.{name} must be a text, not {reprlib.repr(text)}.")
-    return text
-
-
-def _texts(record: Mapping[str, Any], name: str) -> tuple[str, ...]:
-    texts = () if record.get(name) is None else record[name]
-    if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
-        raise ParameterError(f"{name} must be a list of texts, not {reprlib.repr(texts)}.")
-    return tuple(texts)
 
 
 def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
@@ -115,7 +105,7 @@ def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, .
 
 
 def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
-    section = record.get(name) if isinstance(record, Mapping) else None
+    section = record.get(name)
     if section is None and not required:
         return {}
     if not isinstance(section, Mapping):

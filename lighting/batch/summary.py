@@ -16,9 +16,9 @@ class Summary:
 
     def __str__(self) -> str:
         rate = (self.done + self.failed - self.earlier) / max(self.seconds, 1e-3)
-        before = f" ({self.earlier} by an earlier run)" if self.earlier else ""
+        before = f"{self.earlier} by an earlier run, " if self.earlier else ""
         skipped = f"{self.others.total()} skipped{in_words(self.others)}"
-        return f"{self.done} done, {self.failed} failed{before}, {skipped}; {rate:.1f} photos a second."
+        return f"{self.done} done, {self.failed} failed, {skipped}; {before}{rate:.1f} photos a second."
 
 
 def in_words(others: Counter[str]) -> str:

@@ -96,13 +96,22 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
     try:
         record = json.loads(data)  # PowerShell writes UTF-16
     except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{shown(name)} does not hold one JSON record: {error}.") from error
+        raise ParameterError(f"{shown(name)} {_fault(error)}.") from error
     if isinstance(record, dict) and "error" in record:
         raise ParameterError(f"{shown(name)} holds an error in place of a lighting record.")
     try:
         return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
     except ParameterError as error:
         raise ParameterError(f"{shown(name)}: {error}", error.field) from error
+
+
+def _fault(error: Exception) -> str:
+    """What is wrong with a file whose JSON cannot be read."""
+    if isinstance(error, UnicodeDecodeError):
+        return "does not hold a JSON record: it is not text in UTF-8"
+    if isinstance(error, json.JSONDecodeError) and error.msg == "Extra data":
+        return "holds more than one record, and one is read at a time"
+    return f"does not hold one JSON record: {error}"
 
 
 def load_estimator(model: str | None) -> "Estimator":

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import date, timedelta
 from typing import TYPE_CHECKING
 
@@ -37,14 +38,14 @@ def print_fit(found: "Fit", as_json: bool, quiet: bool) -> None:
 def fit_in_words(found: "Fit") -> str:
     """One line for people."""
     parts = [
-        f"the first photo looks to {found.heading:.0f}° from true north (50 % within {found.heading_radius_50:.0f}°, "
-        f"90 % within {found.heading_radius_90:.0f}°)"
+        f"the first photo looks to {round(found.heading) % 360}° from true north "
+        f"(50 % within {found.heading_radius_50:.0f}°, 90 % within {found.heading_radius_90:.0f}°)"
     ]
     degrees, hours = "{:.0f}°".format, "{:+.1f} h".format
     if found.latitude is not None:
         parts.append(f"latitude {degrees(found.latitude.best)} ({_likely(found.latitude, degrees)})")
     if found.day_of_year is not None:
-        parts.append(f"date {_day(found.day_of_year.best)} ({_likely(found.day_of_year, _day)})")
+        parts.append(f"date {_day(found.day_of_year.best)} ({_likely(_over_new_year(found.day_of_year), _day)})")
     if found.clock_shift is not None:
         parts.append(f"clock {hours(found.clock_shift.best)} ({_likely(found.clock_shift, hours)})")
     if (offset := found.utc_minus_clock) is not None:
@@ -61,7 +62,18 @@ def _likely(found: "Range", shown: Callable[[float], str]) -> str:
     )
 
 
+def _over_new_year(days: "Range") -> "Range":
+    """The days with the intervals that end and begin the year as one, whose end comes before its start."""
+    half, most = (
+        (*intervals[1:-1], (intervals[-1][0], intervals[0][1]))
+        if len(intervals) > 1 and intervals[0][0] == 1.0 and intervals[-1][1] == 365.0
+        else intervals
+        for intervals in (days.in_50, days.in_90)
+    )
+    return replace(days, in_50=half, in_90=most)
+
+
 def _day(number: float) -> str:
     """The day and month of a day of the year, of a year without a leap day."""
-    day = date(2025, 1, 1) + timedelta(days=min(max(round(number), 1), 365) - 1)
+    day = date(2025, 1, 1) + timedelta(days=round(number) - 1)
     return f"{day.day} {day:%B}"

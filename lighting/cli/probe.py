@@ -209,7 +209,7 @@ def _report(made: "Probe", path: Path, quiet: bool) -> None:
 
 
 def _fit_in_words(made: "Probe") -> str:
-    words = "" if made.off is None else f", found {made.off:.2f}° beside"
+    words = "" if made.off is None else f"; the map shows it {made.off:.2f}° away"
     if made.alignment is not None and len(made.alignment.used) > 1:
         lens, used = made.alignment.lens, int(made.alignment.used.sum())
         words += f"; {used} suns leave {made.alignment.residual:.2f}°, tilt {made.alignment.tilt:.1f}°"

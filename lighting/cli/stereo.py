@@ -26,14 +26,18 @@ def stereo() -> None:
     """
 
 
-_DATE = click.DateTime(formats=["%Y-%m-%d"])
+def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
+    try:
+        return None if text is None else datetime.strptime(text, "%Y-%m-%d")
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is not a day such as 2026-06-21.") from error
 
 
 @stereo.command()
 @click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north.")
 @click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east.")
-@click.option("--date", "first", type=_DATE, metavar="DATE", help="The day: 2026-06-21.")
-@click.option("--until", "last", type=_DATE, metavar="DATE", help="Last day of a range, whose best day is planned.")
+@click.option("--date", "first", callback=_day, metavar="DATE", help="The day: 2026-06-21.")
+@click.option("--until", "last", callback=_day, metavar="DATE", help="Last day of a range, whose best day is planned.")
 @click.option(
     "--sky", type=click.Choice(["clear", "overcast", "mixed"]), help="Modelled sky; mixed is broken cloud. [clear]"
 )

@@ -117,7 +117,7 @@ def in_words(number: int, shot: "Shot") -> str:
 
     path, light = shot.path, light_of(shot)
     turned = path.heading.max() - path.heading.min()
-    north = "" if shot.north is None else f", first heading {(shot.north + path.heading[0]) % 360.0:.0f}°"
+    north = "" if shot.north is None else f", first heading {round(shot.north + path.heading[0]) % 360}°"
     frames = "1 frame" if len(shot.frames) == 1 else f"{len(shot.frames)} frames"
     bridged = f", {path.bridged.sum()} bridged" if path.bridged.any() else ""
     zoom = (

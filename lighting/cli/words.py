@@ -66,11 +66,11 @@ def _spread(lighting: "Lighting") -> str:
 def _headings(lighting: "Lighting") -> str:
     words = ""
     if lighting.camera_heading is not None:
-        words += f", heading {lighting.camera_heading:.0f}°"
+        words += f", heading {round(lighting.camera_heading) % 360}°"
     if lighting.camera_heading_radius_50 is not None:
         words += f" (50 % within {lighting.camera_heading_radius_50:.0f}°)"
     if lighting.relative_heading is not None:
-        words += f", {lighting.relative_heading:.0f}° clockwise from the first photo"
+        words += f", {round(lighting.relative_heading) % 360}° clockwise from the first photo"
     return words
 
 

@@ -16,7 +16,7 @@ from lighting.envmap.disc import disc_power, paint_disc
 from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
 from lighting.errors import ParameterError
 from lighting.geometry import Floats
-from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, SKY_MODEL, Lighting
+from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, SKY_MODEL, Lighting, check_lighting
 
 
 def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
@@ -26,8 +26,7 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     solid angle is the same at every height, and the ground is lit by what is painted. Without `disc` the sun lights the
     ground and is left for a light of its own. Raises ParameterError for another height, and for what is no Lighting.
     """
-    if not isinstance(lighting, Lighting):
-        raise ParameterError(f"A Lighting is needed, not {type(lighting).__name__}; an estimate has one as `lighting`.")
+    check_lighting(lighting)
     _check_height(height)
     painted = lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)

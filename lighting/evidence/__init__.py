@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from lighting.evidence.fit import KINDS, Fit, Range, series_of
     from lighting.evidence.frames import check_heading, check_headings, read_headings
     from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, stand
-    from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given
+    from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given, check_given
     from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.overlap import power
@@ -40,6 +40,7 @@ __all__ = [
     "Range",
     "as_shown",
     "camera_evidence",
+    "check_given",
     "check_heading",
     "check_headings",
     "compass_prior",
@@ -84,6 +85,7 @@ __getattr__ = from_homes(
         "Fit": "fit",
         "Fused": "fusion",
         "Given": "given",
+        "check_given": "given",
         "Gravity": "gravity",
         "Known": "metadata",
         "Range": "fit",

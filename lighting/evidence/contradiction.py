@@ -37,11 +37,11 @@ def contradictions(
     """
     if len(candidates) and elevation_tail(prediction, candidates[:, 0]) < ELEVATION_TAIL:
         yield (
-            f"The pixels all but exclude the sun's elevation at this time and place, {_range(candidates[:, 0])}: "
+            f"The sun's elevation at this time and place, {_range(candidates[:, 0])}, is very unlikely by the pixels: "
             "check the clock, the zone and the place."
         )
     if len(candidates) and compass is not None and heading_tail(density, *compass) < HEADING_TAIL:
-        yield f"The pixels all but exclude the compass heading of {compass[0]:.0f}°."
+        yield f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
         yield (
             f"The vertical field of view is {vertical_fov:.0f}° by what is known of the lens, "

@@ -52,7 +52,7 @@ class Fit:
     heading_radius_50: float
     heading_radius_90: float
     latitude: Range | None = None  # deg
-    day_of_year: Range | None = None  # of the first photo, 1 to 365
+    day_of_year: Range | None = None  # of the first photo, 1 to 365; intervals end with the year and begin with it
     clock_shift: Range | None = None  # h to add to the photos' clocks, of which the zone is known
     utc_minus_clock: Range | None = None  # h to add to clocks of unknown zone for UTC: zone and error together
     warnings: tuple[str, ...] = ()  # about the photos, which are numbered from 1
@@ -168,7 +168,8 @@ def _time(series: Series) -> Fit:
     azimuth, elevation = sun_position(_moments(times) + moved[:, None], *place)
     found, probability = _fitted(series, times, Paths(elevation, azimuth, np.ones(len(day))))
     table = probability.reshape(len(days), len(shifts))
-    found, shift = replace(found, day_of_year=likely(days + 1.0, table.sum(axis=1))), likely(shifts, table.sum(axis=0))
+    date, shift = _in_year(likely(days + 1.0, table.sum(axis=1))), likely(shifts, table.sum(axis=0))
+    found = replace(found, day_of_year=date)
     return replace(found, utc_minus_clock=shift) if utc is None else replace(found, clock_shift=shift)
 
 
@@ -204,6 +205,14 @@ def likely(values: Floats, probability: Floats) -> Range:
     strongest = max(inside, key=lambda mask: float(p[mask].sum()))
     best = float(p[strongest] @ values[strongest] / p[strongest].sum())
     return Range(round(best, 2), half, whole)
+
+
+def _in_year(days: Range) -> Range:
+    """The range of days with its intervals cut to the year, 1 to 365."""
+    half, most = (
+        tuple((max(low, 1.0), min(high, 365.0)) for low, high in intervals) for intervals in (days.in_50, days.in_90)
+    )
+    return Range(days.best, half, most)
 
 
 def _intervals(values: Floats, p: Floats, share: float) -> tuple[tuple[float, float], ...]:

@@ -60,4 +60,10 @@ class Given:
             raise ParameterError("A time needs a place, and a place a time.", missing)
 
 
+def check_given(thing: object) -> None:
+    """Raise ParameterError for what is no Given."""
+    if not isinstance(thing, Given):
+        raise ParameterError(f"What is known of a photo is a Given, not {type(thing).__name__}.")
+
+
 NOTHING_GIVEN = Given()

@@ -22,7 +22,7 @@ from lighting.files.atomic import replacing
 from lighting.files.compression import Compression, packed_with
 from lighting.files.record import full_record
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
-from lighting.records import Lighting
+from lighting.records import Lighting, check_lighting
 from lighting.version import __version__
 
 Image = NDArray[np.float32]
@@ -149,9 +149,7 @@ def opened(target: Target) -> Iterator[BinaryIO]:
 def _attributes(lighting: Lighting | None) -> dict[str, Any]:
     if lighting is None:
         return {}
-    if not isinstance(lighting, Lighting):
-        kind = type(lighting).__name__
-        raise ParameterError(f"A Lighting is needed, not {kind}; an estimate has one as `lighting`.")
+    check_lighting(lighting)
     return {
         **{f"lighting.{name}": float(getattr(lighting, name)) for name in RANGES},
         **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},
@@ -168,14 +166,24 @@ def _lighting_in(header: dict[str, Any]) -> Lighting | None:
     if text is None:
         return None
     try:
-        return Lighting.from_dict(json.loads(text))
-    except (ParameterError, ValueError, TypeError) as error:
+        record = json.loads(text)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise EnvironmentMapError("The EXR file's lighting.json cannot be read: it is not JSON.") from error
+    try:
+        return Lighting.from_dict(record)
+    except ParameterError as error:
         raise EnvironmentMapError(f"The EXR file's lighting.json cannot be read: {error}") from error
 
 
 def _read(source: Target) -> bytes:
     if not isinstance(source, str | os.PathLike):
-        return source.read()
+        read = getattr(source, "read", None)
+        if not callable(read):
+            kind = type(source).__name__
+            raise EnvironmentMapError(f"An EXR is read from a path or a binary stream, not {kind}.")
+        if not isinstance(data := read(), bytes):
+            raise EnvironmentMapError("The file is open as text; an EXR is read from one that is open in binary mode.")
+        return data
     try:
         return Path(source).read_bytes()
     except OSError as error:

@@ -18,6 +18,7 @@ from PIL import Image
 from lighting.colour import srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError
 from lighting.photo.exif import PhotoFacts, read_exposure, read_facts
+from lighting.photo.pixels import check_bits
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -49,7 +50,9 @@ def read_linear(path: str | Path, curve: Curve | None = None) -> LinearPhoto:
         return _read_raw(file)
     try:
         return _read_picture(file, curve)
-    except (PhotoError, FileNotFoundError, PermissionError, MemoryError):
+    except PhotoError as error:
+        raise PhotoError(f"{file}: {error}") from error
+    except (FileNotFoundError, PermissionError, MemoryError):
         raise
     except Image.DecompressionBombError as error:
         raise PhotoError(f"{file} has too many pixels to be read.") from error
@@ -72,6 +75,7 @@ def of_floats(pixels: Pixels) -> LinearPhoto:
 def _read_picture(file: Path, curve: Curve | None) -> LinearPhoto:
     data = file.read_bytes()
     image = Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
+    check_bits(image)
     samples, full = _samples(image, data)
     said = curve or ("linear" if full > 255 else "srgb")
     value = np.asarray(samples / np.float32(full), dtype=np.float32)

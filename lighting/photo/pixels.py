@@ -13,6 +13,7 @@ Pixels = NDArray[np.uint8]
 
 MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large, as a scene's plate, are bounded too
 
+_FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 _STRIP = 1 << 22  # pixels converted at once
 _MID_GREY = (128, 128, 128, 255)
 _TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
@@ -24,6 +25,12 @@ _TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, 
     7: lambda pixels: pixels[::-1, ::-1].transpose(1, 0, 2),
     8: lambda pixels: pixels[:, ::-1].transpose(1, 0, 2),
 }
+
+
+def check_bits(image: Image.Image) -> None:
+    """Raise PhotoError for a TIFF of 32 bits a colour."""
+    if image.format == "TIFF" and image.mode in _FLOATS:
+        raise PhotoError("The TIFF holds 32 bits per colour, whose white is unknown; convert it to 8 or 16 bits.")
 
 
 def decode(image: Image.Image, target: int) -> None:

@@ -25,7 +25,7 @@ from lighting.errors import PhotoError, PhotoExtraError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import NAMES, admitted, most
-from lighting.photo.pixels import decode, upright_pixels
+from lighting.photo.pixels import check_bits, decode, upright_pixels
 from lighting.photo.png import check_chunks
 from lighting.photo.raw import KIND, described, is_raw, preview
 from lighting.photo.webp import canvas
@@ -42,7 +42,6 @@ MAX_ASPECT = 8  # longer side / shorter side
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
 _CHUNK = 1 << 22  # bytes read at once, so that small files need no buffer of the limit's size
 _FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")
-_FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +132,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
         raise PhotoError("The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read.") from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
-    if image.format == "TIFF" and image.mode in _FLOATS:
-        raise PhotoError("The TIFF holds 32 bits per colour, whose white is unknown; convert it to 8 or 16 bits.")
+    check_bits(image)
     check_size(*image.size, *admitted(image, data, max_pixels))
     return image
 

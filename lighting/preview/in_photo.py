@@ -87,16 +87,22 @@ def _over(linear: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray
     """The picture (h, w, 3) with each ball drawn into its own window."""
     result = linear.copy()
     for kind, centre in enumerate(stage.centres):
+        depth = float(centre @ camera.axes[2])
+        if depth <= 0:  # behind a camera that looks straight down through a very wide lens
+            continue
         x, y = camera_pixel(centre, camera)
-        reach = 1.2 * camera.focal_length / float(centre @ camera.axes[2])
-        rows, columns = (
-            slice(max(0, int(at - reach)), min(count, int(at + reach) + 1))
-            for at, count in ((y, camera.height), (x, camera.width))
-        )
+        reach = 1.2 * camera.focal_length / depth
+        rows, columns = _span(y, reach, camera.height), _span(x, reach, camera.width)
         window = result[rows, columns]
         if window.size:
             _draw_ball(window, kind, _rays(camera, rows, columns), stage)
     return result
+
+
+def _span(middle: float, reach: float, count: int) -> slice:
+    """Which of `count` rows or columns lie within `reach` of the middle; an empty slice where none does."""
+    first = max(0, int(middle - reach))
+    return slice(first, max(first, min(count, int(middle + reach) + 1)))
 
 
 def _rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:

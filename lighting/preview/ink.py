@@ -28,10 +28,10 @@ def ink(
 
 
 def stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float, opacity: float = 1.0) -> None:
-    """Draw open lines, each (N, 2) pixels."""
+    """Draw open lines, each (N, 2) pixels; one without a pixel is not drawn."""
 
     def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
-        for line in lines:
+        for line in filter(len, lines):
             draw.line(_scaled(line, scale), fill=255, width=round(width * scale), joint="curve")
 
     ink(picture, colour, opacity, paint)

@@ -47,7 +47,7 @@ def warning_lines(lighting: Lighting) -> list[str]:
 def _sources(lighting: Lighting) -> str:
     """The evidence if it is more than the pixels, and the camera's heading if it is known."""
     sources = [f"from {', '.join(lighting.evidence)}"] if len(lighting.evidence) > 1 else []
-    heading = [] if lighting.camera_heading is None else [f"camera heading {lighting.camera_heading:.0f}°"]
+    heading = [] if lighting.camera_heading is None else [f"camera heading {round(lighting.camera_heading) % 360}°"]
     return "; ".join(sources + heading)
 
 

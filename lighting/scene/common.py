@@ -26,7 +26,7 @@ from lighting.envmap import (
 )
 from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, camera_axes, focal_length
 from lighting.photo import Photo
-from lighting.records import Lighting
+from lighting.records import Lighting, check_lighting
 
 SUN_ANGLE = 2 * SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
@@ -144,8 +144,10 @@ def make_scene(
     """The scene of a photo under its lighting.
 
     `sun` says whether direct sunlight reaches it; None leaves that to `Lighting.sun_painted`. With a
-    `place` the map shows it. Raises ParameterError for a `map_height` that `envmap.render` refuses.
+    `place` the map shows it. Raises ParameterError for a `map_height` that `envmap.render` refuses, and for what is no
+    Lighting.
     """
+    check_lighting(lighting)
     shines = lighting.sun_painted if sun is None else sun
     if place is None:
         environment = render(lighting, map_height, sun=shines, disc=False)

@@ -17,7 +17,7 @@ from lighting.stereo.windows import Check, go_on
 
 @dataclass(frozen=True)
 class ModelledSkies:
-    """A place and days there under a kind of sky; raises ParameterError for what is out of range."""
+    """A place and days there under a kind of sky; ParameterError for another one and for what is out of range."""
 
     latitude: float  # deg, positive north
     longitude: float  # deg, positive east
@@ -29,6 +29,8 @@ class ModelledSkies:
     def __post_init__(self) -> None:
         check_range("latitude", self.latitude, *OPTIONAL_RANGES["latitude"])
         check_range("longitude", self.longitude, *OPTIONAL_RANGES["longitude"])
+        if self.sky not in _SKY:
+            raise ParameterError(f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY)}.", "sky")
         if self.utc_offset is not None:
             check_range("utc_offset", self.utc_offset, *OFFSETS)
         for name, day in (("first", self.first), ("last", self.last)):

@@ -37,9 +37,9 @@ def light_of(shot: Shot) -> Lighting:
     light = with_ground(estimate_of(shot.fused, shot.known).lighting, shot.ground)
     return replace(
         light,
-        camera_elevation=_angle(shot.path.elevation[0]),
-        camera_roll=_angle(wrap_azimuth(shot.path.roll[0])),
-        camera_heading=None if shot.north is None else _compass(shot.north),
+        camera_elevation=rounded_angle(shot.path.elevation[0]),
+        camera_roll=rounded_angle(wrap_azimuth(shot.path.roll[0])),
+        camera_heading=None if shot.north is None else rounded_compass(shot.north),
     )
 
 
@@ -62,13 +62,13 @@ def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
     heading = float(shot.path.heading[i])
     return replace(
         brighten(base, shot.gains[i]),
-        sun_azimuth=_angle(wrap_azimuth(base.sun_azimuth - heading)),
-        camera_elevation=_angle(shot.path.elevation[i]),
-        camera_roll=_angle(wrap_azimuth(shot.path.roll[i])),
-        vertical_fov=_angle(zoomed_fov(base.vertical_fov, float(shot.zoom[i]))),
-        camera_heading=None if shot.north is None else _compass(shot.north + heading),
+        sun_azimuth=rounded_angle(wrap_azimuth(base.sun_azimuth - heading)),
+        camera_elevation=rounded_angle(shot.path.elevation[i]),
+        camera_roll=rounded_angle(wrap_azimuth(shot.path.roll[i])),
+        vertical_fov=rounded_angle(zoomed_fov(base.vertical_fov, float(shot.zoom[i]))),
+        camera_heading=None if shot.north is None else rounded_compass(shot.north + heading),
         camera_heading_probability=(),
-        relative_heading=_compass(heading),
+        relative_heading=rounded_compass(heading),
     )
 
 
@@ -78,11 +78,11 @@ def world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, 
     return view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
 
 
-def _angle(degrees: Floats | float) -> float:
+def rounded_angle(degrees: Floats | float) -> float:
     """To four digits behind the point."""
     return round(float(degrees), 4)
 
 
-def _compass(degrees: float) -> float:
+def rounded_compass(degrees: float) -> float:
     """The same from 0 up to 360."""
-    return _angle(degrees % 360.0) % 360.0
+    return rounded_angle(degrees % 360.0) % 360.0

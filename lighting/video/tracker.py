@@ -17,9 +17,9 @@ from lighting.colour import luminance
 from lighting.decoding import with_ground
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
-from lighting.evidence import Given, Known, estimate_of
+from lighting.evidence import Given, Known, check_given, estimate_of
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.model import Model
+from lighting.model import Model, model_or_packaged
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
 from lighting.sizes import shrunk
@@ -29,6 +29,7 @@ from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
 from lighting.video.learning import LearntLens, Looks
+from lighting.video.records import rounded_angle, rounded_compass
 from lighting.video.shot import north_of
 from lighting.video.turning import is_believed, turning
 from lighting.video.watch import is_dark, see
@@ -62,12 +63,15 @@ class Tracker:
 
         `look_every` [s], at least 0, is the time between frames that the network sees.
 
-        Raises ParameterError for another `look_every`, ModelError, MissingExtraError.
+        Raises ParameterError for another `look_every` and for what is no Model or no Given, ModelError,
+        MissingExtraError.
         """
         if not 0.0 <= look_every < math.inf:
             raise ParameterError(f"look_every must be a finite number of seconds, at least 0, not {look_every}.")
-        self._model = model or Model.load()
-        self._around = Circumstances(given=given or Given(use_exif=False), subject="stream")
+        self._model = model_or_packaged(model)
+        known = Given(use_exif=False) if given is None else given
+        check_given(known)
+        self._around = Circumstances(given=known, subject="stream")
         self._look_every, self._due = look_every, -math.inf
         self._follower, self._lens = Follower(), LearntLens(self._around.given.vertical_fov)
         self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
@@ -212,13 +216,13 @@ class Tracker:
         north = north_of(fused, known)
         lighting = replace(
             brighten(base, self._gain),
-            sun_azimuth=float(wrap_azimuth(base.sun_azimuth - heading)),
-            camera_elevation=elevation,
-            camera_roll=roll,
-            vertical_fov=self._lens.fov,
-            camera_heading=None if north is None else (north + heading) % 360.0,
+            sun_azimuth=rounded_angle(wrap_azimuth(base.sun_azimuth - heading)),
+            camera_elevation=rounded_angle(elevation),
+            camera_roll=rounded_angle(roll),
+            vertical_fov=rounded_angle(self._lens.fov),
+            camera_heading=None if north is None else rounded_compass(north + heading),
             camera_heading_probability=(),
-            relative_heading=heading % 360.0,
+            relative_heading=rounded_compass(heading),
         )
         red, green, blue = map(float, self._gain)
         return Sighting(lighting, heading, (red, green, blue), followed, self._chain == FIRST)

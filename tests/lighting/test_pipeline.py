@@ -103,6 +103,17 @@ def test_an_estimator_says_what_it_takes(network: Path, thing: Any) -> None:
         estimator.follow([thing, thing], "heading", headings=[0.0, 0.0])
 
 
+def test_photos_taken_together_are_a_list_and_matching_is_a_choice(network: Path) -> None:
+    estimator, photo = Estimator(Model.load(network)), photo_of(np.zeros((64, 64, 3), np.uint8))
+    things: tuple[Any, ...] = ((p for p in [photo, photo]), photo, None)
+    for thing in things:
+        with pytest.raises(PhotoError, match="Several photos are given as a list, not as"):
+            estimator.together(thing)
+    matching: Any = "yes"
+    with pytest.raises(ParameterError, match="match must be True, False or a function, not 'yes'"):
+        estimator.together([photo, photo], match=matching)
+
+
 @pytest.mark.parametrize("model", ["network.onnx", ""])
 def test_a_network_is_a_model_not_the_path_of_its_file(model: Any) -> None:
     with pytest.raises(ParameterError, match=r"A Model is needed, not str.*Model\.load"):

@@ -146,7 +146,14 @@ def test_null_means_the_default(name: str) -> None:
     assert getattr(Lighting.from_dict(record_with(name, None)), name) == getattr(default, name)
 
 
-@pytest.mark.parametrize("record", [None, 3, "text", [], [1, 2], {}, {"sun": 1}, {"sun": []}], ids=repr)
+@pytest.mark.parametrize("record", [None, 3, "text", [], [1, 2]], ids=repr)
+def test_what_is_no_object_is_refused(record: Any) -> None:
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict(record)
+    assert sentence(caught.value) == f"A lighting record must be an object, not {record!r}."
+
+
+@pytest.mark.parametrize("record", [{}, {"sun": 1}, {"sun": []}], ids=repr)
 def test_what_is_no_record_is_refused(record: Any) -> None:
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record)
@@ -193,6 +200,16 @@ def test_a_model_without_a_name_is_none() -> None:
 def test_a_model_name_must_be_text() -> None:
     with pytest.raises(ParameterError, match=r"^model\.name must be a text"):
         Lighting.from_dict({**LIGHTING.to_dict(), "model": {"name": {"deep": 1}}})
+
+
+@pytest.mark.parametrize("name", ["evidence", "warnings"])
+@pytest.mark.parametrize("value", ["pixels", 3, [3], None])
+def test_lists_of_texts_are_checked_and_kept_as_tuples(name: str, value: Any) -> None:
+    right: dict[str, Any] = {name: ["pixels"]}
+    wrong: dict[str, Any] = {name: value}
+    assert getattr(Lighting(0.0, 0.0, 2.0, 1.0, **right), name) == ("pixels",)
+    with pytest.raises(ParameterError, match=f"^{name} must be a list of texts, not "):
+        Lighting(0.0, 0.0, 2.0, 1.0, **wrong)
 
 
 json_values = st.recursive(

@@ -66,7 +66,6 @@ def read_shots(
     order = np.argsort(times, kind="stable")
     shots, times = [shots[index] for index in order], times[order]
     check_alike(shots)
-    _check_size(shots[0])
     check_times(times)
     area = _mask(folder, mask, shots[0].pixels.shape[:2])
     images = np.stack([shot.pixels for shot in shots])
@@ -93,23 +92,22 @@ def _photos(folder: Path) -> list[Path]:
 
 
 def _reduced(shot: Shot, size: int | None) -> Shot:
-    """The photo with each side divided by a whole number, by means of blocks, which keep values linear."""
-    height, width = shot.clipped.shape
+    """The photo with each side divided by a whole number, by means of blocks, which keep values linear.
+
+    Raises PhotoError where less than LEAST_SIDE is left of a side.
+    """
+    height, width = shot.shape
     factor = 1 if not size else -(-max(height, width) // size)
+    rows, columns = height // factor, width // factor
+    if min(rows, columns) < LEAST_SIDE:
+        raise PhotoError(
+            f"{shot.name} is reduced to {columns} x {rows} pixels; normals need {LEAST_SIDE} or more each way."
+        )
     if factor == 1:
         return shot
-    rows, columns = height // factor, width // factor
     cut = shot.pixels[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor, -1)
     clipped = shot.clipped[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
     return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=np.asarray(clipped.any(axis=(1, 3))))
-
-
-def _check_size(shot: Shot) -> None:
-    height, width = shot.clipped.shape
-    if min(height, width) < LEAST_SIDE:
-        raise PhotoError(
-            f"{shot.name} is reduced to {width} x {height} pixels; normals need {LEAST_SIDE} or more each way."
-        )
 
 
 def _mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:

@@ -46,6 +46,7 @@ class Shot:
     pixels: Pixels  # (H, W, C), linear, white is 1; C is 1 or 3
     clipped: NDArray[np.bool_]  # (H, W), whether a channel is at white
     coded: bool  # whether a curve was taken off
+    shape: tuple[int, int]  # rows and columns of the file, however far the pixels are reduced
     facts: PhotoFacts = field(default_factory=PhotoFacts)
     exposure: Exposure = Exposure()
 
@@ -76,7 +77,8 @@ def _read(path: Path, curve: Curve | None) -> Shot:
         pixels = read_exr(BytesIO(data))[0]
         if not np.isfinite(pixels).all():
             raise PhotoError("The picture holds values that are not finite numbers.")
-        return Shot(path.name, pixels, np.zeros(pixels.shape[:2], dtype=bool), coded=False)
+        shape = pixels.shape[0], pixels.shape[1]
+        return Shot(path.name, pixels, np.zeros(shape, dtype=bool), coded=False, shape=shape)
     header = _header(data)
     if suffix in RAW_SUFFIXES:
         return _shot(path.name, develop_raw(data, "The file", upright=True)[0], header, coded=False)
@@ -91,10 +93,11 @@ def _shot(name: str, values: NDArray[Any], header: Image.Image | None, *, coded:
     pixels = share if share.ndim == 3 else share[..., None]
     clipped = np.asarray((pixels >= _CLIPPED).any(axis=-1))
     linear = np.ascontiguousarray(srgb_decode(pixels) if coded else pixels, dtype=np.float32)
+    height, width = linear.shape[:2]
     if header is None:
-        return Shot(name, linear, clipped, coded)
-    facts = read_facts(header, linear.shape[1], linear.shape[0])
-    return Shot(name, linear, clipped, coded, facts, _exposure(header))
+        return Shot(name, linear, clipped, coded, (height, width))
+    facts = read_facts(header, width, height)
+    return Shot(name, linear, clipped, coded, (height, width), facts, _exposure(header))
 
 
 def _header(data: bytes) -> Image.Image | None:

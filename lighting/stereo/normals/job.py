@@ -1,5 +1,6 @@
 """Normals of a thing from photos of one day: a folder in, pictures and a mesh out."""
 
+import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -68,14 +69,16 @@ class Solved:
     warnings: tuple[str, ...] = ()
 
 
-def solve_day(folder: Path, known: Known, network: Network | None = None, watch: Watch | None = None) -> Solved:
+def solve_day(
+    folder: str | os.PathLike[str], known: Known, network: Network | None = None, watch: Watch | None = None
+) -> Solved:
     """The normals of the thing that a folder's photos show.
 
     A folder in DiLiGenT's layout needs nothing else known; its camera frame is its world, and the network, which knows
     days alone, is left out. Raises PhotoError for photos that cannot be used and ParameterError where place or heading
     are not known.
     """
-    seen = watch or Watch()
+    folder, seen = Path(folder), watch or Watch()
     if is_diligent(folder):
         return _solve_diligent(folder, known, seen)
     shots = read_shots(
@@ -97,9 +100,9 @@ def solve_day(folder: Path, known: Known, network: Network | None = None, watch:
     return Solved(found, pose, focal, record, shots.warnings)
 
 
-def write_solved(folder: Path, solved: Solved) -> None:
+def write_solved(folder: str | os.PathLike[str], solved: Solved) -> None:
     """Write the pictures, the mesh and the record of a solved day into a folder, which is made where its parent is."""
-    vertices = surface(solved)
+    folder, vertices = Path(folder), surface(solved)
     folder.mkdir(exist_ok=True)
     write_map(folder, solved.map, solved.pose)
     write_mesh(folder / MESH, vertices, solved.map)

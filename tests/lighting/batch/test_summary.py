@@ -14,7 +14,7 @@ from lighting.batch.summary import in_words
         (Summary(10, 0, 0, 2.0), "10 done, 0 failed, 0 skipped; 5.0 photos a second."),
         (
             Summary(8, 2, 6, 0.5, Counter({".gif": 2, ".jxl": 1})),
-            "8 done, 2 failed (6 by an earlier run), 3 skipped (2 .gif, 1 .jxl); 8.0 photos a second.",
+            "8 done, 2 failed, 3 skipped (2 .gif, 1 .jxl); 6 by an earlier run, 8.0 photos a second.",
         ),
         (Summary(0, 0, 0, 0.0), "0 done, 0 failed, 0 skipped; 0.0 photos a second."),
     ],

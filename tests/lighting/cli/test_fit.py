@@ -100,6 +100,9 @@ def test_a_fit_in_words() -> None:
     words = fit_in_words(Fit(0.0, 1.0, 2.0, None, day, Range(-0.5, ((-1.0, 0.0),), ((-2.0, 0.5),))))
     assert "date 21 June (50 % 27 May to 18 July, 90 % 29 April to 15 August)" in words
     assert "clock -0.5 h (50 % -1.0 h to +0.0 h, 90 % -2.0 h to +0.5 h)" in words
+    winter = Range(340.0, ((1.0, 11.0), (330.0, 365.0)), ((1.0, 31.0), (100.0, 110.0), (320.0, 365.0)))
+    words = fit_in_words(Fit(0.0, 1.0, 2.0, None, winter))
+    assert "(50 % 26 November to 11 January, 90 % 10 April to 20 April or 16 November to 31 January)" in words
     words = fit_in_words(Fit(0.0, 1.0, 2.0, utc_minus_clock=Range(-1.5, ((-2.0, -1.0),), ((-2.5, -0.5),))))
     assert words.endswith(
         "UTC is the photos' clock -1.5 h, zone and error together (50 % -2.0 h to -1.0 h, 90 % -2.5 h to -0.5 h)"

@@ -31,6 +31,11 @@ def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -
     assert words in in_words("x.jpg", lighting)
 
 
+def test_headings_are_told_from_0_to_359() -> None:
+    told = in_words("x.jpg", Lighting(10.0, 33.0, 3.0, 0.1, camera_heading=359.6, relative_heading=359.5))
+    assert "heading 0°, 0° clockwise from the first photo" in told
+
+
 def test_a_record_without_radii_claims_none() -> None:
     told = Lighting(10.0, 33.0, 3.0, 0.1)
     assert in_words("x.jpg", told).startswith("x.jpg: sun 10.0° right, 33.0° high, direct sunlight 100 %")

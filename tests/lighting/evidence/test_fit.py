@@ -72,6 +72,14 @@ def test_date_and_clock_are_found(place: tuple[float, float, int, float]) -> Non
     assert found.clock_shift.best == pytest.approx(0.0, abs=0.5)
 
 
+def test_days_of_winter_lie_within_the_year() -> None:
+    found = fit(day(47.0, 11.0, 355, 30.0), "time").day_of_year
+    assert found is not None
+    ends = [end for interval in (*found.in_50, *found.in_90) for end in interval]
+    assert min(ends) == 1.0
+    assert max(ends) == 365.0
+
+
 def test_without_a_zone_it_is_no_error_of_the_clock() -> None:
     """The same photos: the clock is right by its zone, and UTC's own where no zone is known."""
     lost = ("utc_time", "utc_offset")

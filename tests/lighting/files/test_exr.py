@@ -165,7 +165,9 @@ def test_missing_channels_are_named(image: NDArray[np.float32]) -> None:
         read_exr(io.BytesIO(data))
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"sun": {"azimuth": 0, "elevation": 200}, "sky": {}}', "3"])
+@pytest.mark.parametrize(
+    "text", ["{", "[]", "{}", '{"sun": {"azimuth": 0, "elevation": 200}, "sky": {}}', "3", 100_000 * "["]
+)
 def test_a_damaged_record_is_one_sentence(image: NDArray[np.float32], text: str) -> None:
     data = encoded({"RGB": image}, **{"lighting.json": text})
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file's lighting\.json cannot be read: "):
@@ -179,6 +181,12 @@ def test_a_damaged_record_is_one_sentence(image: NDArray[np.float32], text: str)
 def test_other_files_are_refused(content: bytes) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^The file is not an OpenEXR image\.$"):
         read_exr(io.BytesIO(content))
+
+
+@pytest.mark.parametrize("source", [None, 3, b"v/1\x01", io.StringIO("v/1")], ids=["none", "number", "bytes", "text"])
+def test_what_is_neither_a_path_nor_a_binary_stream_is_refused(source: Any) -> None:
+    with pytest.raises(EnvironmentMapError, match=r"An EXR is read from a path or a binary stream, not|open as text"):
+        read_exr(source)
 
 
 @pytest.mark.parametrize("share", [0.001, 0.01, 0.05, 0.2, 0.5, 0.9, 0.999])

@@ -67,6 +67,13 @@ def test_sixteen_bit_grey_becomes_three_channels(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.rint(photo.pixels[..., 2] * 65535), NOISE[..., 0])
 
 
+@pytest.mark.parametrize("mode", ["F", "I"])
+def test_thirty_two_bits_are_refused_and_not_cut_to_eight_or_sixteen(tmp_path: Path, mode: str) -> None:
+    Image.fromarray(NOISE[..., 0]).convert(mode).save(tmp_path / "a.tif")
+    with pytest.raises(PhotoError, match=r"a\.tif: The TIFF holds 32 bits per colour"):
+        read_linear(tmp_path / "a.tif")
+
+
 def test_eight_bits_are_srgb_with_a_warning_unless_told(tmp_path: Path) -> None:
     pixels = (NOISE >> 8).astype(np.uint8)
     Image.fromarray(pixels).save(tmp_path / "a.png", gamma=1 / 2.2)

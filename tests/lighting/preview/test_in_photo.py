@@ -58,6 +58,19 @@ def test_a_picture_without_ground_stays_as_it_is() -> None:
     assert with_balls(picture, up, stage()) is picture
 
 
+@pytest.mark.parametrize("size", [(32, 256), (256, 32)])
+def test_a_narrow_picture_shows_the_balls_that_it_has_room_for(size: tuple[int, int]) -> None:
+    picture = Image.new("RGB", size, (90, 120, 160))
+    shown = with_balls(picture, LIGHT, stage())
+    assert shown.size == size
+    assert shown.getpixel((size[0] // 2, round(0.78 * size[1]))) != (90, 120, 160)
+
+
+def test_balls_behind_a_camera_that_looks_straight_down_are_left_out() -> None:
+    down = replace(LIGHT, camera_elevation=-90.0, vertical_fov=170.0)
+    assert with_balls(Image.new("RGB", (80, 60), (90, 120, 160)), down, stage()).size == (80, 60)
+
+
 def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
     share = drawn(SUNLIT) / SUNLIT
     right = share[70:110, 100:150, 1]  # the sun stands at the left

@@ -27,8 +27,9 @@ def test_horizon_lies_where_geometry_says(elevation: float, roll: float) -> None
         assert abs(white.mean() + 0.5 - y) < 1.5
 
 
-def test_horizon_out_of_view_is_not_drawn() -> None:
-    panel = drawn(outdoors(camera_elevation=60.0, vertical_fov=40.0, sun_visibility=0.1))
+@pytest.mark.parametrize("elevation", [60.0, 90.0, -90.0])
+def test_horizon_out_of_view_is_not_drawn(elevation: float) -> None:
+    panel = drawn(outdoors(camera_elevation=elevation, vertical_fov=40.0, sun_visibility=0.1))
     assert panel.min(axis=-1).max() < 230  # the arrow is paler than the line
 
 

@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lighting.envmap import Place, render
+from lighting.errors import ParameterError
 from lighting.geometry import (
     EYE_HEIGHT,
     SPOT,
@@ -25,6 +27,12 @@ from tests.scenes import LIGHT, PLAIN, known_scene, plain_scene
 CASE = Path(__file__).with_name("spot.json")
 
 # Geometry
+
+
+def test_a_scene_is_made_of_a_lighting_and_not_of_an_estimate() -> None:
+    estimate: Any = object()
+    with pytest.raises(ParameterError, match="A Lighting is needed, not object"):
+        make_scene(Photo(PLAIN, 40, 30, "PNG"), estimate)
 
 
 def test_the_camera_matrix_agrees_with_the_rays_of_the_photo() -> None:

@@ -2,6 +2,7 @@
 
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,6 +28,12 @@ def test_conditions_are_said() -> None:
 def test_places_are_checked(latitude: float, longitude: float, name: str) -> None:
     with pytest.raises(ParameterError, match=name):
         ModelledSkies(latitude, longitude, JUNE, JUNE)
+
+
+def test_another_sky_is_refused() -> None:
+    cloudy: Any = "cloudy"
+    with pytest.raises(ParameterError, match="'cloudy' is not known; it must be one of clear, overcast, mixed"):
+        ModelledSkies(47.0, 10.0, JUNE, JUNE, cloudy)
 
 
 def test_days_and_clocks_are_checked(tmp_path: Path) -> None:

@@ -89,9 +89,16 @@ def _one_same(folder: Path) -> None:
     jpeg(folder / "3.jpg", scene(), NOON)
 
 
+def _one_grey(folder: Path) -> None:
+    jpeg(folder / "3.jpg", scene(), NOON + timedelta(hours=3))
+    with Image.open(folder / "3.jpg") as photo:
+        photo.convert("L").save(folder / "3.jpg", exif=photo.getexif())
+
+
 @pytest.mark.parametrize(
     ("spoil", "sentence"),
     [
+        (_one_grey, "one is grey and one in colour"),
         (_one_brighter, "differ in exposure"),
         (_one_larger, "differ in size"),
         (_one_moved, "must not move"),
@@ -143,3 +150,19 @@ def test_photos_may_be_small_but_not_a_point(tmp_path: Path) -> None:
     assert read_shots(tmp_path, utc_offset=0.0, size=2).images.shape[1:3] == (2, 2)
     with pytest.raises(PhotoError, match="1 x 1 pixels"):
         read_shots(tmp_path, utc_offset=0.0, size=1)
+
+
+def test_photos_of_two_sizes_are_refused_also_where_they_are_reduced_to_one(tmp_path: Path) -> None:
+    fill(tmp_path, 3)
+    _one_larger(tmp_path)
+    with pytest.raises(PhotoError, match="differ in size"):
+        read_shots(tmp_path, utc_offset=0.0, size=32)
+
+
+def test_a_photo_that_nothing_is_left_of_is_refused(tmp_path: Path) -> None:
+    fill(tmp_path, 3)
+    jpeg(tmp_path / "thin.jpg", np.full((300, 1), 0.5), NOON)
+    with pytest.raises(
+        PhotoError, match=r"^thin\.jpg is reduced to 0 x 100 pixels; normals need 2 or more each way\.$"
+    ):
+        read_shots(tmp_path, utc_offset=0.0, size=100)

@@ -11,11 +11,13 @@ from PIL import Image
 from scipy.io import savemat
 
 from lighting.cli import cli
+from lighting.errors import PhotoError
 from lighting.files.exr import write_exr
 from lighting.geometry import latlong_directions, latlong_solid_angle
 from lighting.stereo.normals.files import write_png16
 from lighting.stereo.normals.frame import Pose, to_world
 from lighting.stereo.normals.images import read_shot
+from lighting.stereo.normals.job import Known, solve_day
 from lighting.stereo.skies import clear_skies
 from tests.lighting.stereo.sphere import JUNE, angles, ball, june_suns, photos
 
@@ -35,6 +37,11 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "times.csv").write_text("file,time\n" + rows)
     Image.fromarray((255 * mask).astype(np.uint8)).save(folder / "mask.png")
     return folder
+
+
+def test_a_folder_is_named_by_a_text_too(tmp_path: Path) -> None:
+    with pytest.raises(PhotoError, match="There is no folder"):
+        solve_day(str(tmp_path / "none"), Known())
 
 
 def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path: Path) -> None:
