@@ -27,6 +27,7 @@ _RINGS, _SPOKES = 8, 20  # of rays from a point on the ground to a sphere
 _BALL_ROWS = 12
 _AROUND_ROWS = 16  # of the directions from which light comes to the diffuse sphere
 _BOUNCES = 3
+_BOUNCES_MORE = 2  # of light that is nearly right already
 
 
 def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stage:
@@ -44,8 +45,30 @@ def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stag
     stage = Stage(
         centres, sky, coarse, lobes, sun, sun_irradiance, ground, albedo * overhead / np.pi, albedo, ball, none
     )
-    for _ in range(_BOUNCES):
-        stage = replace(stage, exchange=tuple(_exchange(kind, stage) for kind in range(len(centres))))
+    return _bounced(stage, _BOUNCES)
+
+
+def in_shade(stage: Stage, lit: float) -> Stage:
+    """The same where the sun reaches a share `lit` of the spheres and of the ground around them."""
+    ground = stage.ground_sky + lit * (stage.ground - stage.ground_sky)
+    darker = (ground / np.maximum(stage.ground, 1e-9)).astype(np.float32)
+    coarse = stage.coarse * np.where(np.arange(len(stage.coarse))[:, None, None] < len(stage.coarse) // 2, 1, darker)
+    return _bounced(
+        replace(
+            stage,
+            coarse=coarse,
+            lobes=blur(coarse, GLOSSINESS),
+            sun_irradiance=lit * stage.sun_irradiance,
+            ground=ground,
+        ),
+        _BOUNCES_MORE,
+    )
+
+
+def _bounced(stage: Stage, times: int) -> Stage:
+    """The stage with the light that its spheres and its ground send to each other, so many times."""
+    for _ in range(times):
+        stage = replace(stage, exchange=tuple(_exchange(kind, stage) for kind in range(len(stage.centres))))
         stage = replace(stage, ball=_around_ball(stage))
     return stage
 

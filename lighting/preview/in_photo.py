@@ -1,7 +1,8 @@
 """The three balls on the photo's own ground, in its light, with their shadows and bounced light.
 
 A ball replaces the photo's pixels. The ground keeps them, times the share of its light that the balls leave: where the
-picture's ground already lies in shade, only the sky's light is left to take, so no shadow darkens it twice.
+picture's ground already lies in shade, only the sky's light is left to take, so no shadow darkens it twice. Balls that
+stand on such ground are in shade, too.
 """
 
 from dataclasses import replace
@@ -13,6 +14,7 @@ from PIL import Image
 from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import camera_of, lit_ground
 from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
+from lighting.preview.bounces import in_shade
 from lighting.preview.shading import Stage, ground, shade
 from lighting.preview.spheres import SPACING
 from lighting.records import Lighting
@@ -36,8 +38,10 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
         return picture
     there = replace(stage, centres=centres)
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
-    shaded = linear * _left_light(lit_ground(np.asarray(picture), lighting), camera, there)
-    return Image.fromarray(tone_map(_over(shaded, camera, there)))
+    lit = lit_ground(np.asarray(picture), lighting)
+    standing = in_shade(there, share) if (share := _lit_at(lit, camera, centres)) < 1.0 else there
+    shaded = linear * _left_light(lit, camera, replace(there, exchange=standing.exchange))
+    return Image.fromarray(tone_map(_over(shaded, camera, standing)))
 
 
 def ball_centres(camera: Pinhole) -> Floats | None:
@@ -51,6 +55,21 @@ def ball_centres(camera: Pinhole) -> Floats | None:
     radius = BALL * 2 * half * depth
     middle = sight * depth / radius + [0.0, 1.0, 0.0]
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
+
+
+def _lit_at(lit: NDArray[np.float32], camera: Pinhole, centres: Floats) -> float:
+    """How far the ground under spheres at `centres` (3, 3) lies in sunlight, by the picture's ground `lit` (H, W)."""
+    feet = np.array([camera_pixel(centre - [0.0, 1.0, 0.0], camera) for centre in centres])
+    if not np.isfinite(feet).all():  # behind the camera
+        return 1.0
+    x, y = (feet * (len(lit) / camera.height)).T
+    around = BALL * len(lit)
+    columns, rows = (
+        _span(float(x.mean()), float(np.ptp(x) / 2 + around), lit.shape[1]),
+        _span(float(y.mean()), around, len(lit)),
+    )
+    under = lit[rows, columns]
+    return float(under.mean()) if under.size else 1.0
 
 
 def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray[np.float32]:

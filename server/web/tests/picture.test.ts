@@ -1,7 +1,7 @@
 import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 import { PlaceFactors } from "../src/picture/factors";
-import { groundColour, litGround, type Told } from "../src/picture/ground";
+import { groundColour, litAround, litGround, type Told } from "../src/picture/ground";
 import { encoded, linear, type Pixels } from "../src/picture/pixels";
 import { quietSpot } from "../src/picture/room";
 import { layAround, withSurroundings } from "../src/picture/surroundings";
@@ -106,6 +106,21 @@ describe("the photo's ground", () => {
         toldBy(DARK),
       )[40 * 64],
     ).toBe(0);
+  });
+});
+
+describe("the light on what stands on the ground", () => {
+  const half = { width: 10, height: 4, data: Uint8Array.from({ length: 40 }, (_, i) => (i % 10 < 5 ? 0 : 255)) };
+
+  it("is that of the ground around its foot", () => {
+    expect(litAround(half, [0.2, 0.5], [0.1, 0.1])).toBe(0);
+    expect(litAround(half, [0.85, 0.5], [0.1, 0.1])).toBe(1);
+    expect(litAround(half, [0.5, 0.5], [0.199, 0.1])).toBeCloseTo(0.5);
+  });
+
+  it("is whole where the foot is out of the picture", () => {
+    expect(litAround(half, [-0.5, 0.5], [0.1, 0.1])).toBe(1);
+    expect(litAround(half, [0.2, 3], [0.1, 0.1])).toBe(1);
   });
 });
 

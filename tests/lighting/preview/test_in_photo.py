@@ -12,7 +12,7 @@ from lighting.envmap import render
 from lighting.geometry import Pinhole, camera_pixel
 from lighting.preview.bounces import lit_stage
 from lighting.preview.in_photo import BALL, ball_centres, with_balls
-from lighting.preview.shading import Stage
+from lighting.preview.shading import DIFFUSE_REFLECTANCE, Stage
 from lighting.preview.spheres import sphere_centres
 from lighting.records import Lighting
 from tests.lighting.envmap.test_render import given_light
@@ -87,6 +87,26 @@ def test_ground_in_shade_is_not_darkened_by_the_sun_again() -> None:
     beside = (drawn(ground) / ground)[70:110, 112:150, 1]
     assert beside.min() > 0.6
     assert (drawn(SUNLIT) / SUNLIT)[70:110, 112:150, 1].min() < beside.min() - 0.2
+
+
+def test_balls_on_ground_in_shade_are_in_shade() -> None:
+    """Seen from where the sun is, the grey ball of the shaded picture has the sky's light alone."""
+    behind = replace(LIGHT, sun_azimuth=180.0)
+    centres = sphere_centres(4 / 3, -10.0).astype(np.float64)
+    lit = lit_stage(render(behind, 64), behind.sun_direction, centres)
+    here = ball_centres(CAMERA)
+    assert here is not None
+    x, y = (round(float(v)) for v in camera_pixel(here[2], CAMERA))
+    seen = {}
+    for name, under in (("sun", SUNLIT), ("shade", SHADED)):
+        ground = np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3)).copy()
+        ground[80:110, 30:130] = under
+        picture = Image.fromarray(tone_map(ground))
+        seen[name] = srgb_decode(np.asarray(with_balls(picture, behind, lit)) / 255.0)[y, x]
+    sky, sun = np.array([0.4, 0.5, 0.8]), np.array([1.9, 1.5, 0.9])
+    assert seen["shade"][1] < seen["sun"][1] / 2
+    assert seen["shade"] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sky, rel=0.6)
+    assert seen["sun"][1] - seen["shade"][1] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sun[1], rel=0.3)
 
 
 def test_the_balls_are_seen() -> None:

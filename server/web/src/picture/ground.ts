@@ -20,6 +20,13 @@ export function groundColour(pixels: Pixels, camera: Camera): Triple | undefined
   return [median(0), median(1), median(2)];
 }
 
+/** How much of the sun reaches the photo's ground, 0 to 255, rows from the top. */
+export interface Lit {
+  width: number;
+  height: number;
+  data: Uint8Array;
+}
+
 const BINS = 64;
 const [DARKEST, BRIGHTEST] = [-7, 0]; // stops
 const LEAST_STEP = 1; // stops between shade and sun, else the difference is the ground's own
@@ -60,6 +67,27 @@ export function litGround(pixels: Pixels, told: Told): Uint8Array {
     lit[i] = shares[n] as number;
   });
   return all.map((_, i) => Math.round(255 * between(lit, blocks, pixels, i)));
+}
+
+/**
+ * How far ground in a window of a mask lies in the sun, 0 to 1: around a point, up to `reach` away, shares of the mask's
+ * width and height from its upper left corner. 1 outside of the picture.
+ */
+export function litAround({ width, height, data }: Lit, [x, y]: [number, number], reach: [number, number]): number {
+  const span = (at: number, around: number, count: number): [number, number] => [
+    Math.max(0, Math.floor((at - around) * count)),
+    Math.min(count, Math.floor((at + around) * count) + 1),
+  ];
+  const [left, right] = span(x, reach[0], width);
+  const [top, bottom] = span(y, reach[1], height);
+  let [sum, count] = [0, 0];
+  for (let row = top; row < bottom; row++) {
+    for (let column = left; column < right; column++) {
+      sum += data[row * width + column] as number;
+      count++;
+    }
+  }
+  return count ? sum / count / 255 : 1;
 }
 
 const grey = ([red, green, blue]: Triple): number => 0.2126 * red + 0.7152 * green + 0.0722 * blue;

@@ -15,6 +15,7 @@ import {
   Vector3,
   ZeroFactor,
 } from "three";
+import type { Lit } from "../picture/ground";
 import type { Triple } from "../sky/model";
 
 const VERTEX = /* glsl */ `
@@ -54,13 +55,6 @@ void main() {
   gl_FragColor = vec4((sky * open + here * getShadowMask()) / max(sky + here, vec3(1e-6)), 1.0);
   #include <colorspace_fragment>
 }`;
-
-/** How much of the sun reaches the photo's ground, 0 to 255, rows from the top. */
-export interface Lit {
-  width: number;
-  height: number;
-  data: Uint8Array;
-}
 
 export class Ground extends Mesh<PlaneGeometry, ShaderMaterial> {
   constructor() {

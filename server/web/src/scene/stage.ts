@@ -19,6 +19,7 @@ import {
   WebGLRenderer,
 } from "three";
 import type { Parameters } from "../api";
+import { type Lit, litAround } from "../picture/ground";
 import { direction, radians, type Vector } from "../pure/angles";
 import { type Camera, cameraAxes } from "../pure/camera";
 import type { Finish, Shape } from "../pure/objects";
@@ -26,7 +27,7 @@ import type { Place } from "../pure/place";
 import type { Light } from "../sky/light";
 import { heightOf } from "./box";
 import { environment } from "./environment";
-import { Ground, type Lit } from "./ground";
+import { Ground } from "./ground";
 import { materialOf, meshOf } from "./objects";
 
 // The shoulder of `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white.
@@ -49,6 +50,7 @@ export class Stage {
   private dressed = ""; // the shape and finish that the object has
   private height = 0; // of the object at radius 1
   private towards = new Vector3(0, 1, 0);
+  private lit: Lit = { width: 1, height: 1, data: Uint8Array.of(255) };
   private scheduled = false;
 
   /** Throws where the browser has no WebGL. */
@@ -86,6 +88,7 @@ export class Stage {
     const texture = new CanvasTexture(photo);
     texture.colorSpace = SRGBColorSpace;
     this.scene.background = texture;
+    this.lit = lit;
     this.ground.shade(lit);
     this.camera.fov = camera.vertical_fov;
     this.camera.aspect = photo.width / photo.height;
@@ -103,8 +106,17 @@ export class Stage {
     this.object.rotation.y = radians(turn);
     this.ground.visible = grounded;
     this.ground.carry(this.object.position, radius);
+    this.sun.intensity = grounded ? this.litAtFoot(radius) : 1;
     this.aimSun();
     this.draw();
+  }
+
+  /** How far the photo's ground under the object lies in the sun: in shade the sun does not reach the object either. */
+  private litAtFoot(radius: number): number {
+    this.camera.updateMatrixWorld();
+    const foot = this.object.position.clone().project(this.camera);
+    const tall = radius / (2 * Math.tan(radians(this.camera.fov) / 2) * this.object.position.length());
+    return litAround(this.lit, [(1 + foot.x) / 2, (1 - foot.y) / 2], [tall / this.camera.aspect, tall]);
   }
 
   /** The user's own object, shown as the shape `own`. */
