@@ -99,6 +99,8 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
         raise ParameterError(f"{shown(name)} {_fault(error)}.") from error
     if isinstance(record, dict) and "error" in record:
         raise ParameterError(f"{shown(name)} holds an error in place of a lighting record.")
+    if isinstance(record, dict) and "lightings" in record:
+        raise ParameterError(f"{shown(name)} holds the records of several photos, and one is read at a time.")
     try:
         return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
     except ParameterError as error:

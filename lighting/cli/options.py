@@ -49,6 +49,13 @@ def folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
     return name
 
 
+def _named(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
+    """A check that refuses an empty name, as an empty variable of a shell is."""
+    if name == "":
+        raise click.BadParameter("the name of the file is empty.")
+    return name
+
+
 def _either(words: Sequence[str]) -> str:
     return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
@@ -151,6 +158,8 @@ map_output = click.option(
     help='.exr, .hdr or .png; "-" is EXR on stdout.',
 )
 preview_file = output_file(".png")
-model_option = click.option("--model", metavar="FILE.onnx", help="Another network than the one in this package.")
+model_option = click.option(
+    "--model", metavar="FILE.onnx", callback=_named, help="Another network than the one in this package."
+)
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 unwarned_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")

@@ -31,10 +31,14 @@ class Bracket:
 def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bracket:
     """The exposures in files, in any order.
 
-    Raises ProbeError for fewer than two and for sizes that differ, PhotoError and OSError for unreadable files.
+    Raises ProbeError for fewer than two, one given twice and sizes that differ, PhotoError and OSError for unreadable
+    files.
     """
     if len(paths) < 2:
         raise ProbeError("A probe needs two exposures or more; there is only one.")
+    for number, path in enumerate(paths):
+        if Path(path).resolve() in [Path(other).resolve() for other in paths[:number]]:
+            raise ProbeError(f"{path} is given twice.")
     photos = [_read(Path(path), curve) for path in paths]
     return bracket_of(photos, [Path(path).name for path in paths])
 

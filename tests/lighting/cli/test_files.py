@@ -43,6 +43,7 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
         ('{"lighting": null}', "stdin: A lighting record must be an object, not None."),
         ("{}", "stdin: The lighting record needs an object 'sun'."),
         ('{"file": "x.jpg", "error": "Gone."}', "stdin holds an error in place of a lighting record."),
+        ('{"lightings": [{}, {}]}', "stdin holds the records of several photos, and one is read at a time."),
         (
             '{"sun": {"azimuth": NaN, "elevation": 3}, "sky": {"turbidity": 3, "exposure": 1}}',
             "stdin: sun.azimuth must",
@@ -57,7 +58,7 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
         ),
         ('{"sun": {"azimuth": 1' + "0" * 5000 + "}}", "stdin does not hold one JSON record: Exceeds the limit"),
     ],
-    ids=range(13),
+    ids=range(14),
 )
 def test_a_bad_record_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
     result = run("render", "-", "-o", tmp_path / "a.exr", stdin=text.encode("latin-1"))

@@ -63,7 +63,14 @@ def test_help_answers_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["nonsense"], ["estimate"], ["envmap", "a.jpg"], ["estimate", "--nonsense", "x"]]
+    "arguments",
+    [
+        ["nonsense"],
+        ["estimate"],
+        ["envmap", "a.jpg"],
+        ["estimate", "--nonsense", "x"],
+        ["estimate", "x", "--model", ""],
+    ],
 )
 def test_wrong_usage_is_status_2(arguments: list[str]) -> None:
     assert run(*arguments).exit_code == 2

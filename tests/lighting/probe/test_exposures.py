@@ -32,6 +32,12 @@ def test_one_exposure_is_no_bracket(tmp_path: Path) -> None:
         read_bracket([tmp_path / "a.png"])
 
 
+def test_an_exposure_that_is_given_twice_is_refused(tmp_path: Path) -> None:
+    twice = tmp_path / ".." / tmp_path.name / "a.png"
+    with pytest.raises(ProbeError, match="is given twice"):
+        read_bracket([tmp_path / "a.png", tmp_path / "b.png", twice])
+
+
 def test_exposures_of_different_sizes_are_refused() -> None:
     with pytest.raises(ProbeError, match="differ in size: 40 x 40, 50 x 50 pixels"):
         bracket_of([photo(0.1), photo(0.2, size=50)])
