@@ -15,15 +15,15 @@ from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import camera_of, lit_ground
 from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
 from lighting.preview.bounces import in_shade
-from lighting.preview.shading import Stage, ground, shade
+from lighting.preview.shading import Stage, ground, shade, sunlit
 from lighting.preview.spheres import SPACING
 from lighting.records import Lighting
 
 BALL = 0.055  # radius of a ball in the picture, in picture heights
 
 _LEAST_DESCENT = 0.04  # slope of the line of sight to the spot below which the ground counts as out of the picture
-_FINE = 2  # rays per pixel and side on the balls
-_COARSE = 2  # pixels per ray and side on the ground, whose shadows are soft
+_FINE = 2  # rays per pixel and side on the balls and in their shadows
+_COARSE = 2  # pixels per ray and side on the ground where light changes slowly
 _FAR = 40.0  # radii from the balls to which they change the ground
 
 
@@ -77,29 +77,74 @@ def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDAr
 
     `lit` (H, W) says how far the picture's ground lies in sunlight.
     """
-    size = (max(1, camera.width // _COARSE), max(1, camera.height // _COARSE))
-    small = replace(camera, width=size[0], height=size[1])
-    rays = camera_directions(small).astype(np.float32)
+    sun = _enlarged(lit[..., None], camera) * (stage.ground - stage.ground_sky).astype(np.float32)
+    open_ground = stage.ground_sky.astype(np.float32) + np.float32(1e-6)
+    added = _added(camera, stage)
+    return np.asarray((open_ground + added + _shadow(camera, stage)[..., None] * sun) / (open_ground + sun))
+
+
+def _added(camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
+    """The radiance (h, w, 3) of the ground that the balls add by all but the sun; less than 0 where they hide the sky.
+
+    It is smooth and computed for few pixels.
+    """
+    points, near = _ground_points(_few_rays(camera).astype(np.float32), stage)
+    added = np.zeros((*near.shape, 3), dtype=np.float32)
+    skylit = replace(stage, ground=stage.ground_sky)
+    added[near] = ground(points[near].astype(np.float64), skylit) - stage.ground_sky
+    return _enlarged(added, camera)
+
+
+def _shadow(camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
+    """The share (h, w) of the sun that the balls leave each pixel of the ground, finely where their shadows lie."""
+    share = np.ones((camera.height, camera.width), dtype=np.float32)
+    rows, columns = _shaded(camera, stage)
+    window = share[rows, columns]
+    if window.size:
+        points, near = _ground_points(_rays(camera, rows, columns), stage)
+        fine = np.ones(near.shape)
+        fine[near] = sunlit(points[near], stage)
+        window[...] = fine.reshape(len(window), _FINE, -1, _FINE).mean(axis=(1, 3))
+    return share
+
+
+def _shaded(camera: Pinhole, stage: Stage) -> tuple[slice, slice]:
+    """Rows and columns of the picture that hold the shadows; empty where there are none."""
+    points, near = _ground_points(_few_rays(camera), stage)
+    dark = np.zeros(near.shape, dtype=bool)
+    dark[near] = sunlit(points[near], stage) < 1
+    return _spanned(dark, 0, camera.height), _spanned(dark, 1, camera.width)
+
+
+def _spanned(dark: NDArray[np.bool_], axis: int, count: int) -> slice:
+    """Which of `count` rows (axis 0) or columns the dark pixels (H, W) of a smaller picture cover, and some around."""
+    found = np.flatnonzero(dark.any(axis=1 - axis))
+    if not found.size:
+        return slice(0)
+    step = count / dark.shape[axis]
+    return slice(max(0, int((found[0] - 1) * step)), min(count, int((found[-1] + 2) * step) + 1))
+
+
+def _few_rays(camera: Pinhole) -> Floats:
+    """Unit vectors (H, W, 3) through a picture of fewer pixels."""
+    size = max(1, camera.width // _COARSE), max(1, camera.height // _COARSE)
+    return camera_directions(replace(camera, width=size[0], height=size[1]))
+
+
+def _ground_points(rays: Floats, stage: Stage) -> tuple[Floats, NDArray[np.bool_]]:
+    """Where rays (h, w, 3) from the camera meet the ground, and which of these points the balls change."""
     reach = (stage.centres[0, 1] - 1) / np.minimum(rays[..., 1], -1e-6)
     points = rays * reach[..., None]
-    near = (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centres[1], axis=-1) < _FAR)
-    share = np.ones((*near.shape, 3), dtype=np.float32)
-    there = np.asarray(Image.fromarray(lit).resize(size, Image.Resampling.BILINEAR))[near]
-    share[near] = _ground_share(points[near].astype(np.float64), there, stage)
+    return points, (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centres[1], axis=-1) < _FAR)
+
+
+def _enlarged(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
+    """Values (H, W, C) at the picture's size (h, w, C), linear between them."""
     planes = [
-        Image.fromarray(share[..., c]).resize((camera.width, camera.height), Image.Resampling.BILINEAR)
-        for c in range(3)
+        Image.fromarray(small[..., c]).resize((camera.width, camera.height), Image.Resampling.BILINEAR)
+        for c in range(small.shape[2])
     ]
     return np.stack([np.asarray(plane) for plane in planes], axis=-1)
-
-
-def _ground_share(points: Floats, lit: NDArray[np.float32], stage: Stage) -> Floats:
-    """The light (N, 3) at points (N, 3) of the ground with the balls over that without, lit (N,) as the photo is."""
-    sky_alone = ground(points, replace(stage, ground=stage.ground_sky))
-    sun = ground(points, stage) - sky_alone
-    open_sun = stage.ground - stage.ground_sky
-    left = sky_alone + lit[:, None] * sun
-    return np.asarray(left / np.maximum(stage.ground_sky + lit[:, None] * open_sun, 1e-6))
 
 
 def _over(linear: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray[np.float32]:

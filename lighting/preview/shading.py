@@ -94,7 +94,7 @@ def _ground_along(origins: Floats, rays: Floats, stage: Stage) -> Floats:
 def ground(points: Floats, stage: Stage) -> Floats:
     """Radiance (N, 3) of the ground at points (N, 3): the spheres hide the sun and part of the sky, and shine on it."""
     sky, albedo = stage.ground_sky.astype(points.dtype), stage.albedo.astype(points.dtype)
-    radiance = (stage.ground.astype(points.dtype) - sky) * _sunlit(points, stage)[:, None] + sky
+    radiance = (stage.ground.astype(points.dtype) - sky) * sunlit(points, stage)[:, None] + sky
     for centre, exchange in zip(stage.centres, stage.exchange, strict=True):
         towards = centre - points
         share = _dot(towards, towards)[:, None] ** -1.5  # of a cosine-weighted hemisphere; the centre is 1 up
@@ -102,7 +102,7 @@ def ground(points: Floats, stage: Stage) -> Floats:
     return np.maximum(radiance, 0)
 
 
-def _sunlit(points: Floats, stage: Stage, leaving: int | None = None) -> Floats:
+def sunlit(points: Floats, stage: Stage, leaving: int | None = None) -> Floats:
     """Visible share (N,) of the sun's disc from points (N, 3), with penumbra."""
     share = np.ones(len(points), dtype=points.dtype)
     sun = stage.sun_direction.astype(points.dtype)
@@ -145,13 +145,13 @@ def _around(kind: int, points: Floats, rays: Floats, stage: Stage) -> Floats:
 
 def _diffuse(points: Floats, normals: Floats, stage: Stage) -> Floats:
     cosine = np.maximum(normals @ stage.sun_direction.astype(points.dtype), 0)
-    direct = (cosine * _sunlit(points, stage, DIFFUSE))[:, None] * stage.sun_irradiance.astype(points.dtype)
+    direct = (cosine * sunlit(points, stage, DIFFUSE))[:, None] * stage.sun_irradiance.astype(points.dtype)
     return np.asarray(DIFFUSE_REFLECTANCE / np.pi * (direct + sample_latlong(stage.ball, normals).astype(points.dtype)))
 
 
 def _glossy(around: Floats, points: Floats, reflected: Floats, stage: Stage, kind: int, glossiness: float) -> Floats:
     cosine = reflected @ stage.sun_direction.astype(points.dtype)
-    lobe = glossiness / (2 * np.pi) * np.exp(glossiness * (cosine - 1)) * _sunlit(points, stage, kind)
+    lobe = glossiness / (2 * np.pi) * np.exp(glossiness * (cosine - 1)) * sunlit(points, stage, kind)
     sun = lobe[:, None] * stage.sun_irradiance.astype(points.dtype)
     return np.asarray(GLOSSY_REFLECTANCE * (around + sun))
 

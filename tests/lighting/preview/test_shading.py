@@ -6,7 +6,7 @@ import pytest
 from lighting.envmap import render
 from lighting.geometry import Floats, direction
 from lighting.preview.bounces import lit_stage
-from lighting.preview.shading import DIFFUSE, MIRROR, MIRROR_REFLECTANCE, Stage, _sky, _sunlit, ground, shade
+from lighting.preview.shading import DIFFUSE, MIRROR, MIRROR_REFLECTANCE, Stage, _sky, ground, shade, sunlit
 from tests.previews import outdoors
 
 CENTRES = np.array([[-2.6, 1.0, 0.0], [0.0, 1.0, 0.0], [2.6, 1.0, 0.0]])
@@ -20,7 +20,7 @@ def stage() -> Stage:
 
 def test_the_suns_disc_is_seen_in_full_beside_a_shadow_and_not_at_all_inside(stage: Stage) -> None:
     points = CENTRES[MIRROR] + np.array([[0.0, -1.0, 5.0], [-1.0, -1.0, 0.0]])
-    assert _sunlit(points, stage).tolist() == [1.0, 0.0]
+    assert sunlit(points, stage).tolist() == [1.0, 0.0]
 
 
 def test_the_disc_carries_the_suns_power_whatever_its_size(stage: Stage) -> None:
