@@ -17,6 +17,6 @@ await page.locator("#shapes label", { hasText: "teapot" }).click();
 await page.locator("#finishes label", { hasText: "glossy" }).click();
 await page.waitForSelector("#stage:not([hidden])");
 await page.mouse.move(0, 0);
-await page.evaluate(() => document.activeElement?.blur());
+await page.evaluate(() => (document.activeElement?.blur(), scrollTo(0, 0)));
 await page.screenshot({ path: fileURLToPath(new URL("page.png", import.meta.url)) });
 await browser.close();
