@@ -29,6 +29,13 @@ class Shown:
     linear: Image  # (R, C, 3)
     weight: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 outside it
 
+    def over(self, image: Image, gain: float) -> "Shown":
+        """The same times a gain. Where the photo is clipped and the map (H, 2H, 3) brighter, the map's value stands."""
+        clipped = brightest(self.linear) > CLIPPED
+        linear = self.linear * np.float32(gain)
+        np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
+        return Shown(self.rows, self.columns, linear, self.weight)
+
     def within(self, rows: slice) -> "Shown | None":
         """The part of it in those rows of the map; None where there is none."""
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
@@ -43,12 +50,8 @@ def camera_of(lighting: Lighting, width: int, height: int) -> Pinhole:
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
-def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image, gain: float = 1.0) -> Shown | None:
-    """A photo (h, w, 3, sRGB) as the map (H, 2H, 3) sees it, times a gain; None where it is under a few degrees wide.
-
-    Where the photo is clipped and the map is brighter, the map's own value stands.
-    """
-    height = len(image)
+def shown(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> Shown | None:
+    """A photo (h, w, 3, sRGB) as a map of `height` rows sees it; None where it is under a few degrees wide."""
     picture = _fitted(photo, lighting.vertical_fov, height)
     camera = camera_of(lighting, picture.shape[1], picture.shape[0])
     window = _window(camera, height)
@@ -61,9 +64,6 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], image: Image, gain: floa
     weight = ramp * ramp * (3 - 2 * ramp)
     index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
-    clipped = brightest(linear) > CLIPPED
-    linear *= np.float32(gain)
-    np.maximum(linear, image[rows, columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
     return Shown(rows, columns, linear, weight)
 
 

@@ -8,6 +8,7 @@ that of the bare map, and the sun's disc is painted last, so there is one sun.
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,11 +87,14 @@ def surround(
 
     The parameters, the irradiances of level ground from above and from below, and the errors are those of `render`.
     """
-    image = render(lighting, height, sun=sun, disc=False)
-    halves = slice(0, height // 2), slice(height // 2, height)
-    targets = [irradiance_of(row_levels(height)[half], image[half]) for half in halves]
-    _vary(image, lighting, place)
-    seen = shown(lighting, place.photo, image, place.gain(lighting))
+    with ThreadPoolExecutor(1) as beside:  # the photo is laid out while the sky is painted
+        laid = beside.submit(shown, lighting, place.photo, height)
+        image = render(lighting, height, sun=sun, disc=False)
+        halves = slice(0, height // 2), slice(height // 2, height)
+        targets = [irradiance_of(row_levels(height)[half], image[half]) for half in halves]
+        _vary(image, lighting, place)
+    photo = laid.result()
+    seen = photo.over(image, place.gain(lighting)) if photo else None
     for half, target in zip(halves, targets, strict=True):
         _compose(image, seen.within(half) if seen else None, half, target)
     if disc and (lighting.sun_painted if sun is None else sun):

@@ -23,7 +23,7 @@ def halves() -> np.ndarray:
 @pytest.mark.parametrize(("elevation", "roll"), [(0.0, 0.0), (25.0, 10.0), (-30.0, -170.0), (89.0, 0.0)])
 def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> None:
     light = replace(given_light(), camera_elevation=elevation, camera_roll=roll)
-    seen = shown(light, halves(), DARK)
+    seen = shown(light, halves(), HEIGHT)
     assert seen is not None
     weight = np.zeros((HEIGHT, 2 * HEIGHT))
     weight[seen.rows, seen.columns] = seen.weight
@@ -41,17 +41,16 @@ def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> 
 
 
 def test_clipped_pixels_leave_the_brighter_map() -> None:
-    white = np.full((60, 80, 3), 255, np.uint8)
-    seen = shown(given_light(), white, DARK + 5)
+    seen = shown(given_light(), np.full((60, 80, 3), 255, np.uint8), HEIGHT)
     assert seen is not None
-    assert seen.linear[seen.weight > 0.5] == pytest.approx(5.01)
-    dim = shown(given_light(), white, DARK)
-    assert dim is not None
-    assert dim.linear[dim.weight > 0.5] == pytest.approx(1.0)
+    inside = seen.weight > 0.5
+    assert seen.over(DARK + 5, 1.0).linear[inside] == pytest.approx(5.01)
+    assert seen.over(DARK, 1.0).linear[inside] == pytest.approx(1.0)
+    assert seen.over(DARK, 0.5).linear[inside] == pytest.approx(0.5)
 
 
 def test_a_half_of_it_may_hold_none() -> None:
-    seen = shown(replace(given_light(), camera_elevation=60.0), halves(), DARK)
+    seen = shown(replace(given_light(), camera_elevation=60.0), halves(), HEIGHT)
     assert seen is not None
     assert seen.within(slice(HEIGHT // 2 + 8, HEIGHT)) is None
     upper = seen.within(slice(0, HEIGHT // 2))
