@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from lighting.decoding import lighting_from, said_elevation, significant, tinted
-from lighting.evidence.exposure import daylight, too_dark
+from lighting.evidence.exposure import daylight_probability, too_dark
 from lighting.evidence.fusion import Evidence, Fused
 from lighting.evidence.metadata import Known
 from lighting.records import SUITABLE, Estimate, Lighting
@@ -52,7 +52,7 @@ def _sunlight(lighting: Lighting, fused: Fused, known: Known) -> dict[str, Any]:
         return {"sun_visibility": 0.0, "sun_irradiance": None if irradiance is None else (0.0, 0.0, 0.0)}
     if irradiance is None:
         return {}
-    said = said_elevation(fused.prediction) if fused.elevation_said is None else fused.elevation_said
+    said = said_elevation(fused.prediction) if fused.said_elevation is None else fused.said_elevation
     elevation = lighting.sun_elevation if "time+place" in fused.used else said
     return {"sun_irradiance": tinted(irradiance, said, elevation)}
 
@@ -60,7 +60,7 @@ def _sunlight(lighting: Lighting, fused: Fused, known: Known) -> dict[str, Any]:
 def _suitable(by_pixels: float, known: Known) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
     exposure = known.evidence.exposure_value
-    by_exposure = 1.0 if exposure is None else daylight(exposure)
+    by_exposure = 1.0 if exposure is None else daylight_probability(exposure)
     return significant(min(by_pixels * by_exposure, 1.0 if known.sun_is_up else _IN_TWILIGHT))
 
 

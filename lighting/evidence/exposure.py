@@ -9,14 +9,14 @@ _DARK = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd
 _STEEPNESS = 2.5  # of the probability in doublings of the odds for each EV: scenes and meters vary by a stop
 
 
-def daylight(exposure_value: float) -> float:
+def daylight_probability(exposure_value: float) -> float:
     """Probability that daylight lit a scene which took an exposure value [EV at ISO 100]."""
     return float(1.0 / (1.0 + 2.0 ** (_STEEPNESS * (_DARK - exposure_value))))
 
 
 def too_dark(exposure_value: float, subject: str) -> tuple[str, ...]:
     """A sentence for people where daylight is the less likely light of a `subject`."""
-    if daylight(exposure_value) >= 0.5:
+    if daylight_probability(exposure_value) >= 0.5:
         return ()
     return (
         f"The {subject} was exposed for a dark scene (EV {exposure_value:.1f} at ISO 100): night, indoors, or a dark "

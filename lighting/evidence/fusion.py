@@ -48,7 +48,7 @@ class Fused:
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north, where time and place are known
     relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
-    elevation_said: float | None = None  # deg, of the sun by the pixels whose light it has; None: those of `prediction`
+    said_elevation: float | None = None  # deg, of the sun by the pixels whose light it has; None: those of `prediction`
 
     def on_cells(self) -> SunDistribution:
         """The same distribution over the network's own cells."""
@@ -83,7 +83,7 @@ def fuse(prediction: Prediction, evidence: Evidence) -> Fused:
 def fuse_stood(stood: Stood) -> Fused:
     """The same where the camera already stands as gravity has it."""
     prediction, evidence = stood.prediction, stood.evidence
-    candidates = daylight(evidence)
+    candidates = above_horizon(evidence)
     density = ring_density(prediction, candidates)
     if len(candidates):
         fused = on_rings(prediction, evidence, density * compass_prior(evidence))
@@ -94,7 +94,7 @@ def fuse_stood(stood: Stood) -> Fused:
     return replace(fused, warnings=(*against, *stood.warnings))
 
 
-def daylight(evidence: Evidence) -> Floats:
+def above_horizon(evidence: Evidence) -> Floats:
     """The candidates (K, 2) above the horizon; raises ParameterError if there are candidates and all are below it."""
     candidates = np.array(evidence.candidates, dtype=np.float64).reshape(-1, 2)
     up = candidates[candidates[:, 0] >= 0.0]
@@ -140,7 +140,7 @@ def on_rings(prediction: Prediction, evidence: Evidence, weight: Floats) -> Fuse
     """The answer of weights (K, 360) for each candidate with the sun up and each of HEADINGS."""
     p = weight / weight.sum()
     known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
-    directions = ring_directions(daylight(evidence)).reshape(-1, 3)
+    directions = ring_directions(above_horizon(evidence)).reshape(-1, 3)
     sun = sun_on_rings(directions, p.ravel())
     return Fused(known, sun, directions, p.ravel(), used(evidence), camera_heading=heading(p.sum(axis=0)))
 

@@ -18,8 +18,8 @@ from lighting.evidence.frames import Frames, contrary_up, frames
 from lighting.evidence.fusion import (
     Evidence,
     Fused,
+    above_horizon,
     compass_prior,
-    daylight,
     fuse_stood,
     on_grid,
     on_rings,
@@ -71,7 +71,7 @@ def fuse_together(
             a,
             warnings=(*single.warnings, *_by_matches(i, predictions[i], turns, placed)),
             used=_used(a, turns.source if turns.has_company(i) else ""),
-            elevation_said=said,
+            said_elevation=said,
         )
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
@@ -188,7 +188,7 @@ def _in_one_frame(predictions: Sequence[Prediction], turns: Frames) -> list[Floa
 
 def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Evidence], turns: Frames) -> list[Fused]:
     """The answers where time and place are known: each group in its frame, and one zone for all groups."""
-    density = [ring_density(p, daylight(e)) for p, e in zip(predictions, evidence, strict=True)]
+    density = [ring_density(p, above_horizon(e)) for p, e in zip(predictions, evidence, strict=True)]
     prior = [compass_prior(e) for e in evidence]
     weights: dict[int, Floats] = {}
     for own in turns.members():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lighting.evidence import Given, estimate_of, fuse, fuse_together, known
-from lighting.evidence.exposure import daylight, too_dark
+from lighting.evidence.exposure import daylight_probability, too_dark
 from lighting.photo import PhotoFacts
 from lighting.records import Light, Lighting
 from tests.lighting.evidence.samples import FACTS, prediction
@@ -26,7 +26,7 @@ def answered(facts: PhotoFacts, given: Given | None = None) -> Lighting:
     [(15.0, 0.99, 1.0), (12.0, 0.99, 1.0), (10.0, 0.95, 1.0), (8.0, 0.5, 0.5), (6.0, 0.0, 0.05), (-20.0, 0.0, 1e-9)],
 )
 def test_daylight_is_bright(exposure_value: float, low: float, high: float) -> None:
-    assert low <= daylight(exposure_value) <= high
+    assert low <= daylight_probability(exposure_value) <= high
 
 
 def test_only_dark_scenes_are_told_of() -> None:
@@ -36,7 +36,7 @@ def test_only_dark_scenes_are_told_of() -> None:
 
 def test_a_photo_of_a_dark_scene_does_not_suit() -> None:
     light = answered(PhotoFacts(exposure_value=5.0))
-    assert light.suitable == pytest.approx(0.99 * daylight(5.0), rel=1e-5)
+    assert light.suitable == pytest.approx(0.99 * daylight_probability(5.0), rel=1e-5)
     assert light.warnings[0] == DARK
     assert "the answer may mean nothing" in light.warnings[1]
     assert light.evidence == ("pixels", "camera exposure")
@@ -65,5 +65,5 @@ def test_each_of_several_photos_has_its_own_exposure() -> None:
     fused = fuse_together([SUITS, SUITS], [k.evidence for k in found], [0.0, 0.0])
     bright, dark = (estimate_of(f, k).lighting for f, k in zip(fused, found, strict=True))
     assert bright.suitable == pytest.approx(0.99, abs=1e-4)
-    assert dark.suitable == pytest.approx(0.99 * daylight(5.0), rel=1e-5)
+    assert dark.suitable == pytest.approx(0.99 * daylight_probability(5.0), rel=1e-5)
     assert dark.evidence == ("pixels", "camera exposure", "other photos")
