@@ -57,10 +57,12 @@ def known_later(facts: PhotoFacts, given: Given, subject: str) -> Known:
 
 
 def _highest(candidates: Suns) -> float:
+    """The highest elevation [deg] of candidate suns; 0 where there are none."""
     return max((elevation for elevation, _ in candidates), default=0.0)
 
 
 def _known(merged: PhotoFacts, candidates: Suns, given: Given, subject: str) -> Known:
+    """The evidence of merged facts whose candidate suns may all be below the horizon."""
     highest, warnings = _highest(candidates), _missing(merged, given, subject)
     if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
@@ -89,7 +91,7 @@ def _of_camera(merged: PhotoFacts) -> Evidence:
 
 
 def known_alone(facts: PhotoFacts, given: Given) -> Known:
-    """The same for a photo that stands alone, where a heading without time and place tells nothing."""
+    """The evidence of a photo that stands alone, where a heading without time and place tells nothing."""
     found = known(facts, given)
     if given.heading is None or found.evidence.candidates or found.is_night:
         return found
@@ -152,8 +154,9 @@ def _missing(merged: PhotoFacts, given: Given, subject: str) -> tuple[str, ...]:
     return ()
 
 
-def _in_twilight_on_the_horizon(suns: Suns) -> Suns:
-    return tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, azimuth) for el, azimuth in suns)
+def _in_twilight_on_the_horizon(candidates: Suns) -> Suns:
+    """The candidates with the suns of civil twilight put on the horizon."""
+    return tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, azimuth) for el, azimuth in candidates)
 
 
 def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
@@ -172,6 +175,7 @@ def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
 
 
 def _declination(facts: PhotoFacts) -> float | None:
+    """The magnetic declination [deg] at the photo's time and place; None where they are not both known."""
     time = facts.utc_time or facts.local_time
     place = location_of(facts)
     return None if time is None or place is None else magnetic_declination(*place, time)
