@@ -36,6 +36,7 @@ LEVELS = {
 CPU, OPENVINO = "CPUExecutionProvider", "OpenVINOExecutionProvider"
 BATCHES = (1, 8, 32)
 CALIBRATION = 16  # training panoramas, of 8 crops each
+_BATCH = 16  # crops that a network is asked about at once
 
 
 @dataclass(frozen=True)
@@ -137,15 +138,15 @@ def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
     return {name: median(error[truth.scored]) for name, error in errors.items()}
 
 
-def _batches(crops: Any, size: int = 16) -> Iterator[tuple[Batch, list[Any]]]:
+def _batches(crops: Any) -> Iterator[tuple[Batch, list[Any]]]:
     """The network's inputs and the crops that they show."""
     from export.crops import take
     from lighting.colour import tone_map
     from lighting.photo import place
 
     spec = Model.load().spec
-    for first in range(0, len(crops), size):
-        part = [take(source, camera, spec) for source, camera in crops[first : first + size]]
+    for first in range(0, len(crops), _BATCH):
+        part = [take(source, camera, spec) for source, camera in crops[first : first + _BATCH]]
         yield np.stack([place(tone_map(crop.linear), spec) for crop in part]), part
 
 

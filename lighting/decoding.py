@@ -151,10 +151,10 @@ def light_numbers(light: Light) -> Floats:
     return np.concatenate([np.log(np.maximum(irradiance, _DARKEST)), [light.cover, light.suitable]])
 
 
-def light_of_numbers(numbers: Floats, around: NDArray[np.float32] | None = None) -> Light:
-    """The Light of `light_numbers`."""
+def light_of_numbers(numbers: Floats) -> Light:
+    """The Light of `light_numbers` (8,), without what lies around."""
     irradiance = np.exp(numbers[:6])
-    return Light(irradiance[:3], irradiance[3:], float(numbers[6]), float(numbers[7]), around)
+    return Light(irradiance[:3], irradiance[3:], float(numbers[6]), float(numbers[7]))
 
 
 def significant(value: float) -> float:

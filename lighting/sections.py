@@ -51,7 +51,7 @@ def record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any
     record: dict[str, Any] = {"model": {"name": values["model_name"], "version": values["model_version"]}}
     for section, names in _SECTIONS.items():
         found = {name: values[attribute] for name, attribute in names.items()}
-        record[section] = {name: value for name, value in found.items() if value not in (None, ())}
+        record[section] = {name: value for name, value in found.items() if value is not None}
     record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
     for path, attribute in _COLOURS.items():
         if (colour := values[attribute]) is not None:

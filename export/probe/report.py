@@ -26,6 +26,8 @@ from lighting.records import Lighting
 PLACE = (47.0, 8.0)  # deg
 DAY = datetime(2024, 6, 1, 9, 0, tzinfo=UTC)
 SIDE = 800  # pixels of a picture
+SERIES_SIDE = 500  # pixels of a picture of a series
+TURBIDITY = 3.0  # of the synthetic clear skies
 HEIGHT = 256  # rows of the maps compared
 SKY_FILL = 8.0  # of full scale: the peak in the shortest exposure when the sky is exposed for, and the sun clips
 _DARK = 0.05  # quantile that counts as the darkest sky
@@ -45,10 +47,10 @@ class Measured:
     turn: float  # deg, between the rotation found and the true one
 
 
-def lighting_at(moment: Moment, turbidity: float = 3.0) -> Lighting:
+def lighting_at(moment: Moment) -> Lighting:
     """A clear sky of a moment."""
     azimuth, elevation = moment.sun
-    return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=turbidity, exposure=1.0)
+    return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=TURBIDITY, exposure=1.0)
 
 
 def measure(
@@ -151,9 +153,9 @@ _LENSES: Sequence[tuple[Kind, int]] = (
 )
 
 
-def series(tilt: float, fov: float, mirrored: bool, side: int = 500) -> tuple[list[Probe], Floats]:
+def series(tilt: float, fov: float, mirrored: bool) -> tuple[list[Probe], Floats]:
     """The probes of a synthetic series, and the true rotation: yaw 70 deg after a tilt towards the north-east."""
-    lens = lens_of("equidistant", side, side, fov=fov, mirrored=mirrored)
+    lens = lens_of("equidistant", SERIES_SIDE, SERIES_SIDE, fov=fov, mirrored=mirrored)
     rotation = yaw_rotation(70.0) @ _tilted(tilt)
     moments = [Moment(DAY + timedelta(hours=hour - 2), *PLACE) for hour in range(7)]
     rng = np.random.default_rng(5)

@@ -15,7 +15,7 @@ from lighting.stereo.mean_light import Skies
 HEIGHT = 64  # rows of a modelled map
 TURBIDITY = 3.0  # of a clear day in the country
 OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
-COVER = 0.5  # of broken cloud
+COVER = 0.5  # share of the sky under broken cloud
 _DISC = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
 
 SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
@@ -43,7 +43,7 @@ def clear_skies(
     return Skies(_over_ground(sky, level, ground_albedo), directions, disc)
 
 
-def overcast_skies(clear: Skies, ground_albedo: float = GROUND_ALBEDO) -> Skies:
+def overcast_skies(clear: Skies) -> Skies:
     """CIE standard overcast skies at the moments of clear ones, in their channels.
 
     Their irradiance of level ground is OVERCAST_SHARE of the clear skies'.
@@ -52,20 +52,20 @@ def overcast_skies(clear: Skies, ground_albedo: float = GROUND_ALBEDO) -> Skies:
     height = clear.radiance.shape[1]
     relative = overcast_luminance(latlong_directions(height)[: height // 2])[..., None]
     sky = relative * (level / horizontal_irradiance(relative))[:, None, None]
-    return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
+    return Skies(_over_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
 
 
-def broken_skies(clear: Skies, shines: ArrayLike, cover: float = COVER, ground_albedo: float = GROUND_ALBEDO) -> Skies:
+def broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
     """Skies with broken cloud at the moments of clear ones, in their channels: a simple model, not a measured one.
 
-    The sky is the mean of the clear and the overcast one, weighted by the cloud cover, 0 to 1. The disc is whole where
+    The sky is the mean of the clear and the overcast one, weighted by COVER. The disc is whole where
     `shines` (T,), see `draw_sunshine`, and hidden elsewhere; the ground is lit by both.
     """
     half = clear.radiance.shape[1] // 2
-    sky = (1 - cover) * clear.radiance[:, :half] + cover * overcast_skies(clear).radiance[:, :half]
+    sky = (1 - COVER) * clear.radiance[:, :half] + COVER * overcast_skies(clear).radiance[:, :half]
     disc = clear.sun_irradiance * np.asarray(shines, dtype=bool)[:, None]
     level = horizontal_irradiance(sky) + disc * np.maximum(clear.sun_direction[:, 1:2], 0)
-    return Skies(_over_ground(sky, level, ground_albedo), clear.sun_direction, disc)
+    return Skies(_over_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, disc)
 
 
 def draw_sunshine(draws: int, spells: int, seed: int, cover: float = COVER) -> NDArray[np.bool_]:

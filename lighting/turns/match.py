@@ -100,7 +100,7 @@ def _rooted(described: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.sqrt(described / total), dtype=np.float32)
 
 
-def match(a: Features, b: Features, ratio: float = RATIO) -> Matches:
+def match(a: Features, b: Features) -> Matches:
     """The features that are each other's nearest, clearly nearer than the next."""
     pixel = max(a.pixel, b.pixel)
     if min(len(a.points), len(b.points)) < 2:
@@ -110,7 +110,7 @@ def match(a: Features, b: Features, ratio: float = RATIO) -> Matches:
     distance = np.sqrt(np.maximum(2.0 - 2.0 * np.partition(likeness, -2, axis=1)[:, -2:], 0.0))
     quality = distance[:, 1] / np.maximum(distance[:, 0], 1e-9)
     own = np.arange(len(a.points))
-    kept = own[(back[there] == own) & (quality < ratio)]
+    kept = own[(back[there] == own) & (quality < RATIO)]
     kept = kept[np.argsort(quality[kept], kind="stable")]
     first, second = a.points[kept], b.points[there[kept]]
     _, unlike = np.unique(np.round(np.hstack([first, second]) / pixel), axis=0, return_index=True)

@@ -25,13 +25,13 @@ _LEAST = 3  # photos in the sun, for a normal
 _PATTERNS = 16  # at most
 
 
-def shadowed(skies: Skies, pose: Pose, count: int = CANDIDATES) -> Candidates | None:
+def shadowed(skies: Skies, pose: Pose) -> Candidates | None:
     """Normals of a grid in every pattern of shadow, without one first; None where too few photos are left for any."""
     lit = patterns(len(skies))
     if len(lit) < 2:
         return None
-    sunny = candidates(skies, pose, count)
-    shade = candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, count)
+    sunny = candidates(skies, pose, CANDIDATES)
+    shade = candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, CANDIDATES)
     light = np.where(lit[:, None, :, None, None], sunny.light, shade.light)
     brightness = np.where(lit[None, :, None, :], sunny.brightness[:, None], shade.brightness[:, None])
     hidden = (~lit).sum(axis=1)
