@@ -93,4 +93,6 @@ def test_a_sky_without_green_gives_bounded_factors() -> None:
     violet = np.zeros((40, 60, 3), np.uint8)
     violet[..., 2] = 248
     factors = photo_sky(violet, overcast(camera_elevation=40.0))
-    assert factors is None or (np.isfinite(factors).all() and (factors > 0).all())
+    assert factors is not None
+    assert np.isfinite(factors).all()
+    assert (factors > 0).all()
