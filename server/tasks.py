@@ -35,7 +35,7 @@ Pixels = NDArray[np.uint8]
 MID_GREY = 128  # sRGB
 LEAST_SECONDS = 0.1  # for a photo after others that took long
 SHOWN_SIDE = 2048  # pixels, the longer side of a photo for the page
-SHOWN_QUALITY = 88
+SHOWN_QUALITY = 88  # of its JPEG, 1 to 100
 
 
 def estimated_together(service: Service, files: Sequence[bytes], query: LightingQuery) -> list[Answer]:

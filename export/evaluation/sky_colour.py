@@ -16,7 +16,7 @@ from lighting.model import Model
 from lighting.photo import Photo
 
 CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
-COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))
+COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))  # ranges of cover, 0 clear to 1 overcast, told apart
 _ROUNDS = 20  # of least squares, weighted so that it comes near to least absolute errors
 _SMALL = 0.1  # nat, error from which a crop counts for less
 

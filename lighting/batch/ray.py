@@ -32,7 +32,7 @@ from lighting.errors import BatchError
 NEEDED = "The engine ray needs Ray and pyarrow: pip install 'outdoor-lighting[ray]'."
 
 _ACTOR_CPUS = 0.9  # reserved for an actor; the rest of its CPU is left for the tasks that read and write
-_TASK_CPUS = 0.05
+_TASK_CPUS = 0.05  # reserved for such a task
 
 
 def find_photos_at(source: str) -> tuple[str, list[str]]:

@@ -15,7 +15,7 @@ _NEAR = 5.0  # deg within which the photo's cells count alike; with
 _UPRIGHT = 3.0  # how much farther off a cell is above another than beside it, and
 _FALL = 2.5  # the power of the squared distance by which they count less, tried on panoramas of `train`
 _FADES = 60.0  # deg from the photo at which a third of its difference is left, tried there as well
-_DARKEST = 1e-9
+_DARKEST = 1e-9  # radiance that stands for none
 
 
 def continued(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float = 1.0) -> Image:

@@ -29,7 +29,7 @@ _SAMPLES = 4  # rows and columns of the bare map that are looked at for each cel
 _GLOW = 40.0  # deg around a sun within which the sky's brightness is the sun's
 _MOVED = 20.0  # deg by which a sun was moved for its glow to have gone
 _EXACT = 1e-5  # share by which an irradiance may differ from the one aimed at
-_LEAST = 1e-9
+_LEAST = 1e-9  # irradiance, radiance or exposure that stands for none
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ from lighting.geometry import Floats, angles
 from lighting.records import Prediction
 from lighting.sun_grid import grid_directions
 
-ELEVATION_TAIL = 0.004
-HEADING_TAIL = 0.008
-LENS_RATIO = 1.9  # of focal lengths
+ELEVATION_TAIL = 0.004  # tail probability by the pixels, under which the elevation of time and place is contradicted
+HEADING_TAIL = 0.008  # the same of a compass heading
+LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
 
 _CELL_SPREAD = 2.2  # deg, scale of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
 

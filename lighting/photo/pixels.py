@@ -15,7 +15,7 @@ MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large,
 
 _FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 _STRIP = 1 << 22  # pixels converted at once
-_MID_GREY = (128, 128, 128, 255)
+_MID_GREY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
 _TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
     2: lambda pixels: pixels[:, ::-1],
     3: lambda pixels: pixels[::-1, ::-1],

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 WIDTH = 1600  # of the whole picture
-MARGIN = 40
-GAP = 24
+MARGIN = 40  # around all
+GAP = 24  # between panels
 HEADER = 78  # height of the headline above the panels
 WARNING = 26  # height of a line of warnings, which stand below the headline
 CAPTION = 32  # height of the line above each panel
 CELL = 76  # height of one number with its name
 UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
-UPRIGHT_MAP_HEIGHT = 440
+UPRIGHT_MAP_HEIGHT = 440  # of the map below it
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.probe.lens import Lens, lens_directions
 
-LEAST_SUNS = 3
+LEAST_SUNS = 3  # that a series needs
 LEAST_ARC = 15.0  # deg, that the suns of a series must span
 SUNS_FOR_LENS = 4  # and
 ARC_FOR_LENS = 40.0  # deg, from which on the field of view is fitted too

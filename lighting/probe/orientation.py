@@ -16,7 +16,7 @@ from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
 from lighting.records import GROUND_ALBEDO
 from lighting.sky import sky_radiance
 
-TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)
+TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
 SUN_CLEARANCE = 10.0  # deg around the sun left out
 LIMIT = 0.5  # of |log(measured / model)|: from here on an error counts no more
 _STEP = 2.0  # deg, between the offsets tried

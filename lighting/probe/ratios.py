@@ -27,7 +27,7 @@ MOST_SAMPLES = 20_000  # used of them
 GAMMA = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
 DIFFERENCE = 0.08  # relative, between EXIF's ratio and the pixels', that is worth a warning: third stops round to 7 %
 LEAST_STEP = 1.2  # between exposures, for their ratio to tell a curve
-_STEPS = 8
+_STEPS = 8  # of re-weighted least squares
 _CURVE = {True: "srgb", False: "linear"}
 
 

@@ -25,7 +25,7 @@ from lighting.probe.regions import Mask
 Pixels = NDArray[np.float32]
 
 REACH = 3.6  # deg, of the smoothing: less than the features of a clear sky, more than a pixel of its map
-PASSES = 12
+PASSES = 12  # of smoothing and putting back
 _LINKED = 1.5  # steps, up to which neighbours belong to one surface
 
 

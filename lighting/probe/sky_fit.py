@@ -24,10 +24,10 @@ CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance,
 SPREAD = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ from the model by 0.1
 GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
 
-WORST_RESIDUAL = 0.2
-WORST_GAINS = 0.6  # range of the channels' log gains
-LEAST_SHARE = 0.5  # of the sky's pixels that keep their weight
-LEAST_COVERAGE = 0.4  # sr
+WORST_RESIDUAL = 0.2  # `SkyFit.residual` from which on a fit is not trusted
+WORST_GAINS = 0.6  # range of the channels' log gains from which on it is not
+LEAST_SHARE = 0.5  # of the sky's pixels that keep their weight in a trusted fit
+LEAST_COVERAGE = 0.4  # sr, `SkyFit.coverage` of a trusted fit
 
 
 @dataclass(frozen=True)

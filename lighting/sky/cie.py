@@ -15,7 +15,7 @@ from lighting.geometry import Floats, angle_between
 OVERCAST_INTEGRAL = 7 * np.pi / 9  # horizontal illuminance of the overcast sky / luminance of its zenith
 UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own
 
-_GRADATION = {
+_GRADATION = {  # a and b of each group
     "I": (4.0, -0.70),
     "II": (1.1, -0.80),
     "III": (0.0, -1.0),
@@ -23,7 +23,7 @@ _GRADATION = {
     "V": (-1.0, -0.32),
     "VI": (-1.0, -0.15),
 }
-_INDICATRIX = {
+_INDICATRIX = {  # c, d and e of each group
     1: (0.0, -1.0, 0.0),
     2: (2.0, -1.5, 0.15),
     3: (5.0, -2.5, 0.30),
@@ -31,7 +31,7 @@ _INDICATRIX = {
     5: (16.0, -3.0, 0.30),
     6: (24.0, -2.8, 0.15),
 }
-_TYPES = (
+_TYPES = (  # groups of gradation and indicatrix of the types 1 to 15
     *(("I", 1), ("I", 2), ("II", 1), ("II", 2), ("III", 1), ("III", 2), ("III", 3), ("III", 4)),
     *(("IV", 2), ("IV", 3), ("IV", 4), ("V", 4), ("V", 5), ("VI", 5), ("VI", 6)),
 )

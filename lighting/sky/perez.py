@@ -13,7 +13,7 @@ from lighting.errors import ParameterError
 from lighting.geometry import Floats, angle_between
 
 CLEARNESS_BINS = (1.0, 1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)  # where each row of the table begins
-BRIGHTNESS_RANGE = (0.01, 0.6)
+BRIGHTNESS_RANGE = (0.01, 0.6)  # that the model covers
 SOLAR_CONSTANT = 1361.0  # W m^-2 at 1 astronomical unit, outside the atmosphere
 
 _DARK_BROKEN = 0.2  # the least brightness where 1.065 < clearness < 2.8; as Radiance's gendaylit has it

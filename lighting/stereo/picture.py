@@ -19,7 +19,7 @@ _SCALE = (100, 862, 660, 12)  # left, top, width and height of the scale
 _RIGHT = 850  # where the spheres begin
 _FIRST, _SPHERE, _STEP = 1010, 126, 141  # left of the first sphere, their width, and from one to the next
 _ROWS = 390  # where the table of orientations begins
-_ROW = 42
+_ROW = 42  # pixels from one row of it to the next
 
 
 def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:

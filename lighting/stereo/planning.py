@@ -33,7 +33,7 @@ from lighting.stereo.windows import START_STEP, Check, all_windows, go_on, windo
 Progress = Callable[[Sequence[date]], Iterable[date]]
 Reader = Callable[[date, bool], Day]  # a day's light; coarse for a first look at one of many, else fine
 
-MOST_DAYS = 366
+MOST_DAYS = 366  # of a plan: a leap year
 SPHERE = 31  # normals across a drawn half sphere
 
 

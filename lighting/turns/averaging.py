@@ -17,7 +17,7 @@ Pairs = Mapping[tuple[int, int], Turn]  # by the numbers of both photos, the low
 
 OUTLYING = 5.0  # standard deviations from which a turn counts for half
 LEAST_SIGMA = 0.02  # deg, under which no turn is believed: lenses are not perfect pinholes
-STEPS = 20
+STEPS = 20  # under one weight, at most
 
 Weight = Callable[[float], float]
 

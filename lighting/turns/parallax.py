@@ -19,7 +19,7 @@ TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys
 PARALLAX, LEAST_MORE = 1.25, 12  # times as many, and so many more, must obey it where the camera moved
 LEAST_MOVED = 24  # matches that agree on a motion, which has more freedom than a rotation
 
-_SURE = 0.999
+_SURE = 0.999  # probability with which OpenCV's sampling is to meet a sample without a wrong match
 _FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) and ours
 
 

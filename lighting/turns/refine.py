@@ -8,7 +8,7 @@ import numpy as np
 from lighting.geometry import Floats
 
 STEP = 1e-6  # of each parameter, for the derivatives
-STEPS = 25
+STEPS = 25  # at most
 
 Residuals = Callable[[Floats], Floats]
 

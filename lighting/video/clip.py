@@ -20,7 +20,7 @@ from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subt
 from lighting.video.transfer import CURVES
 
 SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
-THREADS = 2
+THREADS = 2  # that decode a clip
 _TAGGED = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _BACK = 3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
 _LONGEST = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong

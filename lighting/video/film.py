@@ -23,7 +23,7 @@ from lighting.video.records import FrameLight
 
 SIDE = 768  # pixels of the longer side
 STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
-_MAP_HEIGHT = 128
+_MAP_HEIGHT = 128  # rows of the map that lights the balls
 _CLOCK = 90_000  # 1/s, of the film's times
 _SIZE, _LINE = 17, 1.3  # of the font, pixels; of a line, in sizes of the font
 _EDGE = 12  # pixels between the balls and the picture's edges

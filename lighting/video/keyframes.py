@@ -21,7 +21,7 @@ NEIGHBOURS = 5  # keyframes; those nearer in time need no loop
 NEAR_ENOUGH = 0.5  # of the vertical field of view, up to which two keyframes are compared
 MOST_LOOPS = 60  # compared in a shot
 MOST_KEYS = 1200  # beyond which the chain is left as it is: the graph would take too much memory
-_STEPS = 12
+_STEPS = 12  # of the averaging, at most
 _WRONG = 0.5  # deg, beyond which a turn counts for ever less
 
 

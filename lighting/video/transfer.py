@@ -17,13 +17,13 @@ from lighting.geometry import Floats
 CURVES = {16: "pq", 18: "hlg"}  # the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
 WIDE = 9  # H.273's number of the primaries of BT.2020
 
-_A = 0.17883277
+_A = 0.17883277  # a, b and c of HLG
 _B, _C = 1.0 - 4.0 * _A, 0.5 - _A * math.log(4.0 * _A)
-_M1, _M2 = 2610 / 16384, 2523 / 32
+_M1, _M2 = 2610 / 16384, 2523 / 32  # m1 and m2, c1 to c3 of PQ
 _C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
-_PEAK, _WHITE = 10000.0, 203.0  # cd/m2
-_HLG_WHITE = 0.75
-_TO_709 = np.array(
+_PEAK, _WHITE = 10000.0, 203.0  # cd/m2, of the largest PQ signal and of diffuse white
+_HLG_WHITE = 0.75  # signal of diffuse white
+_TO_709 = np.array(  # from BT.2020
     [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]], dtype=np.float32
 )
 _STEPS = 4096  # of the table of sRGB's curve

@@ -17,8 +17,8 @@ TIGHT = 0.6  # share of the agreeing points within half the tolerance, from whic
 LEAST_TOLD = 0.85  # share of the points that must then agree with a motion; things that move do not
 AGREEING = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
 BELIEVED = 0.3  # share of followed points that must agree with a turn
-FEWEST_AGREEING = 12
-_ROUNDS = 6
+FEWEST_AGREEING = 12  # of them
+_ROUNDS = 6  # of re-weighting, from eight times the tolerance down to it
 _EXACT = 1e18  # inverse variance of the logarithm of a focal length that is known
 
 

@@ -27,7 +27,7 @@ BEGINNING = 1.0  # s of a shot, whose looks tell the lens that it begins with
 LEAST_SEEN = 0.9  # share of the points that must agree with a zoom alone, where one pair of frames decides
 _STARTS = (1.0, 0.8, 1.25)  # times that lens, from which the zoom is followed: from one far off it is lost on the way
 _PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
-_ROUNDS = 8
+_ROUNDS = 8  # of re-weighting, from eight times the tolerance down to it
 
 
 @dataclass(frozen=True, eq=False)
