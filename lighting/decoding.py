@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, best_angle
 from lighting.colour import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.ranges import COLOUR_RANGES, RANGES
-from lighting.records import Colour, Light, Lighting, Prediction, SunEstimate
+from lighting.ranges import RANGES
+from lighting.records import Colour, Light, Lighting, Prediction, SunEstimate, clipped_colour, significant
 from lighting.sky import sun_radiance
 from lighting.sun_grid import grid_directions, radii
 
@@ -79,8 +79,8 @@ def _strength(light: Light, visibility: float) -> dict[str, Any]:
     """
     cover = float(np.clip(light.cover, 0.0, 1.0))
     return {
-        "sun_irradiance": colour(light.sun_irradiance * 2.0**_SHY * fading(visibility), "sun_irradiance"),
-        "sky_irradiance": colour(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
+        "sun_irradiance": clipped_colour(light.sun_irradiance * 2.0**_SHY * fading(visibility), "sun_irradiance"),
+        "sky_irradiance": clipped_colour(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
         "sky_cover": significant(cover),
         "suitable": significant(float(np.clip(light.suitable, 0.0, 1.0))),
     }
@@ -106,7 +106,9 @@ def tinted(irradiance: Colour, said: float, known: float) -> Colour:
     stated = np.array(irradiance)
     if float(luminance(stated)) == 0.0:
         return irradiance
-    return colour(as_bright(toward_clear(stated, said, _USUAL) * _turned(said, known), stated), "sun_irradiance")
+    return clipped_colour(
+        as_bright(toward_clear(stated, said, _USUAL) * _turned(said, known), stated), "sun_irradiance"
+    )
 
 
 def toward_clear(irradiance: Floats, elevation: float, power: float) -> Floats:
@@ -134,15 +136,11 @@ def _clear_sun(elevation: float) -> Floats:
     return radiance
 
 
-def colour(values: Floats, name: str) -> Colour:
-    """Red, green and blue (3,) as plain numbers inside the range that COLOUR_RANGES has for `name`."""
-    red, green, blue = (significant(float(v)) for v in np.clip(values, *COLOUR_RANGES[name]))
-    return red, green, blue
-
-
 def with_ground(lighting: Lighting, reflectance: Floats | None) -> Lighting:
     """The lighting over ground of a reflectance (3,), or as it is where none is known."""
-    return lighting if reflectance is None else replace(lighting, ground_color=colour(reflectance, "ground_color"))
+    return (
+        lighting if reflectance is None else replace(lighting, ground_color=clipped_colour(reflectance, "ground_color"))
+    )
 
 
 def light_numbers(light: Light) -> Floats:
@@ -155,11 +153,6 @@ def light_of_numbers(numbers: Floats) -> Light:
     """The Light of `light_numbers` (8,), without what lies around."""
     irradiance = np.exp(numbers[:6])
     return Light(irradiance[:3], irradiance[3:], float(numbers[6]), float(numbers[7]))
-
-
-def significant(value: float) -> float:
-    """The value to six digits, as records hold it."""
-    return float(f"{value:.6g}")
 
 
 def best_guess(probability: ArrayLike, layout: str) -> Floats:

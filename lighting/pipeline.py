@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lighting.decoding import colour, with_ground
+from lighting.decoding import with_ground
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
 from lighting.errors import ParameterError, PhotoError
 from lighting.evidence import (
@@ -29,7 +29,7 @@ from lighting.evidence import (
 )
 from lighting.model import Model, model_or_packaged
 from lighting.photo import Photo, Source, read_photo
-from lighting.records import Estimate, Prediction
+from lighting.records import Estimate, Prediction, clipped_colour
 
 if TYPE_CHECKING:
     from lighting.evidence import Fit
@@ -148,7 +148,7 @@ def with_seen_colours(photos: Sequence[Photo], estimates: Sequence[Estimate]) ->
     found = [photo_sky(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
     if tints := [tint for tint in found if tint is not None]:
         tint = np.exp(np.mean(np.log(tints), axis=0))
-        skies = (colour(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
+        skies = (clipped_colour(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
     return [
         replace(estimate, lighting=with_ground(light, photo_ground(photo.pixels, light, estimate.around)))

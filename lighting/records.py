@@ -223,6 +223,17 @@ class Estimate:
         return self.lighting.warnings
 
 
+def significant(value: float) -> float:
+    """The value to six digits, as records hold it."""
+    return float(f"{value:.6g}")
+
+
+def clipped_colour(values: Floats, name: str) -> Colour:
+    """Red, green and blue (3,) as records hold them, clipped to the range that COLOUR_RANGES has for `name`."""
+    red, green, blue = (significant(float(v)) for v in np.clip(values, *COLOUR_RANGES[name]))
+    return red, green, blue
+
+
 def _check_headings(probability: tuple[float, ...]) -> None:
     if probability and len(probability) != 360:
         raise ParameterError(f"camera_heading_probability has {len(probability)} values; it must have 360.")

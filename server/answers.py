@@ -12,7 +12,7 @@ from lighting.envmap import Image
 from lighting.files import full_record
 from lighting.geometry import angles
 from lighting.ranges import COLOUR_RANGES
-from lighting.records import SKY_MODEL, Lighting, SunDistribution
+from lighting.records import SKY_MODEL, Lighting, SunDistribution, significant
 from lighting.sun_grid import grid_directions
 from lighting.version import __version__
 from server.queries import LightingQuery, Query
@@ -61,7 +61,7 @@ def sun_probability(sun: SunDistribution) -> dict[str, Any]:
         "grid": sun.grid,
         "azimuth": np.round(azimuth, 3).tolist(),
         "elevation": np.round(elevation, 3).tolist(),
-        "probability": [float(f"{value:.6g}") for value in sun.probability],
+        "probability": [significant(float(value)) for value in sun.probability],
     }
 
 

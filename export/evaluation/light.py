@@ -20,14 +20,13 @@ from export.evaluation.tables import table
 from export.evaluation.true_light import TrueLight, levels, mean_map, mirrored_photo, split, true_light
 from export.evaluation.views import CROPS_EACH, View, cameras
 from lighting.colour import luminance, tone_map
-from lighting.decoding import colour
 from lighting.envmap import Place, level_irradiance, render, sky_irradiance, sun_irradiance, surround, with_irradiance
 from lighting.evidence import NOTHING_GIVEN, estimate_of, fuse, known, said_of
 from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
 from lighting.photo import Photo, PhotoFacts, photo_of
 from lighting.pipeline import with_seen_colours
-from lighting.records import Estimate, Lighting, ModelSpec
+from lighting.records import Estimate, Lighting, ModelSpec, clipped_colour
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
 PAINTED = 0.1  # of the sky's level irradiance, from which a sun counts as painted
@@ -123,8 +122,8 @@ def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
 def _true_power(light: Lighting, truth: TrueLight) -> Lighting:
     return replace(
         light,
-        sun_irradiance=colour(truth.sun_irradiance, "sun_irradiance"),
-        sky_irradiance=colour(truth.sky_irradiance, "sky_irradiance"),
+        sun_irradiance=clipped_colour(truth.sun_irradiance, "sun_irradiance"),
+        sky_irradiance=clipped_colour(truth.sky_irradiance, "sky_irradiance"),
     )
 
 
@@ -135,7 +134,7 @@ def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
 def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
     told = _true_both(light, truth)
     level = np.maximum(level_irradiance(told), 1e-9)
-    return replace(told, ground_color=colour(np.pi * truth.ground / level, "ground_color"))
+    return replace(told, ground_color=clipped_colour(np.pi * truth.ground / level, "ground_color"))
 
 
 ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {

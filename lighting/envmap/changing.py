@@ -10,8 +10,7 @@ from lighting.colour import luminance
 from lighting.envmap.clear import clear_irradiance, lobe_table
 from lighting.envmap.disc import disc_power
 from lighting.geometry import Floats
-from lighting.ranges import COLOUR_RANGES
-from lighting.records import Colour, Lighting
+from lighting.records import Colour, Lighting, clipped_colour
 
 _LEAST = 1e-9  # irradiance that stands for none
 _LOWEST = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
@@ -56,7 +55,6 @@ def _sky(lighting: Lighting) -> Floats:
 
 
 def _followed(stated: Colour, before: Floats, after: Floats) -> Colour:
-    """The stated colour times what the model's has changed by, in the six digits of an estimate's."""
+    """The stated irradiance times what the model's has changed by."""
     values = np.array(stated) * after / np.maximum(before, _LEAST)
-    red, green, blue = (float(f"{value:.6g}") for value in np.clip(values, *COLOUR_RANGES["sky_irradiance"]))
-    return red, green, blue
+    return clipped_colour(values, "sky_irradiance")

@@ -9,8 +9,8 @@ from lighting.colour import luminance
 from lighting.envmap.clear import Image
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.ranges import COLOUR_RANGES, RANGES
-from lighting.records import Colour, Lighting
+from lighting.ranges import RANGES
+from lighting.records import Colour, Lighting, clipped_colour, significant
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 _DIGITS = 6  # behind the point, of turned angles in degrees; records' own have fewer
@@ -55,7 +55,7 @@ def brighten(lighting: Lighting, gain: Floats) -> Lighting:
     exposure = float(np.clip(lighting.exposure * float(luminance(gain)), *RANGES["exposure"]))
     return replace(
         lighting,
-        exposure=float(f"{exposure:.6g}"),
+        exposure=significant(exposure),
         sun_irradiance=_times(lighting.sun_irradiance, gain),
         sky_irradiance=_times(lighting.sky_irradiance, gain),
     )
@@ -65,9 +65,5 @@ def _heading(degrees: float) -> float:
     return round(degrees % 360.0, _DIGITS) % 360.0
 
 
-def _times(colour: Colour | None, gain: Floats) -> Colour | None:
-    if colour is None:
-        return None
-    values = np.clip(np.array(colour) * gain, *COLOUR_RANGES["sky_irradiance"])
-    red, green, blue = (float(f"{value:.6g}") for value in values)
-    return red, green, blue
+def _times(irradiance: Colour | None, gain: Floats) -> Colour | None:
+    return None if irradiance is None else clipped_colour(np.array(irradiance) * gain, "sky_irradiance")

@@ -14,7 +14,6 @@ from lighting.circular import HEADINGS, von_mises
 from lighting.colour import luminance
 from lighting.decoding import (
     best_guess,
-    colour,
     fading,
     light_numbers,
     light_of_numbers,
@@ -152,7 +151,6 @@ def test_lights_are_averaged_by_their_numbers() -> None:
     back = light_of_numbers(light_numbers(light))
     assert back.sun_irradiance == pytest.approx([1.0, 2.0, 1e-6])
     assert (back.cover, back.suitable) == pytest.approx((0.2, 0.9))
-    assert colour(np.array([-1.0, 0.5, 2.0]), "ground_color") == (0.0, 0.5, 1.0)
 
 
 def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import direction
 from lighting.ranges import OPTIONAL_RANGES, RANGES
-from lighting.records import Lighting, ModelSpec
+from lighting.records import Lighting, ModelSpec, clipped_colour
 from tests.conftest import TINY
 
 LIGHTING = Lighting(
@@ -361,6 +361,10 @@ def test_a_colour_is_three_numbers_in_range_and_irradiances_go_together(section:
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record)
     assert sentence(caught.value)
+
+
+def test_colours_are_clipped_and_have_six_digits() -> None:
+    assert clipped_colour(np.array([-1.0, 0.12345678, 2.0]), "ground_color") == (0.0, 0.123457, 1.0)
 
 
 def test_numbers_of_numpy_become_plain_ones() -> None:
