@@ -63,17 +63,18 @@ def halves_of(truth: Truth) -> dict[str, int]:
 
 
 def _views(truth: Truth, said: Sequence[Prediction], azimuth: Floats, members: range, half: int) -> Densities:
+    """The answers for the crops `members` of one panorama; `azimuth` (N,) is where each crop's camera points in it."""
     first, layout = members[0], said[0].spec.sun_grid
     sun, cells = truth.sun[first], grid_directions(layout)
-    own, height = map(float, angles(sun))
+    sun_azimuth, sun_elevation = map(float, angles(sun))
     turned = [(said[i], float(azimuth[first] - azimuth[i])) for i in members]
     log = {
         "sun": [seen_from(p.sun_probability, turn, layout) for p, turn in turned],
-        "azimuth": [ring_of(p, height, turn) for p, turn in turned],
+        "azimuth": [ring_of(p, sun_elevation, turn) for p, turn in turned],
         "elevation": [elevation_density(p, angles(cells)[1]) for p, _ in turned],
     }
     cell = int(np.argmax(cells @ sun))
-    at = {"sun": cell, "azimuth": round(own) % 360, "elevation": cell}
+    at = {"sun": cell, "azimuth": round(sun_azimuth) % 360, "elevation": cell}
     return Densities({kind: _log(np.array(values)) for kind, values in log.items()}, at, sun, half, said[first])
 
 

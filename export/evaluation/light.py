@@ -15,6 +15,7 @@ from export.data import read_index
 from export.evaluation.models import load_models
 from export.evaluation.objects import OBJECTS, differences, pictures
 from export.evaluation.records import Names
+from export.evaluation.relight import colour_angle
 from export.evaluation.sphere import HEIGHT
 from export.evaluation.tables import table
 from export.evaluation.true_light import TrueLight, levels, mean_map, mirrored_photo, split, true_light
@@ -178,7 +179,7 @@ def strengths_table(truth: Sequence[TrueLight], methods: dict[str, Guess]) -> st
         said, there = [levels(m) for m in guess.maps], [levels(t.image) for t in truth]
         level = _stops([s[0] for s in said], [t[0] for t in there])
         down = _stops([s[1] for s in said], [np.pi * t.ground for t in truth])
-        tint = _colour_angle(np.array([s[1] for s in said]), np.array([t.ground for t in truth]))
+        tint = colour_angle(np.array([s[1] for s in said]), np.array([t.ground for t in truth]))
         rows.append(
             [
                 name, f"{np.median(level):+.2f}", f"{np.median(np.abs(level)):.2f}", *_parts(truth, guess),
@@ -193,8 +194,8 @@ def _parts(truth: Sequence[TrueLight], guess: Guess) -> list[str]:
     if not guess.lights:
         return ["-"] * 4
     sky, sun = [sky_irradiance(li) for li in guess.lights], [sun_irradiance(li) for li in guess.lights]
-    height = np.array([max(float(li.sun_direction[1]), 0.0) for li in guess.lights])
-    painted = luminance(np.array(sun)) * height > PAINTED * luminance(np.array(sky))
+    up = np.array([max(float(li.sun_direction[1]), 0.0) for li in guess.lights])
+    painted = luminance(np.array(sun)) * up > PAINTED * luminance(np.array(sky))
     above = _stops(sky, [t.sky_irradiance for t in truth])
     words = [f"{np.median(above):+.2f}"]
     if all(t.sun_direction is not None for t in truth):
@@ -209,11 +210,6 @@ def _stops(said: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
     """Errors of luminance (N,) in stops."""
     ratio = np.maximum(luminance(np.array(said)), 1e-6) / np.maximum(luminance(np.array(truth)), 1e-6)
     return np.asarray(np.log2(ratio))
-
-
-def _colour_angle(a: Floats, b: Floats) -> Floats:
-    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
-    return np.asarray(np.degrees(np.arccos(np.clip(np.sum(a * b, axis=-1) / np.maximum(lengths, 1e-12), -1, 1))))
 
 
 def objects_table(truth: Sequence[TrueLight], methods: dict[str, Guess]) -> str:

@@ -37,10 +37,13 @@ SHOWN_WHITE = 0.9  # linear value at which the true picture's brightest parts ar
 def errors(truth: Floats, estimate: Floats) -> tuple[float, float, float]:
     """RMSE, RMSE after the best scale, and the mean angle [deg] between RGB vectors."""
     scale = np.sum(truth * estimate) / max(float(np.sum(estimate**2)), 1e-12)
-    lengths = np.linalg.norm(truth, axis=-1) * np.linalg.norm(estimate, axis=-1)
-    cosine = np.sum(truth * estimate, axis=-1) / np.maximum(lengths, 1e-12)
-    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    return _rms(truth - estimate), _rms(truth - scale * estimate), float(angle.mean())
+    return _rms(truth - estimate), _rms(truth - scale * estimate), float(colour_angle(truth, estimate).mean())
+
+
+def colour_angle(a: Floats, b: Floats) -> Floats:
+    """Angles (...) [deg] between RGB vectors (..., 3); 90 where one is black."""
+    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    return np.asarray(np.degrees(np.arccos(np.clip(np.sum(a * b, axis=-1) / np.maximum(lengths, 1e-12), -1, 1))))
 
 
 def _rms(values: Floats) -> float:

@@ -30,9 +30,9 @@ class Sun:
 
     place: str
     true: Floats  # (3,) irradiance of a surface that faces it
-    said: Floats
+    said: Floats  # (3,) the same by the network
     true_level: Floats  # (3,) irradiance of level ground by sun and sky
-    said_sky: Floats
+    said_sky: Floats  # (3,) that of level ground by the sky alone, by the network
     elevation: float  # deg, by the pixels
 
 

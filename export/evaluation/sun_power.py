@@ -20,7 +20,7 @@ from lighting.geometry import Floats
 from lighting.model import Model
 from lighting.photo import read_photo
 
-LEAST_HEIGHT = 1.0  # deg of the sun's elevation, under which a clear sky says little of its power
+LEAST_ELEVATION = 1.0  # deg, of the sun, under which a clear sky says little of its power
 
 
 def over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
@@ -45,7 +45,7 @@ def of_panoramas(data: Path, labels: Path) -> Floats:
 
 def of_photos(model: Model, data: Path) -> Floats:
     """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
-    rows = [r for r in needed_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= LEAST_HEIGHT]
+    rows = [r for r in needed_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= LEAST_ELEVATION]
     lights = [said_of(model, read_photo(row.path)).light for row in rows]
     said = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
     if not said:
