@@ -2,17 +2,11 @@
 
 from lighting.envmap.changing import change
 from lighting.envmap.clear import Image, row_levels
+from lighting.envmap.disc import sun_irradiance
 from lighting.envmap.ground import photo_ground
 from lighting.envmap.lit_ground import lit_ground
 from lighting.envmap.photo_view import camera_of
-from lighting.envmap.render import (
-    ground_reflectance,
-    level_irradiance,
-    render,
-    sky_irradiance,
-    sun_irradiance,
-    with_irradiance,
-)
+from lighting.envmap.render import ground_reflectance, level_irradiance, render, sky_irradiance, with_irradiance
 from lighting.envmap.sky_colour import photo_sky
 from lighting.envmap.surroundings import Place, known_place, place_factors, place_of, surround
 from lighting.envmap.turning import brighten, rotate, turn

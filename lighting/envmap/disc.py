@@ -15,6 +15,7 @@ _FINE_PER_PIXEL = 4  # least number of grid rows per row of pixels
 
 
 def _exposed_disc(directions: Floats, lighting: Lighting) -> Floats:
+    """Radiance (..., 3) of the model's disc along unit vectors (..., 3), in the photo's linear values."""
     return sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
 
 
@@ -44,6 +45,11 @@ def disc_power(lighting: Lighting) -> tuple[Floats, Floats]:
     points, weight = sun_disc_points(lighting.sun_direction)
     radiance = _exposed_disc(points, lighting)
     return np.asarray(weight @ radiance), np.asarray((weight * points[:, 1]) @ radiance)
+
+
+def sun_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) on a surface that faces the sun: as stated, else the disc's power."""
+    return disc_power(lighting)[0] if lighting.sun_irradiance is None else np.array(lighting.sun_irradiance)
 
 
 def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:

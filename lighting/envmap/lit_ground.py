@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import SRGB_LINEAR, luminance
+from lighting.envmap.disc import sun_irradiance
 from lighting.envmap.photo_view import camera_of
-from lighting.envmap.render import sky_irradiance, sun_irradiance
+from lighting.envmap.render import sky_irradiance
 from lighting.geometry import Floats, camera_directions
 from lighting.records import Lighting
 from lighting.sizes import shrunk

@@ -13,7 +13,7 @@ from lighting.envmap.clear import (
     row_levels,
     scale,
 )
-from lighting.envmap.disc import disc_power
+from lighting.envmap.disc import sun_irradiance
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
 from lighting.records import SKY_MODEL, Lighting
 from lighting.sky import CIE_Y_INTEGRAL, Weather, lalonde_matthews_sun, sky_shape
@@ -77,7 +77,7 @@ def _paint_shape(upper: Image, lighting: Lighting) -> None:
 def _weather(lighting: Lighting) -> Weather:
     """What shapes the sky. The strength of sun and sky is as given, else as Hosek and Wilkie's models have it."""
     clear = clear_irradiance(lighting, lobe_table(lighting)) / lighting.exposure
-    sun = disc_power(lighting)[0] if lighting.sun_irradiance is None else np.array(lighting.sun_irradiance)
+    sun = sun_irradiance(lighting)
     sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
     beam = float(luminance(sun)) / max(float(luminance(sky)), _LEAST)
     diffuse = float(luminance(clear)) * _LUX / _EFFICACY

@@ -12,7 +12,7 @@ from numbers import Integral
 import numpy as np
 
 from lighting.envmap.clear import Image, clear_irradiance, lobe_table, paint_clear
-from lighting.envmap.disc import disc_power, paint_disc
+from lighting.envmap.disc import disc_power, paint_disc, sun_irradiance
 from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
 from lighting.errors import ParameterError
 from lighting.geometry import Floats
@@ -47,11 +47,6 @@ def add_sun(image: Image, lighting: Lighting) -> None:
         paint_sun_lobe(image[: len(image) // 2], lighting, power)
     else:
         paint_disc(image, lighting, power)
-
-
-def sun_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) on a surface that faces the sun: radiance x solid angle of the disc above the horizon."""
-    return disc_power(lighting)[0] if lighting.sun_irradiance is None else np.array(lighting.sun_irradiance)
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:
