@@ -77,7 +77,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Prediction:
-    """The network's output for one photo."""
+    """The network's output for one photo; units as in RANGES, values not yet clipped to them."""
 
     spec: ModelSpec
     sun_probability: NDArray[np.float32]  # (N,) over the cells of spec.sun_grid, sums to 1

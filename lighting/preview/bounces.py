@@ -38,8 +38,7 @@ def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stag
     overhead = np.maximum(irradiance(coarse, np.array([0.0, 1.0, 0.0])), 1e-9)
     direct = sun_irradiance * max(float(sun[1]), 0.0)
     albedo = np.pi * ground / (overhead + direct)
-    above = np.where(np.arange(len(coarse))[:, None, None] < len(coarse) // 2, coarse, 0)
-    ball = irradiance(above, latlong_directions(_BALL_ROWS))
+    ball = irradiance(_with_ground_times(coarse, 0.0), latlong_directions(_BALL_ROWS))
     lobes = blur(coarse, GLOSSINESS)
     none = tuple(np.zeros((2, 4, 3)) for _ in centres)
     stage = Stage(
@@ -51,8 +50,7 @@ def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stag
 def in_shade(stage: Stage, lit: float) -> Stage:
     """The same where the sun reaches a share `lit` of the spheres and of the ground around them."""
     ground = stage.ground_sky + lit * (stage.ground - stage.ground_sky)
-    darker = (ground / np.maximum(stage.ground, 1e-9)).astype(np.float32)
-    coarse = stage.coarse * np.where(np.arange(len(stage.coarse))[:, None, None] < len(stage.coarse) // 2, 1, darker)
+    coarse = _with_ground_times(stage.coarse, ground / np.maximum(stage.ground, 1e-9))
     return _bounced(
         replace(
             stage,
@@ -63,6 +61,13 @@ def in_shade(stage: Stage, lit: float) -> Stage:
         ),
         _BOUNCES_MORE,
     )
+
+
+def _with_ground_times(image: NDArray[np.float32], gain: Floats | float) -> NDArray[np.float32]:
+    """The map (H, 2H, 3) with its lower half multiplied by a gain, a number or (3,)."""
+    result = image.copy()
+    result[len(image) // 2 :] *= np.asarray(gain, dtype=np.float32)
+    return result
 
 
 def _bounced(stage: Stage, times: int) -> Stage:

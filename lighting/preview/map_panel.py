@@ -13,6 +13,7 @@ from lighting.records import Lighting
 
 
 def map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: Box) -> Image.Image:
+    """A map (H, 2H, 3) with the sun, its regions and the outline of a photo of this aspect (width / height)."""
     picture = Image.fromarray(display(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
 
     def pixels(directions: Floats) -> Floats:

@@ -67,6 +67,7 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 
 def _surroundings(origin: Floats, rays: Floats, stage: Stage, disc: float | None) -> Floats:
+    """Radiance (N, 3) of sky and ground along rays (N, 3), the spheres left out."""
     radiance = np.empty_like(rays)
     down = rays[:, 1] < -1e-4
     radiance[~down] = _sky(rays[~down], stage, disc)
@@ -144,12 +145,14 @@ def _around(kind: int, points: Floats, rays: Floats, stage: Stage) -> Floats:
 
 
 def _diffuse(points: Floats, normals: Floats, stage: Stage) -> Floats:
+    """Radiance (N, 3) of the diffuse sphere at points (N, 3) with these normals (N, 3)."""
     cosine = np.maximum(normals @ stage.sun_direction.astype(points.dtype), 0)
     direct = (cosine * sunlit(points, stage, DIFFUSE))[:, None] * stage.sun_irradiance.astype(points.dtype)
     return np.asarray(DIFFUSE_REFLECTANCE / np.pi * (direct + sample_latlong(stage.ball, normals).astype(points.dtype)))
 
 
 def _glossy(around: Floats, points: Floats, reflected: Floats, stage: Stage, kind: int, glossiness: float) -> Floats:
+    """Radiance (N, 3) of a sphere: what is `around` it (N, 3), and the sun in a lobe along `reflected` (N, 3)."""
     cosine = reflected @ stage.sun_direction.astype(points.dtype)
     lobe = glossiness / (2 * np.pi) * np.exp(glossiness * (cosine - 1)) * sunlit(points, stage, kind)
     sun = lobe[:, None] * stage.sun_irradiance.astype(points.dtype)

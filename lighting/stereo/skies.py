@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lighting.envmap import row_levels
 from lighting.errors import ParameterError
 from lighting.evidence import sun_position
 from lighting.geometry import Floats, direction, latlong_directions
@@ -78,9 +79,9 @@ def draw_sunshine(draws: int, spells: int, seed: int, cover: float = COVER) -> N
 
 def horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:
     """Irradiance (..., C) of level ground by the upper half (..., H / 2, 2H, C) of a map."""
-    edges = np.sin(np.linspace(np.pi / 2, 0, sky.shape[-3] + 1)) ** 2
+    rows = sky.shape[-3]
     by_row = np.moveaxis(sky.mean(axis=-2, dtype=np.float64), -1, -2)
-    return np.asarray(by_row @ (edges[:-1] - edges[1:])) * np.pi
+    return np.asarray(by_row @ row_levels(2 * rows)[:rows])
 
 
 def _clear_sky(sun: Floats, turbidity: float, ground_albedo: float, height: int) -> NDArray[np.floating[Any]]:
