@@ -163,6 +163,10 @@ def _on_rings(look: Look) -> Floats:
 
 
 def _numbers(look: Look) -> Floats:
+    """What of a look is averaged, (4,) or with a Light (12,), in the linear values of the shot's first frame.
+
+    Logarithms of turbidity, exposure and field of view, the visibility, then `light_numbers`.
+    """
     p = look.seen.prediction
     exposure = math.log(max(p.exposure, _LOWEST) / max(look.gain, _LOWEST))
     numbers = [math.log(max(p.turbidity, _LOWEST)), exposure, math.log(p.vertical_fov), p.sun_visibility]

@@ -59,6 +59,7 @@ def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
 
 
 def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
+    """The shot's light as the camera of its frame `i`, counted in the shot, sees it."""
     heading = float(shot.path.heading[i])
     return replace(
         brighten(base, shot.gains[i]),

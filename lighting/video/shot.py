@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.circular import mean_angle
 from lighting.colour import luminance
 from lighting.errors import VideoError
 from lighting.evidence import Fused, Known
@@ -90,6 +91,7 @@ def _doubts(one: OneLens, around: Circumstances, turnings: Sequence[Turning]) ->
 
 
 def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats, doubts: tuple[str, ...]) -> Shot:
+    """The shot along a path with gains (N, 3): the light of its looks, with the warnings `doubts`."""
     watched, (fov, sigma) = one.watched, one.lens
     there = around.known_at(float(path.time[0]), _compass(path, around.gimbal))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
@@ -122,8 +124,7 @@ def _compass(path: Path, gimbal: Gimbal) -> float | None:
     said = told_by(gimbal, path.time)
     if not said:
         return None
-    off = np.radians([heading - path.heading[i] for i, (heading, *_) in said])
-    return float(np.degrees(np.arctan2(np.sin(off).mean(), np.cos(off).mean())) % 360.0)
+    return mean_angle([heading - path.heading[i] for i, (heading, *_) in said]) % 360.0
 
 
 def north_of(fused: Fused, known: Known) -> float | None:
