@@ -106,7 +106,7 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 
 
 def _run_pool(asked: _Options) -> "Summary":
-    """Returns what became of the photos."""
+    """What became of the photos."""
     from lighting.batch import (
         TABLE,
         Summary,
@@ -120,7 +120,6 @@ def _run_pool(asked: _Options) -> "Summary":
     from lighting.cpus import available_cpus
 
     began = monotonic()
-
     parquet = asked.parquet or (Path(asked.out, TABLE).is_file() and not asked.overwrite)
     if parquet:
         require_parquet(Path(asked.out))
@@ -138,7 +137,7 @@ def _run_pool(asked: _Options) -> "Summary":
 
 
 def _run_ray(asked: _Options) -> "Summary":
-    """Returns what became of the photos, in this run and in the earlier ones whose results are kept."""
+    """What became of the photos, in this run and in the earlier ones whose results are kept."""
     from lighting.batch import find_photos_at, other_pictures, run_ray
 
     source, names = find_photos_at(asked.input)

@@ -89,7 +89,7 @@ def scene(**options: Any) -> None:
 
 
 def _check(asked: _Options) -> None:
-    """Raise UsageError for an option that would do nothing, and for one stdin read twice."""
+    """Raise UsageError for an option that would do nothing, and where stdin would be read twice."""
     for name, tool in misplaced(asked.of_tool, asked.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
     height = click.get_current_context().get_parameter_source("height")
