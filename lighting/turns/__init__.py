@@ -7,7 +7,7 @@ from lighting.turns.rays import cross_matrix, focal_of, nearest_rotation, rays, 
 from lighting.turns.rotation import Turn, relative_rotation, rotation_of
 from lighting.turns.search import search
 from lighting.turns.sets import UP_SIGMA, Placed, Shot, View, place
-from lighting.turns.upright import angles_of, common_up, level, up_in_camera
+from lighting.turns.upright import angles_of, common_up, level, own_up
 from lighting.turns.zoomed import ONE_LENS
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "nearest_rotation",
     "obeying_more",
     "opencv",
+    "own_up",
     "place",
     "place_apart",
     "rays",
@@ -42,5 +43,4 @@ __all__ = [
     "rotation_vector",
     "search",
     "shrunk",
-    "up_in_camera",
 ]

@@ -18,7 +18,7 @@ from lighting.turns.averaging import Oriented, Pairs, average, components
 from lighting.turns.match import Features, Matches, features, match
 from lighting.turns.rays import focal_of, vertical_fov_of
 from lighting.turns.rotation import Turn, rotation_of
-from lighting.turns.upright import angles_of, common_up, level, up_in_camera
+from lighting.turns.upright import angles_of, common_up, level, own_up
 
 GUESSED_FOV_SIGMA = 7.0  # deg, of what the network says of a field of view
 NOTED_FOV_SIGMA = 1.5  # deg, of what a photo's metadata say
@@ -196,7 +196,7 @@ def _scale(shot: Shot, lens: Lens, fov: float) -> float:
 def _levelled(number: int, group: Oriented, shots: Sequence[Shot], lenses: Sequence[Lens]) -> list[Placed]:
     """The photos of one group about their common vertical."""
     own = [shots[i] for i in group.members]
-    ups = np.stack([up_in_camera(s.camera_elevation, s.camera_roll) for s in own])
+    ups = np.stack([own_up(s.camera_elevation, s.camera_roll) for s in own])
     up_sigma = np.array([s.up_sigma for s in own])
     up = common_up(group.rotations, ups, up_sigma**-2.0)
     heading, elevation, roll = about(up, group.rotations)

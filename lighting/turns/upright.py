@@ -15,8 +15,8 @@ def own_axes(azimuth: float, elevation: float, roll: float) -> Floats:
     return np.asarray(camera_axes(azimuth, elevation, roll) * np.array([[1.0], [1.0], [-1.0]]))
 
 
-def up_in_camera(elevation: float, roll: float) -> Floats:
-    """Where up is (3,) in the frame of a camera with these angles [deg]."""
+def own_up(elevation: float, roll: float) -> Floats:
+    """Where up is (3,) in the own frame of a camera with these angles [deg]."""
     return own_axes(0.0, elevation, roll)[:, 1]
 
 

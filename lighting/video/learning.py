@@ -4,7 +4,7 @@ import numpy as np
 
 from lighting.evidence import Fused, Known
 from lighting.geometry import Floats
-from lighting.turns import Turn, angles_of, level, up_in_camera
+from lighting.turns import Turn, angles_of, level, own_up
 from lighting.video.follow import Key
 from lighting.video.keyframes import turn_between
 from lighting.video.lens import LENS_FLOOR, LENS_SPREAD, tells_lens
@@ -27,7 +27,7 @@ class Looks:
     def add(self, seen: Seen, orientation: Floats, vertical_fov: float, gain: float, known: Known) -> None:
         """Count a look by a camera of that orientation (3, 3)."""
         said = seen.prediction
-        up = orientation.T @ up_in_camera(said.camera_elevation, said.camera_roll)
+        up = orientation.T @ own_up(said.camera_elevation, said.camera_roll)
         self._ups = min(self._ups + 1, UPS)
         before = up if self._up is None else self._up
         mean = before + (up - before) / self._ups

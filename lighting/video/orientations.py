@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.turns import common_up, focal_of, up_in_camera
+from lighting.turns import common_up, focal_of, own_up
 from lighting.video.keyframes import JOINS, Link, averaged, chained, loops, turn_between
 from lighting.video.telemetry import Gimbal
 from lighting.video.turning import Turning, is_believed, turning
@@ -79,12 +79,10 @@ def _joins(watched: Watched, lowest: int, fov: float) -> list[Link]:
 def up_of(watched: Watched, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
     """Up (3,) in the shot's first camera: the gimbal's if there is one, or what most looks agree upon."""
     if stated := told_by(gimbal, time):
-        return common_up(
-            orientation[[i for i, _ in stated]], np.stack([up_in_camera(at[1], at[2]) for _, at in stated])
-        )
+        return common_up(orientation[[i for i, _ in stated]], np.stack([own_up(at[1], at[2]) for _, at in stated]))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
     said = [seen.prediction for seen in watched.looks.values()]
-    ups = np.stack([up_in_camera(p.camera_elevation, p.camera_roll) for p in said])
+    ups = np.stack([own_up(p.camera_elevation, p.camera_roll) for p in said])
     return common_up(orientation[[position[f] for f in watched.looks]], ups)
 
 

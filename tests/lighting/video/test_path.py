@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lighting.turns.upright import common_up, level, up_in_camera
+from lighting.turns.upright import common_up, level, own_up
 from lighting.video.path import path_of, smoothed
 from tests.lighting.video.clips import orientation
 
@@ -10,7 +10,7 @@ TIME = np.arange(60) / 30.0
 AZIMUTH, ELEVATION, ROLL = np.linspace(30, 250, 60), np.linspace(-20, 30, 60), np.linspace(-5, 8, 60)
 TURNED = np.stack([orientation(*map(float, a)) for a in zip(AZIMUTH, ELEVATION, ROLL, strict=True)])
 TURNED = TURNED @ TURNED[0].T
-UPS = np.stack([up_in_camera(float(e), float(r)) for e, r in zip(ELEVATION, ROLL, strict=True)])
+UPS = np.stack([own_up(float(e), float(r)) for e, r in zip(ELEVATION, ROLL, strict=True)])
 
 
 def test_headings_pass_180_and_angles_are_exact() -> None:
