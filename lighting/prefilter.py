@@ -48,14 +48,14 @@ def _shares(fewer: int, pixels: int) -> NDArray[np.float32]:
 
 
 def irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:
-    """Irradiance (..., 3) under a map on surfaces of these normals (..., 3)."""
+    """Irradiance (..., 3) under a map (H, 2H, 3) on surfaces of these normals (..., 3)."""
     cosine = np.maximum(normals @ latlong_directions(len(image)).reshape(-1, 3).T, 0)
     weight = cosine * np.repeat(latlong_solid_angle(len(image)), 2 * len(image))
     return np.asarray(weight @ image.reshape(-1, 3) * np.pi / weight.sum(axis=-1, keepdims=True))
 
 
 def blur(image: NDArray[np.float32], concentration: float) -> NDArray[np.float32]:
-    """The map seen through a lobe exp(concentration (cos - 1)) around each direction."""
+    """The map (H, 2H, 3) seen through a lobe exp(concentration (cos - 1)) around each direction."""
     height = len(image)
     d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
     weight = np.exp(np.float32(concentration) * (d @ d.T - 1)) * np.repeat(latlong_solid_angle(height), 2 * height)

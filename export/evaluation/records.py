@@ -18,7 +18,7 @@ class Truth:
     """The truth about N crops; NaN where it is unknown."""
 
     panorama: Names  # (N,) name
-    place: Names
+    place: Names  # (N,) where it was taken; panoramas of one place are not independent
     scored: Bools  # (N,) the sun's direction is known well enough to score
     sun: Floats  # (N, 3)
     camera: Floats  # (N, 3) elevation, roll, vertical field of view
@@ -35,12 +35,12 @@ class Answers:
 
     sun: Floats  # (N, 3)
     radius_50: Floats  # (N,)
-    radius_90: Floats
+    radius_90: Floats  # (N,)
     nll: Floats  # (N,) negative log density [nat, of 1/sr] at the true sun
-    camera: Floats  # (N, 3)
-    visibility: Floats
-    turbidity: Floats
-    exposure: Floats
+    camera: Floats  # (N, 3) as in Truth
+    visibility: Floats  # (N,) probability of direct sun
+    turbidity: Floats  # (N,)
+    exposure: Floats  # (N,)
 
 
 def select(record: Record, chosen: Bools) -> Record:

@@ -126,6 +126,7 @@ def fit(series: Series, kind: str) -> Fit:
 
 
 def _heading(series: Series) -> Fit:
+    """The heading alone: one path for each zone that the photos' clocks may follow."""
     counts = {len(e.candidates) for e in series.evidence}
     if len(counts) > 1 or not counts.pop():
         raise ParameterError("A heading is fitted to photos that all say when and where they were taken.")
@@ -135,6 +136,7 @@ def _heading(series: Series) -> Fit:
 
 
 def _latitude(series: Series) -> Fit:
+    """Heading and latitude: a path for each of LATITUDES and each longitude that is possible."""
     times = _utc(series)
     if times is None:
         raise ParameterError("A latitude is fitted to photos that all say when they were taken, with the zone.")
@@ -157,6 +159,7 @@ def _longitudes(facts: PhotoFacts) -> Floats:
 
 
 def _time(series: Series) -> Fit:
+    """Heading, day of the year and clock: a path for every DAY_STEP days and SHIFT_STEP hours."""
     utc = _utc(series)
     place, times = location_of(series.facts[0]), utc or _local(series)
     if place is None or times is None:
@@ -189,11 +192,13 @@ def _utc(series: Series) -> list[datetime] | None:
 
 
 def _local(series: Series) -> list[datetime] | None:
+    """The same by the photos' clocks, of whatever zone."""
     times = [f.local_time for f in series.facts if f.local_time is not None]
     return times if len(times) == len(series.facts) else None
 
 
 def _moments(times: Sequence[datetime]) -> np.ndarray[Any, np.dtype[np.datetime64]]:
+    """The times (n,) as numpy has them, without their zone."""
     return np.array([t.replace(tzinfo=None) for t in times], dtype="datetime64[us]")
 
 

@@ -22,12 +22,12 @@ from lighting.prefilter import blur, irradiance, shrink, without_sun
 from lighting.preview.shading import DIFFUSE, GLOSSINESS, Stage, shade, trace
 
 _LOBE_ROWS = 32  # of the blurred map
-_EXCHANGE_ROWS = 24
+_EXCHANGE_ROWS = 24  # of `Stage.exchange`, by the direction to a sphere
 _RINGS, _SPOKES = 8, 20  # of rays from a point on the ground to a sphere
-_BALL_ROWS = 12
+_BALL_ROWS = 12  # of `Stage.ball`, by the normal
 _AROUND_ROWS = 16  # of the directions from which light comes to the diffuse sphere
-_BOUNCES = 3
-_BOUNCES_MORE = 2  # of light that is nearly right already
+_BOUNCES = 3  # of light between spheres and ground
+_BOUNCES_MORE = 2  # where that light is nearly right already
 
 
 def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stage:

@@ -18,6 +18,8 @@ GLOSSY_REFLECTANCE = 0.85
 DIFFUSE_REFLECTANCE = 0.36  # twice a grey card's: white burns out in many photos of sunlight
 GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(GLOSSINESS (cos - 1))
 _SECOND_HAND = 25.0  # the same for light that a sphere sends elsewhere; wide enough to be sampled with few rays
+_LEVEL = -1e-4  # vertical part of a unit ray, below which it meets the ground
+_FOOT_SHADE = 0.7  # share of the surrounding light that does not reach a sphere where it touches the ground
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def _dot(a: Floats, b: Floats) -> Floats:
 def _surroundings(origin: Floats, rays: Floats, stage: Stage, disc: float | None) -> Floats:
     """Radiance (N, 3) of sky and ground along rays (N, 3), the spheres left out."""
     radiance = np.empty_like(rays)
-    down = rays[:, 1] < -1e-4
+    down = rays[:, 1] < _LEVEL
     radiance[~down] = _sky(rays[~down], stage, disc)
     radiance[down] = _ground_along(np.broadcast_to(origin, rays.shape)[down], rays[down], stage)
     return radiance
@@ -135,7 +137,7 @@ def shade(kind: int, points: Floats, rays: Floats, stage: Stage, *, mirrored: bo
 def _around(kind: int, points: Floats, rays: Floats, stage: Stage) -> Floats:
     """Radiance (N, 3) of blurred sky, sharp ground and the diffuse sphere along rays (N, 3) from points (N, 3)."""
     radiance = sample_latlong(stage.lobes, rays).astype(rays.dtype)
-    down = rays[:, 1] < -1e-4
+    down = rays[:, 1] < _LEVEL
     radiance[down] = _ground_along(points[down], rays[down], stage)
     distance = ray_sphere(points, rays, stage.centres[DIFFUSE])
     ball = np.isfinite(distance) & (kind != DIFFUSE)
@@ -162,4 +164,4 @@ def _glossy(around: Floats, points: Floats, reflected: Floats, stage: Stage, kin
 def _contact(normals: Floats) -> Floats:
     """Share (N, 1) of the surrounding light that reaches a sphere, whose foot stands in its own shade."""
     downward = np.maximum(-normals[:, 1:2], 0)
-    return np.asarray(1 - 0.7 * downward**2)
+    return np.asarray(1 - _FOOT_SHADE * downward**2)
