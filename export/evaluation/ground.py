@@ -18,8 +18,8 @@ from lighting.envmap.ground import brightness_below, photo_ground
 from lighting.geometry import Floats
 from lighting.model import Model
 
-SHARES = np.linspace(0.0, 1.0, 11)
-DARKER = np.linspace(0.0, 0.6, 7)  # stops
+SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground, tried
+DARKER = np.linspace(0.0, 0.6, 7)  # stops by which it is too dark, tried
 
 
 @dataclass(frozen=True, eq=False)

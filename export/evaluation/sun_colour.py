@@ -21,7 +21,7 @@ from lighting.geometry import Floats, angle_between
 from lighting.model import Model
 from lighting.photo import photo_of
 
-POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
+POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's colour, tried
 
 
 @dataclass(frozen=True)
