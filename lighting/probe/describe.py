@@ -69,6 +69,7 @@ def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None)
 
 
 def _check_sky(image: NDArray[np.float32]) -> None:
+    """Raise ProbeError for a map (H, 2H, 3) that is too small, black or negative."""
     if len(image) < LEAST_ROWS:
         rows = "1 row" if len(image) == 1 else f"{len(image)} rows"
         raise ProbeError(f"The map has {rows}; a sky needs {LEAST_ROWS} or more to be fitted.")
@@ -78,6 +79,7 @@ def _check_sky(image: NDArray[np.float32]) -> None:
 
 
 def _found(image: NDArray[np.float32]) -> tuple[float, float]:
+    """Azimuth and elevation [deg] of the sun that a map (H, 2H, 3) shows; ProbeError where none is found."""
     spot = find_spot(image, np.zeros(image.shape[:2], dtype=bool)) or find_sun(image)
     if spot is None:
         raise ProbeError("No sun is found in the map; give its azimuth and elevation.")
@@ -85,6 +87,7 @@ def _found(image: NDArray[np.float32]) -> tuple[float, float]:
 
 
 def _cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
+    """`SkyState.cover` of a map (H, 2H, 3) whose sun stands in a direction (3,), by the model fitted to it."""
     small = shrink(image, HEIGHT)
     towards = latlong_directions(len(small))
     high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > LOWEST, small.shape[:2])

@@ -23,7 +23,7 @@ from lighting.probe.sun_spot import SunSpot, find_spot
 
 SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
 OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
-_UNCLIPPED_SKY = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
+_MOST_CLIPPED = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +89,7 @@ def make_series(
 def _series_alignment(
     brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: Settings
 ) -> Alignment:
+    """How the camera of a series stood, by the suns that its probes show; ProbeError where they are too few."""
     pixels, truth, lens = [], [], None
     for read, moment in zip(brackets, moments, strict=True):
         developed = develop(read(), settings)
@@ -125,6 +126,7 @@ def develop(bracket: Bracket, settings: Settings) -> Developed:
 def _finish(
     developed: Developed, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: Settings
 ) -> Probe:
+    """The probe of a merged bracket by the rotation (3, 3) from its camera to the world."""
     merged = developed.merged
     image, clipped = to_latlong(merged.radiance, merged.clipped, developed.lens, rotation, settings.height)
     spot = None if developed.spot is None else _turned(developed.spot, rotation)
@@ -136,6 +138,7 @@ def _finish(
 
 
 def _turned(spot: SunSpot, rotation: Floats) -> SunSpot:
+    """The sun of a camera's frame in the world's, by the rotation (3, 3) between them."""
     azimuth, elevation = angles(rotation @ spot.direction)
     return replace(spot, azimuth=float(azimuth), elevation=float(elevation))
 
@@ -149,7 +152,7 @@ def _said(probe: Probe) -> Iterator[str]:
     elif probe.spot.clipped:
         yield "The sun is clipped in every exposure: it is brighter than the map says by an unknown factor."
     share = _clipped_sky(probe)
-    if share > _UNCLIPPED_SKY:
+    if share > _MOST_CLIPPED:
         yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
     if probe.off is not None and probe.off > OFF:
         yield (

@@ -41,6 +41,7 @@ def to_latlong(
 def _mapped_rows(
     picture: Floats, lens: Lens, rotation: Floats, height: int, samples: int, rows: NDArray[np.intp]
 ) -> Floats:
+    """Some rows (R, 2H, C) of a map, the mean of `samples` samples each way of every pixel of a picture (h, w, C)."""
     within = (np.arange(samples) + 0.5) / samples
     elevation = 90.0 - (rows[:, None] + within).reshape(-1) * 180.0 / height
     azimuth = ((np.arange(2 * height)[:, None] + within).reshape(-1) / height - 1) * 180.0

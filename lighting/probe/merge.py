@@ -45,6 +45,7 @@ def merge(bracket: Bracket, relative: Floats) -> Merged:
 
 
 def _merged_rows(bracket: Bracket, relative: Floats, rows: slice, masks: list[Mask]) -> Floats:
+    """Radiance (R, W, 3) of some rows; `masks` (H, W) say where each exposure is clipped, or is beside that."""
     values = np.stack([photo.pixels[rows] for photo in bracket.photos])
     white = np.array([photo.white for photo in bracket.photos], dtype=np.float32)[:, None, None, None]
     usable = (values < white) & ~np.stack([mask[rows] for mask in masks])[..., None]
@@ -59,4 +60,5 @@ def _merged_rows(bracket: Bracket, relative: Floats, rows: slice, masks: list[Ma
 
 
 def _ratio(a: Floats, b: Floats) -> Floats:
+    """a / b (...), 0 where both are."""
     return np.asarray(a / np.maximum(b, np.finfo(np.float32).tiny))

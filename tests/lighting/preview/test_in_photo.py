@@ -81,7 +81,7 @@ def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
 
 
 def test_the_edges_of_shadows_are_smooth() -> None:
-    """As with eight times as many rays each way, to a tenth; by a ray for two pixels they were stairs."""
+    """As with eight times as many rays each way, to a tenth; by a ray for two pixels they would be stairs."""
     centres = ball_centres(CAMERA)
     assert centres is not None
     there = replace(stage(), centres=centres)
