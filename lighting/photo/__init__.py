@@ -7,7 +7,7 @@ from lighting.lazy import from_homes
 if TYPE_CHECKING:
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
-    from lighting.photo.exif import PhotoFacts, read_facts, vertical_fov
+    from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, vertical_fov
     from lighting.photo.gravity import SENSOR_SPREAD, STEEP
     from lighting.photo.held import checked_pixels, photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "FULL_FRAME",
     "MAX_ASPECT",
     "MAX_BYTES",
     "MAX_PIXELS",
@@ -66,6 +67,7 @@ __all__ = [
 __getattr__ = from_homes(
     __name__,
     {
+        "FULL_FRAME": "exif",
         "MAX_ASPECT": "read",
         "MAX_BYTES": "read",
         "MAX_PIXELS": "read",

@@ -20,7 +20,8 @@ from lighting.photo.gravity import Held, by_accelerometer, by_elevation_angle, b
 Tags = Mapping[int, Any]
 Fact = TypeVar("Fact")
 
-_FULL_FRAME = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
+FULL_FRAME = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
+
 _VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; values outside are clamped
 _TIMES = (  # local times, the better one first, with their offsets from UTC
     (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
@@ -103,7 +104,7 @@ def vertical_fov(focal_length: float, width: int, height: int) -> float:
 
     By the diagonal: the lens covers the photo's diagonal as one of that focal length covers that of 36 x 24 mm.
     """
-    half_height = 0.5 * _FULL_FRAME * height / math.hypot(width, height)
+    half_height = 0.5 * FULL_FRAME * height / math.hypot(width, height)
     low, high = _VERTICAL_FOV
     return min(max(math.degrees(2 * math.atan2(half_height, focal_length)), low), high)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from lighting.errors import ParameterError, PhotoError
 from lighting.geometry import Floats
-from lighting.photo import Curve
+from lighting.photo import FULL_FRAME, Curve
 from lighting.ranges import check_place
 from lighting.records import GROUND_ALBEDO
 from lighting.stereo.days import in_grey
@@ -28,7 +28,6 @@ from lighting.stereo.normals.solve import NOISE, NormalMap, Session, check_light
 from lighting.stereo.skies import HEIGHT, clear_skies, suns_at
 
 _FITTED_HEIGHT = 32  # rows of the skies that a turbidity is found with
-_DIAGONAL = float(np.hypot(36.0, 24.0))  # mm, that focal lengths in 35 mm terms refer to
 
 
 @dataclass(frozen=True)
@@ -133,6 +132,7 @@ def _solve_diligent(folder: Path, known: Known, watch: Watch) -> Solved:
 
 
 def _against(found: NormalMap, truth: Floats) -> dict[str, float]:
+    """Errors [deg] against true normals (H, W, 3), for the record."""
     cosine = np.sum(found.normal * truth, axis=-1)[found.mask]
     angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     return {"mean_error": round(float(angle.mean()), 2), "median_error": round(float(np.median(angle)), 2)}
@@ -161,6 +161,7 @@ def _skies(shots: Shots, known: Known, pose: Pose) -> tuple[Skies, float | None]
 
 
 def _suns(shots: Shots, known: Known) -> Floats:
+    """Unit vectors (T, 3) to the sun; ParameterError without a place, PhotoError for a photo of night."""
     place = (known.latitude, known.longitude)
     check_place(*place)
     latitude, longitude = place if None not in place else (shots.place or place)
@@ -175,7 +176,7 @@ def _suns(shots: Shots, known: Known) -> Floats:
 
 def _focal(length: float, height: int, width: int) -> float:
     """Focal length [pixels] of one in 35 mm terms [mm], by the diagonal."""
-    return length / _DIAGONAL * float(np.hypot(height, width))
+    return length / FULL_FRAME * float(np.hypot(height, width))
 
 
 def _record(found: NormalMap, names: Sequence[str]) -> dict[str, Any]:
