@@ -122,6 +122,7 @@ def darkest_lit(step: float, visibility: float) -> float:
 
 
 def _reduced(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The photo (h, w, 3) with at most _SIDE pixels along its longer side."""
     height, width = photo.shape[:2]
     size = shrunk(width, height, _SIDE)
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))

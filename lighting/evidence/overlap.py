@@ -58,12 +58,13 @@ def power(count: int, correlation: float) -> float:
 
 def multiplied(log: Floats, share: Floats, correlation: Correlation, area: Floats | float = 1.0) -> Floats:
     """Probabilities (...), 1 in sum, of cells of some area (...) by log densities (n, ...) of views that count (n,)."""
-    apart, alike = (_product(log, power, area) for power in (share, share / share.sum()))
+    apart, alike = (_product(log, exponent, area) for exponent in (share, share / share.sum()))
     return np.asarray((1.0 - correlation.misled) * apart + correlation.misled * alike)
 
 
-def _product(log: Floats, power: Floats, area: Floats | float) -> Floats:
-    total = np.tensordot(power, log, axes=1)
+def _product(log: Floats, exponent: Floats, area: Floats | float) -> Floats:
+    """Probabilities (...), 1 in sum, by the product of densities whose logarithms are (n, ...), to exponents (n,)."""
+    total = np.tensordot(exponent, log, axes=1)
     weight = np.exp(total - total.max()) * area
     return np.asarray(weight / weight.sum())
 

@@ -109,8 +109,8 @@ def _levelled(fused: Fused, prediction: Prediction, spread: float) -> Fused:
     grid = prediction.spec.sun_grid
     seen = best_guess(prediction.sun_probability, grid)
     known = soft_label(direction(fused.sun.azimuth, fused.sun.elevation), _width(prediction, seen) ** -2, grid)
-    (azimuth, elevation), (there, height) = (angles(sun) for sun in (seen, best_guess(known, grid)))
-    aside, above = float(wrap_azimuth(there - azimuth)), float(height - elevation)
+    (azimuth, elevation), (known_azimuth, known_elevation) = (angles(s) for s in (seen, best_guess(known, grid)))
+    aside, above = float(wrap_azimuth(known_azimuth - azimuth)), float(known_elevation - elevation)
     if abs(aside) > _FAR[0] or abs(above) > _FAR[1]:
         return fused
     turn = float(np.cos(np.radians(azimuth)))  # deg of the sun's elevation for each deg of tilt

@@ -14,6 +14,7 @@ _LETTERS = 160  # of a line of warnings
 
 
 def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
+    """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
     visible, hedge = lighting.sun_shines, _hedge(lighting)
     where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     title = f"Sun {hedge}{where}" if visible else "No direct sun"
