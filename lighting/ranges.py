@@ -68,10 +68,10 @@ def check_place(latitude: float | None, longitude: float | None) -> None:
 
 
 def plain_numbers(record: object, *names: str) -> None:
-    """Turn numpy's numbers in these fields of a frozen record into Python's, in tuples too."""
+    """Turn numpy's numbers in these fields of a frozen record into Python's, in tuples and arrays without axes too."""
     for name in names:
         value = getattr(record, name)
-        if isinstance(value, np.generic):
+        if isinstance(value, np.generic | np.ndarray) and value.ndim == 0:
             object.__setattr__(record, name, value.item())
         elif isinstance(value, list | tuple | np.ndarray):
             object.__setattr__(record, name, tuple(v.item() if isinstance(v, np.generic) else v for v in value))

@@ -234,7 +234,9 @@ def clipped_colour(values: Floats, name: str) -> Colour:
     return red, green, blue
 
 
-def _check_headings(probability: tuple[float, ...]) -> None:
+def _check_headings(probability: object) -> None:
+    if not isinstance(probability, tuple):
+        raise ParameterError(f"camera_heading_probability must be a list of numbers, not {reprlib.repr(probability)}.")
     if probability and len(probability) != 360:
         raise ParameterError(f"camera_heading_probability has {len(probability)} values; it must have 360.")
     for value in probability:

@@ -1,5 +1,6 @@
 """What commands read and write."""
 
+import errno
 import json
 import os
 import sys
@@ -35,6 +36,8 @@ def opened(name: str) -> Iterator[BinaryIO]:
     """The file, or stdin for "-", to read from."""
     if name == "-":
         yield stdin()
+    elif not name:  # which would be the current folder
+        raise FileNotFoundError(errno.ENOENT, "The name of the file is empty")
     else:
         with Path(name).open("rb") as stream:
             yield stream

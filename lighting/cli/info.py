@@ -69,8 +69,9 @@ def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
 
 def _describe_map(file: str, data: bytes) -> dict[str, Any]:
     from lighting.files import full_record, read_exr
+    from lighting.probe import silence
 
-    with naming(file):
+    with naming(file), silence():
         image, lighting = read_exr(BytesIO(data))
     record = None if lighting is None else full_record(lighting)
     return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}

@@ -11,6 +11,8 @@ import click
 
 Command = TypeVar("Command", bound=Callable[..., None])
 
+_NAMELESS = "the name of the file is empty."
+
 
 def output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
     """A check that refuses an output file before any work if it could not be written later."""
@@ -24,6 +26,8 @@ def output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str
 
 
 def _objection(name: str, suffixes: Sequence[str]) -> str | None:
+    if not name:
+        return _NAMELESS
     path = Path(name)
     if name == "-":
         shown = not sys.stdout.writable() or sys.stdout.isatty()  # one that the caller closed is not writable
@@ -49,10 +53,10 @@ def folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
     return name
 
 
-def _named(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
+def file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
     """A check that refuses an empty name, as an empty variable of a shell is."""
     if name == "":
-        raise click.BadParameter("the name of the file is empty.")
+        raise click.BadParameter(_NAMELESS)
     return name
 
 
@@ -159,7 +163,7 @@ map_output = click.option(
 )
 preview_file = output_file(".png")
 model_option = click.option(
-    "--model", metavar="FILE.onnx", callback=_named, help="Another network than the one in this package."
+    "--model", metavar="FILE.onnx", callback=file_name, help="Another network than the one in this package."
 )
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 unwarned_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")

@@ -11,6 +11,7 @@ from lighting.cli.files import estimated, naming, open_lighting, photo_bytes
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import (
+    file_name,
     height_option,
     model_option,
     results_folder,
@@ -54,7 +55,13 @@ class _Options:
 @click.option("--for", "tool", required=True, type=click.Choice(TOOLS), help="The tool that opens the scene.")
 @results_folder
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; other files in it stay.")
-@click.option("--lighting", "record", metavar="LIGHTING.json", help="Take the light from this record, not from PHOTO.")
+@click.option(
+    "--lighting",
+    "record",
+    metavar="LIGHTING.json",
+    callback=file_name,
+    help="Take the light from this record, not from PHOTO.",
+)
 @click.option("--up-axis", type=click.Choice(UP_AXES, case_sensitive=False), help="With --for usd; Y by default.")
 @height_option
 @sun_option

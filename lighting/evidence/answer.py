@@ -23,7 +23,7 @@ def estimate_of(fused: Fused, known: Known) -> Estimate:
     suitable, warnings = lighting.suitable, (*known.warnings, *fused.warnings)
     if suitable is not None:
         suitable = _suitable(suitable, known)
-        warnings = (*warnings, *(_reasons(known.evidence) if suitable < SUITABLE else ()))
+        warnings = (*warnings, *(reasons(known.evidence) if suitable < SUITABLE else ()))
     told: dict[str, Any] = {"evidence": fused.used, "warnings": warnings, "suitable": suitable}
     told |= _headings(fused) | _sunlight(lighting, fused, known)
     if known.location is not None:
@@ -59,12 +59,16 @@ def _sunlight(lighting: Lighting, fused: Fused, known: Known) -> dict[str, Any]:
 
 def _suitable(by_pixels: float, known: Known) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
-    exposure = known.evidence.exposure_value
-    by_exposure = 1.0 if exposure is None else daylight_probability(exposure)
-    return significant(min(by_pixels * by_exposure, 1.0 if known.sun_is_up else _IN_TWILIGHT))
+    return significant(min(by_exposure(by_pixels, known.evidence), 1.0 if known.sun_is_up else _IN_TWILIGHT))
 
 
-def _reasons(evidence: Evidence) -> tuple[str, ...]:
+def by_exposure(suitable: float, evidence: Evidence) -> float:
+    """What the pixels say of `suitable`, times the probability of daylight by the exposure that the camera noted."""
+    exposure = evidence.exposure_value
+    return suitable if exposure is None else suitable * daylight_probability(exposure)
+
+
+def reasons(evidence: Evidence) -> tuple[str, ...]:
     """Sentences about a picture that does not suit."""
     dark = () if evidence.exposure_value is None else too_dark(evidence.exposure_value, evidence.subject)
     return (*dark, _UNSUITABLE.format(evidence.subject))

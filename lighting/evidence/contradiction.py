@@ -77,4 +77,6 @@ def lens_ratio(a: float, b: float) -> float:
 
 def _range(elevation: Floats) -> str:
     low, high = elevation.min(), elevation.max()
+    if high == 0.0:  # suns of twilight, which are put on the horizon
+        return "at most 0°"
     return f"{low:.0f}°" if high - low < 1.0 else f"{low:.0f} to {high:.0f}°"

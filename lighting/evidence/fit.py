@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lighting.errors import ParameterError
-from lighting.evidence.answer import UNSUITABLE
+from lighting.evidence.answer import by_exposure, reasons
 from lighting.evidence.ephemeris import sun_position
 from lighting.evidence.facts import ZONE_LEAD, location_of, merge, of_one_place
 from lighting.evidence.frames import contrary_up, frames
@@ -111,10 +111,17 @@ def _warnings(
     said = []
     for number, (prediction, own, common) in enumerate(zip(predictions, facts, used, strict=True), 1):
         of_place = elsewhere(own, common) if given.use_exif and given.latitude is None else ()
-        odd = prediction.light is not None and prediction.light.suitable < SUITABLE
         turned = () if placed is None else contrary_up(prediction, placed[number - 1])
-        said += [f"Photo {number}: {text}" for text in (*of_place, *turned, *((UNSUITABLE,) if odd else ()))]
+        said += [f"Photo {number}: {text}" for text in (*of_place, *turned, *_doubts(prediction, common))]
     return tuple(said)
+
+
+def _doubts(prediction: Prediction, facts: PhotoFacts) -> tuple[str, ...]:
+    """Sentences about a photo that is no ordinary one of outdoors by daylight, as its pixels or its exposure say."""
+    evidence = Evidence(exposure_value=facts.exposure_value)
+    if prediction.light is None or by_exposure(prediction.light.suitable, evidence) >= SUITABLE:
+        return ()
+    return reasons(evidence)
 
 
 def fit(series: Series, kind: str) -> Fit:

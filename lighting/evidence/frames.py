@@ -65,6 +65,8 @@ def contrary_up(prediction: Prediction, placed: "Placed") -> tuple[str, ...]:
 
 def check_headings(photos: int, headings: Sequence[float] | None) -> None:
     """Raise ParameterError unless there is one heading, a finite number, for each of several photos, or none at all."""
+    if not isinstance(headings, Sequence | np.ndarray | None):
+        raise ParameterError(f"headings are a list of degrees, not {reprlib.repr(headings)}.")
     if headings is not None and photos == 1:
         raise ParameterError("headings are those of several photos; one photo has a heading.")
     if headings is not None and len(headings) != photos:

@@ -133,7 +133,7 @@ def on_grid(prediction: Prediction, evidence: Evidence, probability: Floats) -> 
     cells = grid_directions(prediction.spec.sun_grid)
     known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
     sun = sun_of(replace(prediction, sun_probability=probability))
-    return Fused(known, sun, cells, probability, used(evidence))
+    return Fused(known, sun, cells, probability, used(prediction, evidence))
 
 
 def on_rings(prediction: Prediction, evidence: Evidence, weight: Floats) -> Fused:
@@ -142,17 +142,20 @@ def on_rings(prediction: Prediction, evidence: Evidence, weight: Floats) -> Fuse
     known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
     directions = ring_directions(above_horizon(evidence)).reshape(-1, 3)
     sun = sun_on_rings(directions, p.ravel())
-    return Fused(known, sun, directions, p.ravel(), used(evidence), camera_heading=heading(p.sum(axis=0)))
+    return Fused(known, sun, directions, p.ravel(), used(prediction, evidence), camera_heading=heading(p.sum(axis=0)))
 
 
-def used(evidence: Evidence) -> tuple[str, ...]:
-    """The evidence that the answer uses; without time and place, a heading says nothing about the sun."""
+def used(prediction: Prediction, evidence: Evidence) -> tuple[str, ...]:
+    """The evidence that the answer uses.
+
+    Without time and place, a heading says nothing about the sun; without `suitable`, an exposure says nothing at all.
+    """
     parts = {
         "pixels": True,
         "time+place": bool(evidence.candidates),
         "heading": bool(evidence.candidates) and evidence.heading is not None,
         "focal length": evidence.vertical_fov is not None,
         "gravity": evidence.gravity is not None,
-        "camera exposure": evidence.exposure_value is not None,
+        "camera exposure": prediction.light is not None and evidence.exposure_value is not None,
     }
     return tuple(name for name, there in parts.items() if there)

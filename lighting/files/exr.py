@@ -49,8 +49,8 @@ def write_exr(
     `attributes` go into the header beside those of the lighting: texts, floats and what else OpenEXR knows. Every
     program opens `zip`, which changes values by up to 6e-5 of each; `zip-exact`, `piz`, `htj2k` and `none` change
     nothing, `pxr24` up to 1.6e-5. A path appears only when the file is whole. Raises EnvironmentMapError for an array
-    of another shape, another compression and a path that cannot be written, ParameterError for what is no Lighting;
-    what a stream raises is passed on.
+    of another shape, another compression, a path that cannot be written and what is neither a path nor a stream,
+    ParameterError for what is no Lighting; what a stream raises is passed on.
     """
     import OpenEXR
 
@@ -68,6 +68,8 @@ def write_exr(
     if isinstance(target, str | os.PathLike):
         with opened(target) as stream:
             file.write(stream)
+    elif not callable(getattr(target, "write", None)):
+        raise EnvironmentMapError(f"An EXR is written to a path or a binary stream, not {type(target).__name__}.")
     else:  # OpenEXR seeks backwards, which pipes and files opened for appending cannot
         buffer = io.BytesIO()
         file.write(buffer)

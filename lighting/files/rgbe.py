@@ -35,6 +35,8 @@ def read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
 
 def _decoded(data: bytes, start: int, height: int, width: int) -> NDArray[np.uint8]:
     """Mantissas and exponent (H, W, 4)."""
+    if not height * width:
+        raise ValueError("no pixels")
     if data[start : start + 2] != b"\x02\x02":
         return np.frombuffer(data, np.uint8, height * width * 4, start).reshape(height, width, 4)
     rows, position = [], start

@@ -35,7 +35,7 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
     files.
     """
     if len(paths) < 2:
-        raise ProbeError("A probe needs two exposures or more; there is only one.")
+        raise ProbeError(f"A probe needs two exposures or more; there {'is only one' if paths else 'are none'}.")
     for number, path in enumerate(paths):
         if Path(path).resolve() in [Path(other).resolve() for other in paths[:number]]:
             raise ProbeError(f"{path} is given twice.")
@@ -44,7 +44,10 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
 
 
 def bracket_of(photos: Sequence[LinearPhoto], names: Sequence[str] | None = None) -> Bracket:
-    """The exposures in order: by EXIF where all have it, else by how bright they are."""
+    """The exposures in order: by EXIF where all have it, else by how bright they are.
+
+    Raises ProbeError for sizes that differ.
+    """
     sizes = {photo.pixels.shape[:2] for photo in photos}
     if len(sizes) > 1:
         listed = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))

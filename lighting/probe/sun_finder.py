@@ -46,8 +46,8 @@ def find_sun(linear: NDArray[np.float32]) -> FoundSun | None:
 
 def _find_peak(small: NDArray[np.float32], above: Mask) -> FoundSun | None:
     value = luminance(small) * above
-    peak = value.max()
-    if peak <= LEAST_CONTRAST * np.median(value[above]):
+    peak = float(value.max())
+    if peak <= LEAST_CONTRAST * float(np.median(value[above])):
         return None
     regions = connected(value > 0.1 * peak)
     return _centre(regions == regions[np.unravel_index(int(value.argmax()), value.shape)], value)

@@ -58,8 +58,8 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
         best = regions == int(np.argmax(light[1:])) + 1
         cap = 2 * np.pi * (1 - np.cos(np.radians(LARGEST_CLIPPED)))
         return best if area[best].sum() < cap else None
-    peak = value.max()
-    if peak <= LEAST_CONTRAST * np.median(value[value > 0]):
+    peak = float(value.max())
+    if peak <= LEAST_CONTRAST * float(np.median(value[value > 0])):
         return None
     regions = connected(value > 0.1 * peak)
     return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])

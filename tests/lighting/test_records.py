@@ -375,14 +375,21 @@ def test_numbers_of_numpy_become_plain_ones() -> None:
         "ground_color": [0.25, np.float32(0.5), 1],
         "latitude": np.float16(8),
         "longitude": 9,
+        "exposure": np.array(0.5),
     }
     light = replace(STRONG, **numbers)
-    assert (light.sun_azimuth, light.turbidity, light.latitude) == (12.5, 3, 8.0)
+    assert (light.sun_azimuth, light.turbidity, light.latitude, light.exposure) == (12.5, 3, 8.0, 0.5)
     assert light.sun_irradiance == (1.0, 2.0, 3.0)
     assert light.ground_color == (0.25, 0.5, 1)
     assert Lighting.from_dict(json.loads(json.dumps(light.to_dict()))) == light
     with pytest.raises(ParameterError, match="turbidity must be a finite number, not nan"):
         changed("turbidity", np.float32("nan"))
+
+
+@pytest.mark.parametrize("probability", [None, 0.5, np.array(0.5), "1"])
+def test_the_headings_probabilities_are_a_list(probability: Any) -> None:
+    with pytest.raises(ParameterError, match=r"^camera_heading_probability must be a list of numbers, not .*\.$"):
+        changed("camera_heading_probability", probability)
 
 
 def test_cover_needs_irradiances() -> None:

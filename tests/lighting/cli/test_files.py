@@ -21,6 +21,12 @@ def test_envmap_writes_by_suffix(network: Path, photo_path: Path, tmp_path: Path
     assert {p.name for p in tmp_path.iterdir()} == {"photo.jpg", name}
 
 
+@pytest.mark.parametrize("command", [["estimate"], ["info"], ["render", "-o", "a.exr"], ["preview", "-o", "a.png"]])
+def test_an_input_without_a_name_is_refused(command: list[str]) -> None:
+    """It would be the current folder."""
+    assert error_of(run(*command, "")).endswith("The name of the file is empty.")
+
+
 def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path: Path) -> None:
     line = json.dumps({"file": "photo.jpg", "lighting": LIGHTING.to_dict()}).encode()
     run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32")

@@ -8,7 +8,7 @@ import pytest
 from lighting.files import full_record
 from lighting.files.exr import read_exr
 from tests.conftest import TINY
-from tests.lighting.cli.runners import LIGHTING, error_of, run
+from tests.lighting.cli.runners import LIGHTING, error_of, run, sub
 
 METADATA = ["local_time", "utc_offset", "utc_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
 METADATA += ["camera_elevation", "camera_roll", "gravity_source", "gravity_spread", "exposure_value"]
@@ -48,6 +48,18 @@ def test_info_reads_stdin(photo_path: Path) -> None:
 def test_a_damaged_map_is_named(tmp_path: Path) -> None:
     (tmp_path / "cut.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(40))
     assert error_of(run("info", tmp_path / "cut.exr")).startswith(f"{tmp_path / 'cut.exr'}: ")
+
+
+def test_of_a_map_whose_pixels_are_damaged_nothing_else_is_said(record_path: Path, tmp_path: Path) -> None:
+    """OpenEXR would print what its decoder found, on both streams."""
+    run("render", record_path, "-o", tmp_path / "a.exr", "--height", "64")
+    whole = (tmp_path / "a.exr").read_bytes()
+    (tmp_path / "a.exr").write_bytes(whole[:-3000] + bytes(2000) + whole[-1000:])
+    found = sub("info", tmp_path / "a.exr")
+    assert (found.returncode, found.stdout) == (1, b"")
+    assert found.stderr.decode() == (
+        f"Error: {tmp_path / 'a.exr'}: The EXR file cannot be read: it is damaged or of an unknown kind.\n"
+    )
 
 
 @pytest.mark.parametrize("data", [b"", b"text", b"v/1\x01 and no more"])

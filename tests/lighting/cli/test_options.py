@@ -48,6 +48,21 @@ def test_results_go_to_a_folder_that_has_a_name(
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("lighting.jsonl", "a day's work\n")]
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["envmap", "absent.jpg", "-o"],
+        ["preview", "absent.jpg", "-o"],
+        ["envmap", "absent.jpg", "-o", "a.exr", "--preview"],
+        ["scene", "absent.jpg", "--for", "gltf", "-o", "out", "--lighting"],
+        ["estimate", "absent.jpg", "--model"],
+    ],
+    ids=lambda options: f"{options[0]} {options[-1]}",
+)
+def test_a_file_that_an_option_names_has_a_name(options: list[str]) -> None:
+    assert error_of(run(*options, ""), 2).endswith(": the name of the file is empty.")
+
+
 @pytest.mark.parametrize("value", ["0", "15", "33", "14", "4098", "-512", "1e3", "nan", ""])
 def test_a_bad_height_is_wrong_usage(value: str, tmp_path: Path) -> None:
     assert run("render", "absent.json", "-o", tmp_path / "a.exr", "--height", value).exit_code == 2

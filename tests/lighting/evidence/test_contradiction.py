@@ -56,6 +56,15 @@ def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
     assert "cropped" in warnings[2]
 
 
+def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:
+    said = lobe(0.0, 60.0, 150.0)
+    suns = np.array([[0.0, 100.0]])
+    (warning,) = contradictions(said, suns, ring_density(said, suns), None, None)
+    assert warning.startswith(
+        "The sun's elevation at this time and place, at most 0°, is very unlikely by the pixels: "
+    )
+
+
 def test_several_zones_are_named_as_a_range() -> None:
     said = lobe(0.0, 80.0, 150.0)
     assert "3 to 12°" in fuse(said, Evidence(((3.0, 80.0), (12.0, 95.0)))).warnings[0]

@@ -53,6 +53,12 @@ def test_without_exif_the_exposure_does_not_count() -> None:
     assert (light.suitable, light.warnings, light.evidence) == (0.99, (), ("pixels",))
 
 
+def test_an_exposure_is_not_used_where_the_network_does_not_say_what_suits() -> None:
+    found = known(PhotoFacts(exposure_value=5.0), Given())
+    light = estimate_of(fuse(prediction(), found.evidence), found).lighting
+    assert (light.suitable, light.warnings, light.evidence) == (None, (), ("pixels",))
+
+
 def test_in_twilight_no_photo_suits() -> None:
     """The sun sets at 19:07 UTC."""
     light = answered(replace(FACTS, utc_time=datetime(2024, 6, 1, 19, 25, tzinfo=UTC)))

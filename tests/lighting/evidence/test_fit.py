@@ -19,6 +19,7 @@ from lighting.turns import Placed
 from tests.lighting.evidence.test_fusion import lobe
 
 HOURS = (-4.0, -1.5, 1.0, 3.5)  # from noon
+WITHOUT_EXIF = Given(use_exif=False)
 SHARP = 60.0  # concentration: about 7 deg around the true sun
 
 
@@ -100,6 +101,16 @@ def test_what_speaks_against_a_photo_is_carried_along() -> None:
     assert "does not look like an ordinary photo" in found.warnings[0]
     assert "Its own place lies 16" in found.warnings[1]
     assert found.to_dict()["warnings"] == list(found.warnings)
+
+
+def test_a_photo_that_was_exposed_for_a_dark_scene_is_told_of() -> None:
+    whole = day(*PLACES[0])
+    said = [replace(p, light=Light(np.ones(3), np.ones(3), 0.0, 1.0)) for p in whole.predictions]
+    facts = [replace(fact, exposure_value=ev) for fact, ev in zip(whole.facts, (14.0, 5.0, 14.0, 14.0), strict=True)]
+    with_exif, without = (series_of(said, facts, g, [0.0] * len(HOURS)).warnings for g in (Given(), WITHOUT_EXIF))
+    assert [w.split(":")[0] for w in with_exif] == ["Photo 2", "Photo 2"]
+    assert "exposed for a dark scene (EV 5.0 at ISO 100)" in with_exif[0]
+    assert without == ()
 
 
 def test_a_latitude_that_is_given_and_fitted_is_said_to_be_unused() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.evidence.frames import TURN_NOISE, frames
+from lighting.evidence.frames import TURN_NOISE, check_headings, frames
 from lighting.evidence.fusion import Evidence
 from lighting.turns import Placed
 
@@ -48,6 +48,12 @@ def test_without_any_each_photo_is_alone() -> None:
 def test_headings_must_be_as_many_as_photos() -> None:
     with pytest.raises(ParameterError, match="3 photos need 3 headings, not 2"):
         frames(NOTHING, [0.0, 1.0])
+
+
+@pytest.mark.parametrize("headings", [90.0, 0, {0.0, 90.0}])
+def test_what_is_no_list_of_headings_is_refused(headings: Any) -> None:
+    with pytest.raises(ParameterError, match=r"^headings are a list of degrees, not .*\.$"):
+        check_headings(2, headings)
 
 
 @pytest.mark.parametrize("heading", [float("nan"), np.float32("inf"), None, "90"])

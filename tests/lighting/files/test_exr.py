@@ -189,6 +189,12 @@ def test_what_is_neither_a_path_nor_a_binary_stream_is_refused(source: Any) -> N
         read_exr(source)
 
 
+@pytest.mark.parametrize("target", [None, 3, b"map.exr"], ids=["none", "number", "bytes"])
+def test_nothing_is_written_to_what_is_neither(image: NDArray[np.float32], target: Any) -> None:
+    with pytest.raises(EnvironmentMapError, match=r"^An EXR is written to a path or a binary stream, not [a-zA-Z]+\.$"):
+        write_exr(target, image)
+
+
 @pytest.mark.parametrize("share", [0.001, 0.01, 0.05, 0.2, 0.5, 0.9, 0.999])
 def test_cut_files_are_refused_quietly(data: bytes, share: float, capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):

@@ -24,6 +24,13 @@ def test_a_plain_file_is_read_as_well(tmp_path: Path) -> None:
     assert read_hdr(tmp_path / "a.hdr") == pytest.approx(np.tile([1.0, 0.5, 0.25], (1, 4, 1)))
 
 
+@pytest.mark.parametrize("size", ["-Y 0 +X 0", "-Y 4 +X 0", "-Y 0 +X 4"])
+def test_a_file_without_pixels_is_refused(tmp_path: Path, size: str) -> None:
+    (tmp_path / "a.hdr").write_bytes(f"#?RADIANCE\n\n{size}\n".encode())
+    with pytest.raises(EnvironmentMapError, match=r"a\.hdr is cut short or damaged\.$"):
+        read_hdr(tmp_path / "a.hdr")
+
+
 @pytest.mark.parametrize("keep", [20, 90, 400])
 def test_a_file_that_is_cut_short_is_refused(tmp_path: Path, keep: int) -> None:
     write_envmap(tmp_path / "a.hdr", MAP)

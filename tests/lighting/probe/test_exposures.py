@@ -30,6 +30,8 @@ def test_exposures_are_ordered_by_brightness_where_one_has_no_exif() -> None:
 def test_one_exposure_is_no_bracket(tmp_path: Path) -> None:
     with pytest.raises(ProbeError, match="only one"):
         read_bracket([tmp_path / "a.png"])
+    with pytest.raises(ProbeError, match="there are none"):
+        read_bracket([])
 
 
 def test_an_exposure_that_is_given_twice_is_refused(tmp_path: Path) -> None:

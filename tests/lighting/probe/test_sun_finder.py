@@ -27,7 +27,7 @@ def test_an_hdr_picture_without_a_peak_has_no_sun() -> None:
     assert find_sun(render_panorama(0, 64, overcast=True).linear * 50) is None
 
 
-@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("value", [0.0, 0.5, 1.0, 1e38])
 def test_a_plain_picture_has_neither_sun_nor_sky(value: float) -> None:
     plain = np.full((32, 64, 3), value, np.float32)
     assert find_sun(plain) is None

@@ -37,6 +37,10 @@ def test_no_sun_is_found_in_a_sky_without_one() -> None:
     assert find_spot(render(LIGHTING, 256, sun=False), NONE) is None
 
 
+def test_a_sky_near_the_largest_float_has_no_sun() -> None:
+    assert find_spot(np.full((256, 512, 3), 1e38, np.float32), NONE) is None
+
+
 def test_half_a_clipped_sky_is_no_sun() -> None:
     clipped = NONE.copy()
     clipped[:100, :300] = True
