@@ -7,8 +7,8 @@ from PIL import Image
 from lighting.envmap import camera_of
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
 from lighting.preview.in_photo import ball_centres, with_balls
-from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, write, write_inside
-from lighting.preview.layout import Box
+from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, text_width, write, write_inside
+from lighting.preview.layout import LETTERS, Box
 from lighting.preview.palette import PANEL, WHITE, sun_colour
 from lighting.preview.shading import Stage
 from lighting.records import Lighting
@@ -30,11 +30,15 @@ def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: S
     return panel
 
 
-def photo_caption(camera: Pinhole, *, balls: bool) -> str:
-    """What the panel shows in a photo of this camera, in words; `balls` says whether it draws them if there is room."""
+def photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
+    """What the panel shows in a photo of this camera, in words that fit its width.
+
+    `balls` says whether it draws them where there is ground.
+    """
     shown = ["its horizon"] if _shows_horizon(camera) else []
     shown += ["three balls in its light"] if balls and ball_centres(camera) is not None else []
-    return f"Photo, with {' and '.join(shown)}" if shown else "Photo"
+    caption = f"Photo, with {' and '.join(shown)}" if shown else "Photo"
+    return caption if text_width(caption, LETTERS) <= width else caption.removesuffix(" in its light")
 
 
 def _shows_horizon(camera: Pinhole) -> bool:

@@ -9,7 +9,7 @@ from lighting.files import encode_png
 from lighting.preview.bounces import lit_stage
 from lighting.preview.compass import compass_panel
 from lighting.preview.ink import Style, rounded, write
-from lighting.preview.layout import CAPTION, WIDTH, Box, lay_out
+from lighting.preview.layout import CAPTION, LETTERS, WIDTH, Box, lay_out
 from lighting.preview.map_panel import map_panel
 from lighting.preview.palette import BACKGROUND, MUTED, TEXT, display
 from lighting.preview.photo_panel import photo_caption, photo_panel
@@ -46,11 +46,12 @@ def draw_preview(
     centres = sphere_centres(plan.spheres.width / plan.spheres.height, pitch_of(lighting))
     stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
     placed = stage if lighting.sun_irradiance is not None else None
-    caption_of_photo = photo_caption(camera_of(lighting, photo.shape[1], photo.shape[0]), balls=placed is not None)
+    camera = camera_of(lighting, photo.shape[1], photo.shape[0])
+    seen = photo_caption(camera, plan.photo.width, balls=placed is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     draw_headline(canvas, lighting)
     for box, caption, panel in (
-        (plan.photo, caption_of_photo, photo_panel(photo, lighting, plan.photo, placed)),
+        (plan.photo, seen, photo_panel(photo, lighting, plan.photo, placed)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel(envmap, lighting, aspect, plan.envmap)),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(stage, lighting, plan.spheres)),
@@ -64,7 +65,7 @@ def draw_preview(
 
 def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
     """Panel with rounded corners, its caption above."""
-    write(canvas, (box.x, box.y - CAPTION + 4), caption, Style(18, MUTED))
+    write(canvas, (box.x, box.y - CAPTION + 4), caption, Style(LETTERS, MUTED))
     canvas.paste(panel, (box.x, box.y), rounded(panel.size, 10))
 
 
