@@ -18,6 +18,7 @@ from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
 from server.service import Service
 from server.settings import Settings, read_settings
+from server.unread import ReadOn
 from server.uploads import FORM, PHOTO_FIELD
 
 TAGS = [
@@ -88,6 +89,7 @@ def _wrap(app: FastAPI, service: Service) -> None:
         )
     app.add_middleware(SecurityHeaders)
     app.add_middleware(operations.Observed, service=service)
+    app.add_middleware(ReadOn)
 
 
 @asynccontextmanager

@@ -6,6 +6,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
 from pydantic_core import from_json
 
+from lighting.errors import ParameterError
 from lighting.records import Lighting
 from server import problems
 from server.problems import ProblemError
@@ -16,7 +17,8 @@ def parse_record(data: bytes) -> Lighting:
     """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
 
     It is UTF-8, with or without a byte order mark, or UTF-16, as PowerShell redirects that line.
-    Raises ProblemError for what is not JSON or an answer about several photos, RequestValidationError for wrong fields.
+    Raises ProblemError for what is not JSON, an answer about several photos and fields that do not fit each other,
+    RequestValidationError for wrong fields.
     """
     try:
         record = from_json(data.decode(detect_encoding(data)))
@@ -30,3 +32,5 @@ def parse_record(data: bytes) -> Lighting:
     except ValidationError as error:
         found = error.errors(include_url=False)
         raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in found]) from error
+    except ParameterError as error:
+        raise problems.invalid("body", str(error), "body") from error

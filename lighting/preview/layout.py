@@ -8,6 +8,7 @@ GAP = 24  # between panels
 HEADER = 78  # height of the headline above the panels
 WARNING = 26  # height of a line of warnings, which stand below the headline
 CAPTION = 32  # height of the line above each panel
+LETTERS = 18  # size of a caption's letters
 CELL = 76  # height of one number with its name
 UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
 UPRIGHT_MAP_HEIGHT = 440  # of the map below it

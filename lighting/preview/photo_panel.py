@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.envmap import camera_of
-from lighting.geometry import Floats, camera_axes, camera_pixel, direction
-from lighting.preview.in_photo import with_balls
-from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, write, write_inside
-from lighting.preview.layout import Box
+from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
+from lighting.preview.in_photo import ball_centres, with_balls
+from lighting.preview.ink import Style, arrow_head, shaded_stroke, sun_marks, text_width, write, write_inside
+from lighting.preview.layout import LETTERS, Box
 from lighting.preview.palette import PANEL, WHITE, sun_colour
 from lighting.preview.shading import Stage
 from lighting.records import Lighting
@@ -30,9 +30,27 @@ def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: S
     return panel
 
 
+def photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
+    """What the panel shows in a photo of this camera, in words that fit its width.
+
+    `balls` says whether it draws them where there is ground.
+    """
+    shown = ["its horizon"] if _shows_horizon(camera) else []
+    shown += ["three balls in its light"] if balls and ball_centres(camera) is not None else []
+    caption = f"Photo, with {' and '.join(shown)}" if shown else "Photo"
+    return caption if text_width(caption, LETTERS) <= width else caption.removesuffix(" in its light")
+
+
+def _shows_horizon(camera: Pinhole) -> bool:
+    x, y = _horizon(camera).T
+    order = np.argsort(x)
+    edges = np.interp([0.0, camera.width], x[order], y[order]) if len(x) else np.array([np.inf])
+    return bool(edges.min() < camera.height and edges.max() > 0)
+
+
 def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
     """Draw the horizon as a thin line with a soft shadow, if it is in view; its name is on the side without the sun."""
-    line = _horizon(picture, lighting)
+    line = _horizon(camera_of(lighting, *picture.size))
     shaded_stroke(picture, [line], WHITE, 2)
     inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
     if len(inside):
@@ -42,20 +60,20 @@ def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
             write(picture, (x, y - 8), "horizon", Style(17, WHITE, anchor="ls" if left else "rs", shaded=True))
 
 
-def _horizon(picture: Image.Image, lighting: Lighting) -> Floats:
+def _horizon(camera: Pinhole) -> Floats:
     """Pixels (N, 2) of the horizon, from left to right where the camera does not stand on its head."""
-    return _camera_pixels(picture, direction(np.linspace(-80.0, 80.0, 65), 0.0), lighting)
+    return _camera_pixels(direction(np.linspace(-80.0, 80.0, 65), 0.0), camera)
 
 
-def _camera_pixels(picture: Image.Image, directions: Floats, lighting: Lighting) -> Floats:
-    pixels = camera_pixel(directions, camera_of(lighting, picture.width, picture.height))
+def _camera_pixels(directions: Floats, camera: Pinhole) -> Floats:
+    pixels = camera_pixel(directions, camera)
     return pixels[~np.isnan(pixels[:, 0])]
 
 
 def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
-    colour = sun_colour(lighting)
-    seen = _camera_pixels(picture, lighting.sun_direction[None], lighting)
+    colour, camera = sun_colour(lighting), camera_of(lighting, *picture.size)
+    seen = _camera_pixels(lighting.sun_direction[None], camera)
     if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
         sun_marks(picture, seen, colour, 9)
         return
@@ -65,7 +83,7 @@ def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     middle = np.array([picture.width, picture.height]) / 2
     tip = middle + away * np.min((middle - 14) / np.maximum(np.abs(away), 1e-9))
     arrow_head(picture, tip, away, colour)
-    label = tip - away * 16 + [0, 30 if _is_free_below(tip, _horizon(picture, lighting), picture.height) else -30]
+    label = tip - away * 16 + [0, 30 if _is_free_below(tip, _horizon(camera), picture.height) else -30]
     write_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, colour)
 
 

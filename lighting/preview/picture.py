@@ -4,22 +4,21 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.envmap import known_place, render, surround
+from lighting.envmap import camera_of, known_place, render, surround
 from lighting.files import encode_png
 from lighting.preview.bounces import lit_stage
 from lighting.preview.compass import compass_panel
 from lighting.preview.ink import Style, rounded, write
-from lighting.preview.layout import CAPTION, WIDTH, Box, lay_out
+from lighting.preview.layout import CAPTION, LETTERS, WIDTH, Box, lay_out
 from lighting.preview.map_panel import map_panel
 from lighting.preview.palette import BACKGROUND, MUTED, TEXT, display
-from lighting.preview.photo_panel import photo_panel
+from lighting.preview.photo_panel import photo_caption, photo_panel
 from lighting.preview.shading import Stage
 from lighting.preview.spheres import pitch_of, render_stage, sphere_centres
 from lighting.preview.words import draw_headline, numbers_of, warning_lines
 from lighting.records import Estimate, Lighting
 
 MAP_HEIGHT = 512  # rows of the environment map
-_PHOTO = {False: "Photo, with its horizon", True: "Photo, with its horizon and three balls in its light"}  # captions
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
 
@@ -47,10 +46,12 @@ def draw_preview(
     centres = sphere_centres(plan.spheres.width / plan.spheres.height, pitch_of(lighting))
     stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
     placed = stage if lighting.sun_irradiance is not None else None
+    camera = camera_of(lighting, photo.shape[1], photo.shape[0])
+    seen = photo_caption(camera, plan.photo.width, balls=placed is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     draw_headline(canvas, lighting)
     for box, caption, panel in (
-        (plan.photo, _PHOTO[placed is not None], photo_panel(photo, lighting, plan.photo, placed)),
+        (plan.photo, seen, photo_panel(photo, lighting, plan.photo, placed)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel(envmap, lighting, aspect, plan.envmap)),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(stage, lighting, plan.spheres)),
@@ -64,7 +65,7 @@ def draw_preview(
 
 def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
     """Panel with rounded corners, its caption above."""
-    write(canvas, (box.x, box.y - CAPTION + 4), caption, Style(18, MUTED))
+    write(canvas, (box.x, box.y - CAPTION + 4), caption, Style(LETTERS, MUTED))
     canvas.paste(panel, (box.x, box.y), rounded(panel.size, 10))
 
 

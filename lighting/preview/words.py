@@ -4,8 +4,8 @@ from textwrap import wrap
 
 from PIL import Image
 
-from lighting.preview.ink import Style, write
-from lighting.preview.layout import MARGIN, WARNING, WIDTH
+from lighting.preview.ink import Style, text_width, write
+from lighting.preview.layout import GAP, MARGIN, WARNING, WIDTH
 from lighting.preview.palette import MUTED, SUN, TEXT
 from lighting.records import SUITABLE, Lighting
 
@@ -20,8 +20,9 @@ def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     title = f"Sun {hedge}{where}" if visible else "No direct sun"
     doubtful = lighting.suitable is not None and lighting.suitable < SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
-    style = Style(28 if doubtful else 38, TEXT if doubtful or not visible else SUN)
-    write(canvas, (MARGIN, MARGIN - 6), title, style)
+    sources = _sources(lighting)
+    size = _fitting(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
+    write(canvas, (MARGIN, MARGIN - 6), title, Style(size, TEXT if doubtful or not visible else SUN))
     if visible:
         half, most = _short(lighting.radius_50), _short(lighting.radius_90)
         spread = f"half of the probability lies within {half}°, 90 % within {most}°"
@@ -30,9 +31,14 @@ def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     write(canvas, (MARGIN, MARGIN + 40), spread, Style(20, MUTED))
     model = f"{lighting.model_name} {lighting.model_version}"
     write(canvas, (WIDTH - MARGIN, MARGIN + 40), model, Style(18, MUTED, anchor="ra"))
-    write(canvas, (WIDTH - MARGIN, MARGIN + 8), _sources(lighting), Style(18, MUTED, anchor="ra"))
+    write(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, Style(18, MUTED, anchor="ra"))
     for number, line in enumerate(warning_lines(lighting)):
         write(canvas, (MARGIN, MARGIN + 70 + number * WARNING), line, Style(18, TEXT))
+
+
+def _fitting(text: str, size: int, width: float) -> int:
+    """The size of a text's letters, smaller where the text would be wider than that."""
+    return min(size, int(size * width / text_width(text, size)))
 
 
 def _hedge(lighting: Lighting) -> str:

@@ -18,7 +18,7 @@ export async function visitLight(browser, url, seen, { photo, textFile, folder }
   await copy(page, seen);
   for (const tool of TOOLS) await saved(page, `#get-${tool}`, folder, `${tool}.zip`);
   await saved(page, "#get-preview", folder, "preview.png");
-  await refuseText(page, seen, textFile);
+  await refuseText(page, seen, photo, textFile);
   await page.context().close();
 }
 
@@ -72,10 +72,18 @@ async function copy(page, seen) {
   seen.python = await copied(page, "python");
 }
 
-async function refuseText(page, seen, textFile) {
+async function refuseText(page, seen, photo, textFile) {
   await page.setInputFiles("#file", textFile);
   await page.waitForSelector("#error:not([hidden])");
   seen.error = await page.textContent("#error");
   seen.kept = await page.textContent("#title");
+  await page.route("**/v1/lighting?*", async (route) => {
+    await new Promise((resolve) => setTimeout(resolve, 300)); // the service's word on the picture comes first
+    await route.continue();
+  });
+  await page.setInputFiles("#file", [photo, textFile]);
+  await page.waitForSelector("#error:not([hidden])");
+  seen.errorOfOne = await page.textContent("#error");
+  await page.unroute("**/v1/lighting?*");
   seen.complaints = seen.complaints.filter((words) => !/status of 4\d\d/.test(words)); // that refusal, in the console
 }

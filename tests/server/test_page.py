@@ -230,6 +230,7 @@ class TestTheLight:
     def test_a_text_file_is_refused_in_words(self, visit: dict[str, Any]) -> None:
         assert "photo" in visit["error"]
         assert visit["kept"] == visit["title"]
+        assert "Photo 2 of 2: " in visit["errorOfOne"]
 
 
 @pytest.mark.slow

@@ -210,7 +210,9 @@ def test_a_record_with_one_irradiance_alone_is_refused(client: TestClient) -> No
     record = {"sun": {"azimuth": 9, "elevation": 30, "irradiance": [1, 1, 1]}, "sky": {"turbidity": 3, "exposure": 1}}
     answer = client.post("/v1/envmap?height=16", json=record)
     assert answer.status_code == 422
-    assert "go together" in answer.text
+    (error,) = answer.json()["errors"]
+    assert (error["field"], error["place"]) == ("body", "body")
+    assert "go together" in error["detail"]
 
 
 def test_the_shape_of_the_sky_and_the_place_are_choices(client: TestClient, jpeg: bytes) -> None:

@@ -110,7 +110,10 @@ function setBusy(busy: boolean): void {
 async function run({ sources, given }: Wish, signal: AbortSignal): Promise<void> {
   const files = await Promise.all(sources.map(({ load }) => load(signal)));
   const began = performance.now();
-  const [answers, photos] = await Promise.all([estimate(files, given, signal), opened(files, signal)]);
+  const pictures = opened(files, signal);
+  pictures.catch(() => {}); // told below: what is said of the light comes first, for it says which photo is meant
+  const answers = await estimate(files, given, signal);
+  const photos = await pictures;
   if (signal.aborted) return;
   for (const { photo } of shown?.views ?? []) URL.revokeObjectURL(photo.url);
   const views = photos.map((photo, i) => viewOf(photo, answers[i] as (typeof answers)[number]));

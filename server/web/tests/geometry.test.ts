@@ -3,7 +3,7 @@
 import { describe, expect, it } from "vitest";
 import { angles, cross, direction, dot, type Vector, wrapAzimuth } from "../src/pure/angles";
 import { type Camera, cameraAxes, horizon, project, rayThrough, sunMark } from "../src/pure/camera";
-import { frameOf, fromDome, pieces, rim, toDome, toMap } from "../src/pure/sphere";
+import { frameOf, fromDome, inSky, pieces, rim, toDome, toMap } from "../src/pure/sphere";
 
 const SIZE = { width: 640, height: 480 };
 const CAMERA: Camera = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
@@ -117,6 +117,16 @@ describe("the sphere's pictures", () => {
     const circle = rim(around, 25);
     for (const towards of circle) expect(degreesBetween(towards, around)).toBeCloseTo(25, 4);
     near(circle[0] ?? null, direction(50, 55));
+  });
+
+  it("cut a circle where it sinks below the horizon", () => {
+    const [down, up] = inSky(rim(direction(50, 10), 25));
+    expect(inSky(rim(direction(50, 10), 25))).toHaveLength(2);
+    near(down?.[0] ?? null, direction(50, 35));
+    near(up?.at(-1) ?? null, direction(50, 35));
+    for (const end of [down?.at(-1), up?.[0]]) expect(Math.abs(end?.[1] ?? 1)).toBeLessThan(0.02);
+    expect(inSky(rim(direction(50, 40), 25))).toHaveLength(1);
+    expect(inSky(rim(direction(50, 40), 170))).toEqual([]);
   });
 
   it("outline what the camera sees", () => {

@@ -5,8 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.geometry import Pinhole, camera_pixel, direction
-from lighting.preview.layout import lay_out
-from lighting.preview.photo_panel import photo_panel
+from lighting.preview.ink import text_width
+from lighting.preview.layout import LETTERS, lay_out
+from lighting.preview.photo_panel import photo_caption, photo_panel
 from lighting.records import Lighting
 from tests.previews import amber, outdoors, photo
 
@@ -66,3 +67,24 @@ def test_the_horizon_does_not_cross_the_words_beside_the_arrow(azimuth: float, e
     line = np.median(np.argwhere(panel.min(axis=-1) > 200)[:, 0])
     assert 15 < abs(line - panel.shape[0] / 2) < 45
     assert np.abs(amber(panel)[:, 0] - line).min() > 6
+
+
+@pytest.mark.parametrize(
+    ("elevation", "fov", "balls", "caption"),
+    [
+        (0.0, 50.0, True, "Photo, with its horizon and three balls in its light"),
+        (0.0, 50.0, False, "Photo, with its horizon"),
+        (4.5, 6.9, True, "Photo"),
+        (90.0, 50.0, True, "Photo"),
+        (-60.0, 40.0, True, "Photo, with three balls in its light"),
+        (0.0, 1.0, False, "Photo, with its horizon"),
+    ],
+)
+def test_the_caption_names_what_is_seen(elevation: float, fov: float, balls: bool, caption: str) -> None:
+    assert photo_caption(Pinhole(400, 300, fov, elevation=elevation), 400, balls=balls) == caption
+
+
+@pytest.mark.parametrize("aspect", [0.2, 0.5, 9 / 16, 2 / 3, 1.0, 3.0])
+def test_the_caption_is_no_wider_than_the_panel(aspect: float) -> None:
+    width = lay_out(aspect, 9).photo.width
+    assert text_width(photo_caption(Pinhole(400, 300, 50.0), width, balls=True), LETTERS) <= width

@@ -6,8 +6,9 @@ from PIL import Image
 
 from lighting.preview import words as module
 from lighting.preview.ink import Style, text_width
-from lighting.preview.layout import MARGIN, WIDTH
+from lighting.preview.layout import GAP, MARGIN, WIDTH
 from lighting.preview.words import _azimuth_words, draw_headline, numbers_of, warning_lines
+from lighting.records import EVIDENCE
 from tests.previews import amber, outdoors
 
 
@@ -83,3 +84,20 @@ def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
     assert len(lines) > 3
     assert max(text_width(line, 18) for line in lines) <= WIDTH - 2 * MARGIN
     assert warning_lines(outdoors()) == []
+
+
+@pytest.mark.parametrize("suitable", [0.1, 0.9])
+@pytest.mark.parametrize("radius", [30.0, 120.0])
+def test_the_title_leaves_room_for_what_is_beside_it(
+    monkeypatch: pytest.MonkeyPatch, suitable: float, radius: float
+) -> None:
+    written: dict[float, float] = {}  # width of the first line's text by its x
+
+    def write(_canvas: Image.Image, spot: tuple[float, float], text: str, style: Style) -> None:
+        if spot[1] < MARGIN + 20:
+            written[spot[0]] = text_width(text, style.size)
+
+    monkeypatch.setattr(module, "write", write)
+    sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=EVIDENCE, camera_heading=115.0)
+    draw_headline(Image.new("RGB", (WIDTH, 140)), sun)
+    assert written[MARGIN] + GAP + written[WIDTH - MARGIN] <= WIDTH - 2 * MARGIN

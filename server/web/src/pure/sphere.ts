@@ -3,6 +3,8 @@
 import { angles, combine, cross, degrees, direction, radians, type Vector } from "./angles";
 import { type Camera, cameraAxes, type Point } from "./camera";
 
+const BELOW = 0.02; // sine of the depth below the horizon to which lines in the sky are drawn
+
 /** The dome from above: zenith at the origin, the photo's direction up (0, -1), the horizon at radius 1. */
 export function toDome(towards: Vector): Point {
   const { azimuth, elevation } = angles(towards);
@@ -33,6 +35,16 @@ export function rim(around: Vector, radius: number, steps = 180): Vector[] {
     const turn = (2 * Math.PI * i) / steps;
     return combine([c, around], [s * Math.sin(turn), right], [s * Math.cos(turn), up]);
   });
+}
+
+/** The pieces of a line of directions that lie above the horizon, or so little below it that they reach it. */
+export function inSky(line: readonly Vector[]): Vector[][] {
+  const cut: Vector[][] = [[]];
+  for (const towards of line) {
+    if (towards[1] > -BELOW) cut.at(-1)?.push(towards);
+    else cut.push([]);
+  }
+  return cut.filter((piece) => piece.length > 1);
 }
 
 /** Directions through the photo's border, a closed loop. */

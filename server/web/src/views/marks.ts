@@ -3,7 +3,7 @@
 import type { Lighting, Parameters } from "../api";
 import { clamp, direction, type Vector } from "../pure/angles";
 import { type Camera, horizon, type Point, type SunMark, sunMark } from "../pure/camera";
-import { frameOf, pieces, rim, toMap } from "../pure/sphere";
+import { frameOf, inSky, pieces, rim, toMap } from "../pure/sphere";
 import { path, sunSign, svg, text } from "./svg";
 
 const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its words can meet the horizon's name
@@ -78,10 +78,11 @@ export function mapMarks(
   ];
 }
 
-/** The circles that hold 50 % and 90 % of the sun's probability. */
-export function regions({ sun }: Lighting, around: Vector): { line: Vector[]; kind: string; radius: number }[] {
-  return [
+/** The circles that hold 50 % and 90 % of the sun's probability, as far as they lie in the sky. */
+export function regions({ sun }: Lighting, around: Vector): { line: Vector[]; kind: string }[] {
+  const circles = [
     { radius: sun.radius_90, kind: "region wide" },
     { radius: sun.radius_50, kind: "region" },
-  ].map(({ radius, kind }) => ({ radius, kind, line: rim(around, radius) }));
+  ];
+  return circles.flatMap(({ radius, kind }) => inSky(rim(around, radius)).map((line) => ({ line, kind })));
 }

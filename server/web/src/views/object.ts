@@ -11,7 +11,7 @@ import { type Look, lookOf, type View } from "../studio";
 
 const KEYS = "Keys: arrows move it, < and > turn it, + and − scale it.";
 const HOW = `Click the ground to move it, drag to turn it. ${KEYS}`;
-const AFLOAT = `The photo shows no ground, so the object floats. ${HOW}`;
+const AFLOAT = `The photo shows no ground, so the object floats. Click the photo to move it, drag to turn it. ${KEYS}`;
 const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
 const NOT_LOADED = "What draws the object could not be loaded; everything else works. Load the page again to see it.";
 const CLICK = 5; // pixels that a click may wander
