@@ -14,6 +14,9 @@ from lighting.cli.files import lighting_of, naming, open_lighting, picture_bytes
 from lighting.cli.group import cli
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from lighting.photo import PhotoFacts
     from lighting.records import Lighting
 
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 @cli.command()
 @click.argument("file")
 def info(file: str) -> None:
-    """Describe an EXR, a network, a record or a photo as JSON."""
+    """Describe an EXR, a Radiance HDR, a network, a record or a photo as JSON."""
     describe = _BY_SUFFIX.get(Path(file).suffix.lower(), _describe_picture)
     click.echo(json.dumps({"file": file, **describe(file)}, indent=2))
 
@@ -73,8 +76,24 @@ def _describe_map(file: str, data: bytes) -> dict[str, Any]:
 
     with naming(file), silence():
         image, lighting = read_exr(BytesIO(data))
-    record = None if lighting is None else full_record(lighting)
-    return {"kind": "environment map", "width": image.shape[1], "height": image.shape[0], "lighting": record}
+    return {**_map_like(image), "lighting": None if lighting is None else full_record(lighting)}
 
 
-_BY_SUFFIX = {".onnx": _describe_network, ".json": _describe_record, ".jsonl": _describe_record}
+def _describe_hdr(file: str) -> dict[str, Any]:
+    from lighting.files import read_hdr
+
+    return _map_like(read_hdr(file))
+
+
+def _map_like(image: "NDArray[np.float32]") -> dict[str, Any]:
+    """What an HDR picture (H, W, 3) is by its shape, and its size."""
+    height, width = image.shape[:2]
+    return {"kind": "environment map" if width == 2 * height else "picture", "width": width, "height": height}
+
+
+_BY_SUFFIX = {
+    ".onnx": _describe_network,
+    ".json": _describe_record,
+    ".jsonl": _describe_record,
+    ".hdr": _describe_hdr,
+}

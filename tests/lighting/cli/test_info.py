@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import numpy as np
+import OpenEXR
 import pytest
 
 from lighting.files import full_record
@@ -29,6 +31,14 @@ def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, t
     assert net == {"file": str(network), "kind": "network", **json.loads(TINY.to_json())}
     assert envmap.pop("lighting") == full_record(LIGHTING)
     assert envmap == {"file": str(tmp_path / "a.exr"), "kind": "environment map", "width": 32, "height": 16}
+
+
+def test_only_what_is_twice_as_wide_as_high_is_a_map(record_path: Path, tmp_path: Path) -> None:
+    run("render", record_path, "-o", tmp_path / "a.hdr", "--height", "16")
+    OpenEXR.File({}, {"RGB": np.ones((20, 30, 3), np.float32)}).write(str(tmp_path / "b.exr"))
+    envmap, picture = (json.loads(run("info", tmp_path / name).stdout) for name in ("a.hdr", "b.exr"))
+    assert envmap == {"file": str(tmp_path / "a.hdr"), "kind": "environment map", "width": 32, "height": 16}
+    assert (picture["kind"], picture["width"], picture["height"]) == ("picture", 30, 20)
 
 
 def test_info_of_a_record(record_path: Path, tmp_path: Path) -> None:
