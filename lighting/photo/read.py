@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from io import BytesIO, TextIOBase
+from numbers import Integral
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from lighting.errors import PhotoError, PhotoExtraError, PhotoTooLargeError
+from lighting.errors import ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError
 from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import NAMES, admitted, most
@@ -64,8 +65,11 @@ def read_photo(
     more than 32 million would be kept, each side is divided further.
     Raises PhotoTooLargeError over `max_bytes` or `max_pixels` (at most MOST_PIXELS; fewer for kinds of picture whose
     decoder needs more memory, see `memory.py`), PhotoError for what is not a photo of at least 32 pixels each way and
-    of an aspect ratio up to 8:1, OSError for a file that cannot be opened.
+    of an aspect ratio up to 8:1, ParameterError for a `target` that is no number of pixels, OSError for a file that
+    cannot be opened.
     """
+    if target is not None and not (isinstance(target, Integral) and target > 0):
+        raise ParameterError(f"target must be a whole number of pixels over 0, or None, not {target!r}.")
     data = photo_data(source, max_bytes)
     try:
         with _no_warnings():

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms
 
-from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.errors import ParameterError, PhotoError, PhotoTooLargeError
 from lighting.photo import pixels as pixels_module
 from lighting.photo import read as photo_module
 from lighting.photo.memory import BYTES, PER_PIXEL
@@ -159,6 +159,9 @@ def test_the_default_target_leaves_a_small_photo_whole() -> None:
 
 def test_no_target_keeps_every_pixel() -> None:
     assert read_photo(encode(scene(2600, 1400)), target=None).pixels.shape == (1400, 2600, 3)
+    for no_size in (-1, 0, 2.5, "a"):
+        with pytest.raises(ParameterError, match=f"^target must be a whole number .* not {no_size!r}"):
+            read_photo(encode(scene(64, 64)), target=no_size)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("target", [None, 300])
