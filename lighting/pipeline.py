@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lighting.decoding import with_ground
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
 from lighting.errors import ParameterError, PhotoError
 from lighting.evidence import (
@@ -30,6 +29,7 @@ from lighting.evidence import (
 from lighting.model import Model, model_or_packaged
 from lighting.photo import Photo, Source, read_photo
 from lighting.records import Estimate, Prediction, clipped_colour
+from lighting.strength import with_ground
 
 if TYPE_CHECKING:
     from lighting.evidence import Fit

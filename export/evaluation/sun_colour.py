@@ -1,4 +1,4 @@
-"""How far a sun's colour goes to that of a clear sun as high: the fit of a constant in lighting/decoding.py.
+"""How far a sun's colour goes to that of a clear sun as high: the fit of a constant in lighting/strength.py.
 
 Of most panoramas the sun is clipped, and its target is their sky's times a clear sky's ratio: of 8-bit pictures, whose
 blue is deeper than the sky's, such a sun has too little red. The HDR panoramas with an unclipped sun say how its colour
@@ -14,12 +14,13 @@ import numpy as np
 from export.evaluation.light import Judged, judged
 from export.evaluation.tables import table
 from lighting.colour import tone_map
-from lighting.decoding import lighting_from, toward_clear
+from lighting.decoding import lighting_from
 from lighting.errors import ModelError
 from lighting.evidence import said_of
 from lighting.geometry import Floats, angle_between
 from lighting.model import Model
 from lighting.photo import photo_of
+from lighting.strength import toward_clear
 
 POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's colour, tried
 

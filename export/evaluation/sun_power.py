@@ -1,4 +1,4 @@
-"""How far the network understates a sun that shines: the fit of a constant in lighting/decoding.py.
+"""How far the network understates a sun that shines: the fit of a constant in lighting/strength.py.
 
 A network that minimises errors keeps to the middle: of a sun that surely shines it still says a little less than such
 suns give. Of the ordinary photos of `train` it learnt the direction alone, so what it says of the power of the sun in

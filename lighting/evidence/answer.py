@@ -3,11 +3,12 @@
 from dataclasses import replace
 from typing import Any
 
-from lighting.decoding import lighting_from, said_elevation, tinted
+from lighting.decoding import lighting_from, said_elevation
 from lighting.evidence.exposure import daylight_probability, too_dark
 from lighting.evidence.fusion import Evidence, Fused
 from lighting.evidence.metadata import Known
 from lighting.records import SUITABLE, Estimate, Lighting, significant
+from lighting.strength import tinted
 
 _UNSUITABLE = (
     "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading, von_mises
-from lighting.decoding import light_numbers, light_of_numbers, said_elevation
+from lighting.decoding import said_elevation
 from lighting.errors import ParameterError
 from lighting.evidence.distributions import ELEVATION_SPREAD, elevation_density, noisy_cells, noisy_rings, seen_from
 from lighting.evidence.frames import Frames, contrary_up, frames
@@ -30,6 +30,7 @@ from lighting.evidence.fusion import (
 from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts, multiplied, power
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import EVIDENCE, Light, Prediction, SunEstimate
+from lighting.strength import light_numbers, light_of_numbers
 from lighting.sun_grid import grid_directions, grid_solid_angle
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lighting.circular import HEADINGS
-from lighting.decoding import light_numbers, light_of_numbers
 from lighting.evidence import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, seen_from
 from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts, multiplied
 from lighting.geometry import Floats, direction
 from lighting.records import Light, Prediction
+from lighting.strength import light_numbers, light_of_numbers
 from lighting.sun_grid import grid_solid_angle
 from lighting.video.watched import Seen
 

@@ -4,12 +4,12 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from lighting.decoding import with_ground
 from lighting.envmap import Image, brighten, view
 from lighting.evidence import estimate_of
 from lighting.files import full_record
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.records import Lighting
+from lighting.strength import with_ground
 from lighting.video.shot import Shot
 from lighting.video.zoom import zoomed_fov
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.decoding import with_ground
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
 from lighting.evidence import Given, Known, check_given, estimate_of
@@ -23,6 +22,7 @@ from lighting.model import Model, model_or_packaged
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
 from lighting.sizes import shrunk
+from lighting.strength import with_ground
 from lighting.turns import focal_of, nearest_rotation, rotation_about, rotation_vector
 from lighting.video.bank import FIRST, Bank, Kept
 from lighting.video.clip import SIDE, Frame

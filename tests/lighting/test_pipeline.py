@@ -12,7 +12,7 @@ import pytest
 import lighting
 from lighting import model as model_module
 from lighting import pipeline
-from lighting.decoding import lighting_from, toward_clear
+from lighting.decoding import lighting_from
 from lighting.errors import ModelError, ParameterError, PhotoError
 from lighting.evidence import Evidence, Given, Gravity
 from lighting.evidence.answer import UNSUITABLE
@@ -22,6 +22,7 @@ from lighting.photo import Photo, photo_of
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator, _view, estimate, with_seen_colours
 from lighting.records import Lighting
+from lighting.strength import toward_clear
 from tests.conftest import AROUND, encode, scene, write_network
 from tests.lighting.evidence.test_fusion import UNIFORM, prediction
 
