@@ -70,7 +70,8 @@ class Client:
 
     async def ask(self) -> None:
         headers = [(b"content-type", self.kind.encode())]
-        scope = {"type": "http", "method": "POST", "path": "/v1/lighting", "query_string": b"", "headers": headers}
+        scope = {"type": "http", "http_version": "1.1", "method": "POST", "path": "/v1/lighting", "query_string": b""}
+        scope["headers"] = headers
         await self.app(scope, self.receive, self.send)
 
     @property

@@ -228,8 +228,10 @@ def test_exposures_that_cannot_be_read_are_named(tmp_path: Path) -> None:
         (tmp_path / "a.exr", ": The file is not an OpenEXR image."),
         (panorama(tmp_path / "b.exr", np.nan), ": The picture holds values that are not finite numbers."),
     ):
+        other = path.with_stem("other")
+        other.write_bytes(path.read_bytes())
         result = run(
-            "merge", path, path, "--lens", "latlong", *WHERE, "--time", DAY.isoformat(), "-o", tmp_path / "probe.exr"
+            "merge", path, other, "--lens", "latlong", *WHERE, "--time", DAY.isoformat(), "-o", tmp_path / "probe.exr"
         )
         assert error_of(result) == f"{path}{said}"
 

@@ -51,7 +51,7 @@ def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path)
         "1 of 2 photos failed.",
     ]
     assert result.exit_code == 1
-    assert run("estimate", "", "--model", network).stderr == "Error: '': Is a directory.\n"
+    assert run("estimate", "", "--model", network).stderr == "Error: '': The name of the file is empty.\n"
 
 
 def test_a_name_that_is_not_text_is_shown_escaped(network: Path, tmp_path: Path) -> None:
