@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @cli.command()
 @click.argument("file")
 def info(file: str) -> None:
-    """Describe an EXR, a Radiance HDR, a network, a record or a photo as JSON."""
+    """Describe an EXR, HDR, network, record or photo as JSON."""
     describe = _BY_SUFFIX.get(Path(file).suffix.lower(), _describe_picture)
     click.echo(json.dumps({"file": file, **describe(file)}, indent=2))
 
