@@ -186,3 +186,16 @@ def ray_sphere(origin: Floats, direction: Floats, centre: Floats, radius: float 
     discriminant = along**2 - np.einsum("...i,...i->...", towards, towards) + radius**2
     distance = along - np.sqrt(np.maximum(discriminant, 0))
     return np.asarray(np.where((discriminant > 0) & (distance > 0), distance, np.inf))
+
+
+def window_of(cells: NDArray[np.bool_], height: int, width: int) -> tuple[slice, slice] | None:
+    """Rows and columns of a picture that hold the true cells (H, W) of a coarse one, and a cell around them, if any."""
+    if not cells.any():
+        return None
+    return _span(cells, 0, height), _span(cells, 1, width)
+
+
+def _span(cells: NDArray[np.bool_], axis: int, count: int) -> slice:
+    """Of `count` pixels along an axis those from the first true cell to the last, and a cell on either side."""
+    found, step = np.flatnonzero(cells.any(axis=1 - axis)), count / cells.shape[axis]
+    return slice(max(0, int((found[0] - 1) * step)), min(count, int(np.ceil((found[-1] + 2) * step))))

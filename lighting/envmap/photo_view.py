@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from lighting.colour import SRGB_LINEAR
 from lighting.envmap.clear import Image, brightest
-from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, latlong_angles, latlong_directions
+from lighting.geometry import (
+    Floats,
+    Pinhole,
+    camera_directions,
+    camera_pixel,
+    latlong_angles,
+    latlong_directions,
+    window_of,
+)
 from lighting.records import Lighting
 from lighting.sizes import scaled
 
@@ -102,16 +110,7 @@ def _window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
     """Rows and columns of a map (H, 2H) that hold the picture."""
     x, y = np.moveaxis(camera_pixel(latlong_directions(_COARSE), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false where NaN
-    if not inside.any():
-        return None
-    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
-    step = height / _COARSE
-    return _span(rows, step, height), _span(columns, step, 2 * height)
-
-
-def _span(cells: NDArray[np.intp], step: float, count: int) -> slice:
-    """The pixels, of `count` in all, that rows or columns `step` pixels wide cover, and one of them on either side."""
-    return slice(max(0, int((cells[0] - 1) * step)), min(count, int(np.ceil((cells[-1] + 2) * step))))
+    return window_of(inside, height, 2 * height)
 
 
 def _pixels(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import camera_of, lit_ground
-from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere
+from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere, window_of
 from lighting.preview.bounces import in_shade
 from lighting.preview.shading import Stage, ground, shade, sunlit
 from lighting.preview.spheres import SPACING
@@ -79,63 +79,45 @@ def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDAr
     """
     sun = _enlarged(lit[..., None], camera) * (stage.ground - stage.ground_sky).astype(np.float32)
     open_ground = stage.ground_sky.astype(np.float32) + np.float32(1e-6)
-    added = _added(camera, stage)
-    return np.asarray((open_ground + added + _shadow(camera, stage)[..., None] * sun) / (open_ground + sun))
+    points, near = _few_points(camera, stage)
+    added = np.zeros((*near.shape, 3), dtype=np.float32)  # by the balls and all but the sun, less than 0 under them
+    added[near] = ground(points, replace(stage, ground=stage.ground_sky)) - stage.ground_sky
+    shadow = _shadow(camera, stage, _dark(points, near, stage))
+    left = open_ground + _enlarged(added, camera) + shadow[..., None] * sun
+    return np.asarray(left / (open_ground + sun))
 
 
-def _added(camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
-    """The radiance (h, w, 3) of the ground that the balls add by all but the sun; less than 0 where they hide the sky.
-
-    It is smooth and computed for few pixels.
-    """
-    points, near = _ground_points(_few_rays(camera).astype(np.float32), stage)
-    added = np.zeros((*near.shape, 3), dtype=np.float32)
-    skylit = replace(stage, ground=stage.ground_sky)
-    added[near] = ground(points[near].astype(np.float64), skylit) - stage.ground_sky
-    return _enlarged(added, camera)
+def _few_points(camera: Pinhole, stage: Stage) -> tuple[Floats, NDArray[np.bool_]]:
+    """Points (N, 3) of the ground that the balls change, in a picture of fewer pixels, and which (H, W) they are."""
+    size = max(1, camera.width // _COARSE), max(1, camera.height // _COARSE)
+    return _ground_points(camera_directions(replace(camera, width=size[0], height=size[1])), stage)
 
 
-def _shadow(camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
-    """The share (h, w) of the sun that the balls leave each pixel of the ground, finely where their shadows lie."""
+def _dark(points: Floats, near: NDArray[np.bool_], stage: Stage) -> NDArray[np.bool_]:
+    """Which pixels (H, W) the balls' shadows reach, of those `near` at points (N, 3)."""
+    dark = near.copy()
+    dark[near] = sunlit(points, stage) < 1
+    return dark
+
+
+def _shadow(camera: Pinhole, stage: Stage, dark: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The share (h, w) of the sun that the balls leave each pixel; shadows lie in and around `dark` cells (H, W)."""
     share = np.ones((camera.height, camera.width), dtype=np.float32)
-    rows, columns = _shaded(camera, stage)
-    window = share[rows, columns]
-    if window.size:
-        points, near = _ground_points(_rays(camera, rows, columns), stage)
+    window = window_of(dark, camera.height, camera.width)
+    if window is not None:
+        points, near = _ground_points(_rays(camera, *window), stage)
         fine = np.ones(near.shape)
-        fine[near] = sunlit(points[near], stage)
-        window[...] = fine.reshape(len(window), _FINE, -1, _FINE).mean(axis=(1, 3))
+        fine[near] = sunlit(points, stage)
+        share[window] = fine.reshape(len(near) // _FINE, _FINE, -1, _FINE).mean(axis=(1, 3))
     return share
 
 
-def _shaded(camera: Pinhole, stage: Stage) -> tuple[slice, slice]:
-    """Rows and columns of the picture that hold the shadows; empty where there are none."""
-    points, near = _ground_points(_few_rays(camera), stage)
-    dark = np.zeros(near.shape, dtype=bool)
-    dark[near] = sunlit(points[near], stage) < 1
-    return _spanned(dark, 0, camera.height), _spanned(dark, 1, camera.width)
-
-
-def _spanned(dark: NDArray[np.bool_], axis: int, count: int) -> slice:
-    """Which of `count` rows (axis 0) or columns the dark pixels (H, W) of a smaller picture cover, and some around."""
-    found = np.flatnonzero(dark.any(axis=1 - axis))
-    if not found.size:
-        return slice(0)
-    step = count / dark.shape[axis]
-    return slice(max(0, int((found[0] - 1) * step)), min(count, int((found[-1] + 2) * step) + 1))
-
-
-def _few_rays(camera: Pinhole) -> Floats:
-    """Unit vectors (H, W, 3) through a picture of fewer pixels."""
-    size = max(1, camera.width // _COARSE), max(1, camera.height // _COARSE)
-    return camera_directions(replace(camera, width=size[0], height=size[1]))
-
-
 def _ground_points(rays: Floats, stage: Stage) -> tuple[Floats, NDArray[np.bool_]]:
-    """Where rays (h, w, 3) from the camera meet the ground, and which of these points the balls change."""
+    """Points (N, 3) where rays (h, w, 3) from the camera meet the ground that the balls change, and which (h, w) do."""
     reach = (stage.centres[0, 1] - 1) / np.minimum(rays[..., 1], -1e-6)
     points = rays * reach[..., None]
-    return points, (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centres[1], axis=-1) < _FAR)
+    near = (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centres[1], axis=-1) < _FAR)
+    return points[near], near
 
 
 def _enlarged(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:

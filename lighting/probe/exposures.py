@@ -36,9 +36,11 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
     """
     if len(paths) < 2:
         raise ProbeError(f"A probe needs two exposures or more; there {'is only one' if paths else 'are none'}.")
-    for number, path in enumerate(paths):
-        if Path(path).resolve() in [Path(other).resolve() for other in paths[:number]]:
+    files: set[Path] = set()
+    for path in paths:
+        if (file := Path(path).resolve()) in files:
             raise ProbeError(f"{path} is given twice.")
+        files.add(file)
     photos = [_read(Path(path), curve) for path in paths]
     return bracket_of(photos, [Path(path).name for path in paths])
 

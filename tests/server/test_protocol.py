@@ -2,7 +2,6 @@
 
 import json
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -10,7 +9,6 @@ from http.client import HTTPResponse
 from typing import Any
 
 import pytest
-import uvicorn
 from starlette.types import Receive, Scope, Send
 
 from server import protocol
@@ -18,6 +16,7 @@ from server.chunks import LEAST_CHUNK, MOST_CHUNKS
 from server.protocol import _PIECE, HEADER_BYTES, BoundedProtocol
 from server.schemas import Problem
 from server.unsent import Unsent
+from tests.server.running import running
 
 SECONDS = 1.0
 LARGE = 50_000_000  # bytes of an answer: more than the sockets of both sides keep
@@ -47,15 +46,8 @@ def unsent() -> Unsent:
 @pytest.fixture(scope="module")
 def port(unsent: Unsent) -> Iterator[int]:
     http: Any = partial(BoundedProtocol, head_seconds=SECONDS, answer_rate=10_000_000, unsent=unsent)
-    config = uvicorn.Config(app, port=0, http=http, log_level="error", lifespan="off")
-    server = uvicorn.Server(config)
-    thread = threading.Thread(target=server.run, daemon=True)
-    thread.start()
-    while not server.started:
-        time.sleep(0.01)
-    yield server.servers[0].sockets[0].getsockname()[1]
-    server.should_exit = True
-    thread.join(30)
+    with running(app, http) as number:
+        yield number
 
 
 def connected(port: int) -> socket.socket:

@@ -1,18 +1,16 @@
 """A refusal reaches a client that sends a large body and wants its connection closed, on a real socket."""
 
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from http.client import HTTPConnection
 
 import anyio
 import pytest
-import uvicorn
 from starlette.types import Message, Receive, Scope, Send
 
 from server import unread
 from server.unread import ReadOn
+from tests.server.running import running
 
 LARGE = bytes(20_000_000)  # more than the sockets of both sides keep
 
@@ -25,14 +23,8 @@ async def refusing(_scope: Scope, _receive: Receive, send: Send) -> None:
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
-    server = uvicorn.Server(uvicorn.Config(ReadOn(refusing), port=0, http="h11", log_level="error", lifespan="off"))
-    thread = threading.Thread(target=server.run, daemon=True)
-    thread.start()
-    while not server.started:
-        time.sleep(0.01)
-    yield server.servers[0].sockets[0].getsockname()[1]
-    server.should_exit = True
-    thread.join(30)
+    with running(ReadOn(refusing), "h11") as number:
+        yield number
 
 
 @pytest.mark.parametrize("headers", [{}, {"Connection": "close"}])

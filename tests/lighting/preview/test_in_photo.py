@@ -11,7 +11,7 @@ from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import render
 from lighting.geometry import Pinhole, camera_pixel
 from lighting.preview.bounces import lit_stage
-from lighting.preview.in_photo import BALL, _shadow, ball_centres, with_balls
+from lighting.preview.in_photo import BALL, _dark, _few_points, _shadow, ball_centres, with_balls
 from lighting.preview.shading import DIFFUSE_REFLECTANCE, Stage
 from lighting.preview.spheres import sphere_centres
 from lighting.records import Lighting
@@ -86,8 +86,9 @@ def test_the_edges_of_shadows_are_smooth() -> None:
     assert centres is not None
     there = replace(stage(), centres=centres)
     fine = replace(CAMERA, width=8 * WIDTH, height=8 * HEIGHT)
-    many = _shadow(fine, there).reshape(HEIGHT, 8, WIDTH, 8).mean(axis=(1, 3))
-    share = _shadow(CAMERA, there)
+    dark = _dark(*_few_points(CAMERA, there), there)
+    many = _shadow(fine, there, np.ones((1, 1), dtype=bool)).reshape(HEIGHT, 8, WIDTH, 8).mean(axis=(1, 3))
+    share = _shadow(CAMERA, there, dark)
     edge = (many > 0.01) & (many < 0.99)
     assert edge.sum() > 50
     assert np.abs(share - many)[edge].mean() < 0.12  # one ray a pixel: 0.21
