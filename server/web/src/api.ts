@@ -83,6 +83,12 @@ export class Refusal extends Error {
   ) {
     super(detail);
   }
+
+  /** The same with the file's name, where the file is what was refused. */
+  of(file: File): Refusal {
+    const itsFault = [400, 413, 415].includes(this.status);
+    return itsFault ? new Refusal(this.status, this.title, `${file.name}: ${this.message}`) : this;
+  }
 }
 
 export const TOOLS = ["blender", "usd", "gltf", "threejs", "mitsuba"] as const;

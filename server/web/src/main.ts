@@ -112,7 +112,10 @@ async function run({ sources, given }: Wish, signal: AbortSignal): Promise<void>
   const began = performance.now();
   const pictures = opened(files, signal);
   pictures.catch(() => {}); // told below: what is said of the light comes first, for it says which photo is meant
-  const answers = await estimate(files, given, signal);
+  const answers = await estimate(files, given, signal).catch((error: unknown) => {
+    const [file, ...others] = files; // of several, the service says which it means
+    throw error instanceof Refusal && file && others.length === 0 ? error.of(file) : error;
+  });
   const photos = await pictures;
   if (signal.aborted) return;
   for (const { photo } of shown?.views ?? []) URL.revokeObjectURL(photo.url);

@@ -15,7 +15,7 @@ const MARGIN = 20;
 const HEAT_SIZE = 160; // pixels of the density before enlargement
 const READ_RADIUS = 10; // degrees around the pointer whose probability is read
 const KEY_STEP = 5; // degrees
-const HINT = "Point at the sky to read its probability; click to move the sun there.";
+const HINT = "Rings hold 50 and 90 % of the probability. Point to read it, click to move the sun.";
 
 export class Dome {
   private readonly heat = document.createElement("canvas");

@@ -4,6 +4,7 @@ import type { Lighting, Parameters } from "../api";
 import { clamp, direction, type Vector } from "../pure/angles";
 import { type Camera, horizon, type Point, type SunMark, sunMark } from "../pure/camera";
 import { frameOf, inSky, pieces, rim, toMap } from "../pure/sphere";
+import { isSunny } from "../pure/words";
 import { path, sunSign, svg, text } from "./svg";
 
 const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its words can meet the horizon's name
@@ -78,11 +79,12 @@ export function mapMarks(
   ];
 }
 
-/** The circles that hold 50 % and 90 % of the sun's probability, as far as they lie in the sky. */
-export function regions({ sun }: Lighting, around: Vector): { line: Vector[]; kind: string }[] {
+/** The circles that hold 50 % and 90 % of the sun's probability, as far as they lie in the sky; pale where none shines. */
+export function regions(lighting: Lighting, around: Vector): { line: Vector[]; kind: string }[] {
+  const kind = isSunny(lighting) ? "region" : "region pale";
   const circles = [
-    { radius: sun.radius_90, kind: "region wide" },
-    { radius: sun.radius_50, kind: "region" },
+    { radius: lighting.sun.radius_90, kind: `${kind} wide` },
+    { radius: lighting.sun.radius_50, kind },
   ];
   return circles.flatMap(({ radius, kind }) => inSky(rim(around, radius)).map((line) => ({ line, kind })));
 }
