@@ -44,13 +44,13 @@ def opened(name: str) -> Iterator[BinaryIO]:
 
 
 def picture_bytes(name: str) -> bytes:
-    """What the file of an EXR holds, or that of a photo as far as a photo may; PhotoTooLargeError or OSError."""
-    from lighting.files import MAGIC
+    """What the file of an EXR or HDR holds, or that of a photo as far as a photo may; PhotoTooLargeError or OSError."""
+    from lighting.files import MAGIC, MAGIC_HDR
     from lighting.photo import MAX_BYTES
 
     with opened(name) as stream:
         head = stream.read(len(MAGIC))
-        return head + (stream.read() if head == MAGIC else stream.read(MAX_BYTES))
+        return head + (stream.read() if head.startswith((MAGIC, MAGIC_HDR)) else stream.read(MAX_BYTES))
 
 
 def photo_bytes(name: str) -> bytes:

@@ -12,6 +12,7 @@ import click
 
 from lighting.cli.files import lighting_of, naming, open_lighting, picture_bytes
 from lighting.cli.group import cli
+from lighting.cli.silence import silence
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,12 +47,15 @@ def _describe_network(file: str) -> dict[str, Any]:
 
 
 def _describe_picture(file: str) -> dict[str, Any]:
-    from lighting.files import MAGIC
+    from lighting.files import MAGIC, MAGIC_HDR, decode_hdr
     from lighting.photo import read_photo
 
     data = picture_bytes(file)
     if data.startswith(MAGIC):
         return _describe_map(file, data)
+    if data.startswith(MAGIC_HDR):
+        with naming(file):
+            return _map_like(decode_hdr(data))
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):
         return _of_record(lighting_of(data, file))
     with naming(file):
@@ -72,17 +76,10 @@ def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
 
 def _describe_map(file: str, data: bytes) -> dict[str, Any]:
     from lighting.files import full_record, read_exr
-    from lighting.probe import silence
 
     with naming(file), silence():
         image, lighting = read_exr(BytesIO(data))
     return {**_map_like(image), "lighting": None if lighting is None else full_record(lighting)}
-
-
-def _describe_hdr(file: str) -> dict[str, Any]:
-    from lighting.files import read_hdr
-
-    return _map_like(read_hdr(file))
 
 
 def _map_like(image: "NDArray[np.float32]") -> dict[str, Any]:
@@ -95,5 +92,4 @@ _BY_SUFFIX = {
     ".onnx": _describe_network,
     ".json": _describe_record,
     ".jsonl": _describe_record,
-    ".hdr": _describe_hdr,
 }

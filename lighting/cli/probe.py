@@ -10,6 +10,7 @@ import click
 from lighting.cli.given import read_moment, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
+from lighting.cli.silence import silence
 from lighting.cli.words import shown
 from lighting.errors import ParameterError, ProbeError
 
@@ -191,7 +192,7 @@ def _merge_series(
 
 
 def _bracket(shot: "Shot", settings: "Settings") -> "Bracket":
-    from lighting.probe import read_bracket, silence
+    from lighting.probe import read_bracket
 
     with silence():
         return read_bracket(shot.files, settings.curve)

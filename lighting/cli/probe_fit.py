@@ -7,6 +7,7 @@ import click
 
 from lighting.cli.files import naming
 from lighting.cli.probe import pair, probe
+from lighting.cli.silence import silence
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
 def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
     """What the map in a file says; errors name the file."""
     from lighting.files.exr import read_map
-    from lighting.probe import describe, silence
+    from lighting.probe import describe
 
     with silence():
         image = read_map(sky)

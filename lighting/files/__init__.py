@@ -6,15 +6,17 @@ from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attrib
 from lighting.files.folders import objection_to
 from lighting.files.formats import encode_envmap, encode_jpeg, encode_png, write_envmap
 from lighting.files.record import full_record, json_line
-from lighting.files.rgbe import read_hdr
+from lighting.files.rgbe import MAGIC_HDR, decode_hdr, read_hdr
 
 __all__ = [
     "COMPRESSIONS",
     "MAGIC",
+    "MAGIC_HDR",
     "SOFTWARE",
     "Compression",
     "Target",
     "checked_map",
+    "decode_hdr",
     "encode_envmap",
     "encode_jpeg",
     "encode_png",

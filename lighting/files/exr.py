@@ -49,8 +49,8 @@ def write_exr(
     `attributes` go into the header beside those of the lighting: texts, floats and what else OpenEXR knows. Every
     program opens `zip`, which changes values by up to 6e-5 of each; `zip-exact`, `piz`, `htj2k` and `none` change
     nothing, `pxr24` up to 1.6e-5. A path appears only when the file is whole. Raises EnvironmentMapError for an array
-    of another shape, another compression, a path that cannot be written and what is neither a path nor a stream,
-    ParameterError for what is no Lighting; what a stream raises is passed on.
+    of another shape, another compression, attributes that no EXR can have, a path that cannot be written and what is
+    neither a path nor a stream, ParameterError for what is no Lighting; what a stream raises is passed on.
     """
     import OpenEXR
 
@@ -64,6 +64,8 @@ def write_exr(
         **_attributes(lighting),
         **(attributes or {}),
     }
+    if attributes:
+        _try_attributes(header)
     file = OpenEXR.File(header, {"RGB": pixels})
     if isinstance(target, str | os.PathLike):
         with opened(target) as stream:
@@ -146,6 +148,16 @@ def opened(target: Target) -> Iterator[BinaryIO]:
             yield stream
     except OSError as error:
         raise EnvironmentMapError(f"{os.fspath(target)} cannot be written: {error.strerror or error}.") from error
+
+
+def _try_attributes(header: Mapping[str, Any]) -> None:
+    """Write a picture of one pixel with this header; EnvironmentMapError where OpenEXR knows no such attributes."""
+    import OpenEXR
+
+    try:
+        OpenEXR.File(dict(header), {"RGB": np.zeros((1, 1, 3), np.float32)}).write(io.BytesIO())
+    except (RuntimeError, ValueError, TypeError) as error:
+        raise EnvironmentMapError(f"The attributes cannot be those of an EXR: {str(error).rstrip('.')}.") from error
 
 
 def _attributes(lighting: Lighting | None) -> dict[str, Any]:

@@ -9,26 +9,33 @@ from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
 
+MAGIC_HDR = b"#?"
 _SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
 
 
 def read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """The pixels (H, W, 3) of a Radiance RGBE file, top row first, run-length coded or plain.
+    """The pixels (H, W, 3) of a Radiance RGBE file, see `decode_hdr`; EnvironmentMapError, which names the file."""
+    try:
+        return decode_hdr(Path(source).read_bytes())
+    except OSError as error:
+        raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
+    except EnvironmentMapError as error:
+        raise EnvironmentMapError(f"{os.fspath(source)}: {error}") from error
+
+
+def decode_hdr(data: bytes) -> NDArray[np.float32]:
+    """The pixels (H, W, 3) of a Radiance RGBE picture, top row first, run-length coded or plain.
 
     Raises EnvironmentMapError for another kind of file, a damaged one and one whose rows run another way.
     """
-    try:
-        data = Path(source).read_bytes()
-    except OSError as error:
-        raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
     size = _SIZE.search(data)
-    if not data.startswith(b"#?") or size is None:
-        raise EnvironmentMapError(f"{os.fspath(source)} is not a Radiance HDR picture with its top row first.")
+    if not data.startswith(MAGIC_HDR) or size is None:
+        raise EnvironmentMapError("The file is not a Radiance HDR picture with its top row first.")
     height, width = int(size[1]), int(size[2])
     try:
         pixels = _decoded(data, size.end(), height, width)
     except (IndexError, ValueError) as error:
-        raise EnvironmentMapError(f"{os.fspath(source)} is cut short or damaged.") from error
+        raise EnvironmentMapError("The HDR picture is cut short or damaged.") from error
     scale = np.ldexp(np.float32(1), pixels[..., 3:].astype(np.int32) - 136)
     return np.asarray(pixels[..., :3] * scale, dtype=np.float32)
 

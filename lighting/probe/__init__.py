@@ -8,7 +8,6 @@ from lighting.probe.folders import ProbeFile, probe_path, probes_in
 from lighting.probe.lens import ABSENT
 from lighting.probe.orientation import Orientation, Scan, orient
 from lighting.probe.settings import Moment, Settings
-from lighting.probe.silence import silence
 from lighting.probe.sky_fit import SkyFit, fit_sky
 from lighting.probe.sun_finder import FoundSun, find_sun
 from lighting.probe.write import target_of, write_probe
@@ -39,7 +38,6 @@ __all__ = [
     "read_bracket",
     "shot_of",
     "shots_of",
-    "silence",
     "target_of",
     "write_probe",
 ]

@@ -48,8 +48,10 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
 def bracket_of(photos: Sequence[LinearPhoto], names: Sequence[str] | None = None) -> Bracket:
     """The exposures in order: by EXIF where all have it, else by how bright they are.
 
-    Raises ProbeError for sizes that differ.
+    Raises ProbeError where there is none, and for sizes that differ.
     """
+    if not photos:
+        raise ProbeError("A bracket needs at least one exposure.")
     sizes = {photo.pixels.shape[:2] for photo in photos}
     if len(sizes) > 1:
         listed = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))

@@ -48,6 +48,18 @@ def test_info_of_a_record(record_path: Path, tmp_path: Path) -> None:
     error_of(run("info", tmp_path / "bad.json"))
 
 
+def test_an_hdr_picture_is_known_by_its_first_bytes(record_path: Path, tmp_path: Path) -> None:
+    run("render", record_path, "-o", tmp_path / "a.hdr", "--height", "16")
+    whole = (tmp_path / "a.hdr").read_bytes()
+    assert json.loads(run("info", "-", stdin=whole).stdout) == {
+        "file": "-",
+        "kind": "environment map",
+        "width": 32,
+        "height": 16,
+    }
+    assert error_of(run("info", "-", stdin=whole[:200])) == "stdin: The HDR picture is cut short or damaged."
+
+
 def test_info_reads_stdin(photo_path: Path) -> None:
     assert json.loads(run("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
     record = json.dumps(full_record(LIGHTING)).encode()

@@ -310,6 +310,15 @@ def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, image: NDArray
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("attributes", [{"place": {"a": 1}}, {"": 1.0}, {"compression": "foo"}, {3: 4.0}])
+def test_attributes_that_no_exr_can_have_are_refused(
+    tmp_path: Path, image: NDArray[np.float32], attributes: dict[Any, Any]
+) -> None:
+    with pytest.raises(EnvironmentMapError, match=r"^The attributes cannot be those of an EXR: "):
+        write_exr(tmp_path / "a.exr", image, attributes=attributes)
+    assert not list(tmp_path.iterdir())
+
+
 def test_header_of_the_strength_of_the_light(image: NDArray[np.float32]) -> None:
     known = replace(LIGHT, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), sky_cover=0.2, suitable=0.9)
     stream = io.BytesIO()

@@ -27,7 +27,7 @@ def test_a_plain_file_is_read_as_well(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", ["-Y 0 +X 0", "-Y 4 +X 0", "-Y 0 +X 4"])
 def test_a_file_without_pixels_is_refused(tmp_path: Path, size: str) -> None:
     (tmp_path / "a.hdr").write_bytes(f"#?RADIANCE\n\n{size}\n".encode())
-    with pytest.raises(EnvironmentMapError, match=r"a\.hdr is cut short or damaged\.$"):
+    with pytest.raises(EnvironmentMapError, match=r"a\.hdr: The HDR picture is cut short or damaged\.$"):
         read_hdr(tmp_path / "a.hdr")
 
 

@@ -32,6 +32,8 @@ def test_one_exposure_is_no_bracket(tmp_path: Path) -> None:
         read_bracket([tmp_path / "a.png"])
     with pytest.raises(ProbeError, match="there are none"):
         read_bracket([])
+    with pytest.raises(ProbeError, match="at least one"):
+        bracket_of([])
 
 
 def test_an_exposure_that_is_given_twice_is_refused(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from lighting.probe.silence import silence
+from lighting.cli.silence import silence
 
 
 def chatter(words: str) -> None:
