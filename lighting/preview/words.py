@@ -10,6 +10,7 @@ from lighting.preview.palette import MUTED, SUN, TEXT
 from lighting.records import SUITABLE, Lighting
 
 ANYWHERE = 90.0  # deg: where a tenth of the probability lies farther off than this, the sun may as well be opposite
+DOUBTED = 0.25  # probability of direct sunlight from which on its absence is not certain
 _LETTERS = 160  # of a line of warnings
 
 
@@ -17,7 +18,8 @@ def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
     visible, hedge = lighting.sun_shines, _hedge(lighting)
     where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
-    title = f"Sun {hedge}{where}" if visible else "No direct sun"
+    none = "No direct sun" if lighting.sun_visibility < DOUBTED else "Probably no direct sun"
+    title = f"Sun {hedge}{where}" if visible else none
     doubtful = lighting.suitable is not None and lighting.suitable < SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
     sources = _sources(lighting)

@@ -61,9 +61,11 @@ def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, 
             0.1,
             "an overcast or shaded scene; if the sun shone, it would perhaps stand 150° right (behind), 40° high",
         ),
+        (20.0, 0.1, "No direct sun"),
+        (20.0, 0.4, "Probably no direct sun"),
     ],
 )
-def test_a_sun_that_may_be_opposite_is_not_stated_plainly(
+def test_what_is_not_certain_is_not_stated_plainly(
     monkeypatch: pytest.MonkeyPatch, radius: float, visibility: float, words: str
 ) -> None:
     written: list[str] = []

@@ -5,6 +5,7 @@ import { azimuthWords, isSunny, percent, short } from "./words";
 
 const [SURE, VAGUE, LOST] = [8, 20, 45]; // degrees around the sun that hold half of the probability
 const UNSUITABLE = 0.5;
+const DOUBTED = 0.25; // probability of direct sunlight from which on its absence is not certain
 
 export interface Headline {
   title: string;
@@ -25,7 +26,8 @@ export function headline(lighting: Lighting): Headline {
     const text = `An overcast or shaded scene, by ${percent(1 - lighting.sun.visibility)}. If the sun shone, it would ${
       radius_50 > LOST ? "be anywhere" : `stand ${sideOf(azimuth)}, ${heightOf(elevation)}`
     }.`;
-    return { title: "No sun to be seen", text, kind: "grey" };
+    const title = lighting.sun.visibility < DOUBTED ? "No sun to be seen" : "Probably no sun to be seen";
+    return { title, text, kind: "grey" };
   }
   const spread = `Half of the probability lies within ${short(radius_50)}°, 90\u00a0% within ${short(radius_90)}°.`;
   if (radius_50 <= SURE) return { title: `Sun ${where}`, text: spread, kind: "sunny" };
