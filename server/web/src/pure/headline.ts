@@ -23,7 +23,7 @@ export function headline(lighting: Lighting): Headline {
     return { title: "This does not look like an outdoor daylight photo", text, kind: "unsuitable" };
   }
   if (!isSunny(lighting)) {
-    const text = `An overcast or shaded scene, by ${percent(1 - lighting.sun.visibility)}. If the sun shone, it would ${
+    const text = `An overcast or shaded scene is ${percent(1 - lighting.sun.visibility)} likely. If the sun shone, it would ${
       radius_50 > LOST ? "be anywhere" : `stand ${sideOf(azimuth)}, ${heightOf(elevation)}`
     }.`;
     const title = lighting.sun.visibility < DOUBTED ? "No sun to be seen" : "Probably no sun to be seen";
