@@ -95,7 +95,9 @@ describe("the headline", () => {
     expect(titleOf({ visibility: 0.2 })).toBe("No sun to be seen");
     expect(titleOf({ visibility: 0.4 })).toBe("Probably no sun to be seen");
     const { text } = headline({ ...RECORD, sun: { ...RECORD.sun, visibility: 0.2 } });
-    expect(text).toContain("is 80\u00a0% likely. If the sun shone, it would stand ahead, to the right, at half height.");
+    expect(text).toContain(
+      "is 80\u00a0% likely. If the sun shone, it would stand ahead, to the right, at half height.",
+    );
   });
 
   it("says when the photo is none of outdoor daylight, where the service tells", () => {
