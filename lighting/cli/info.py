@@ -53,7 +53,7 @@ def _describe_picture(file: str) -> dict[str, Any]:
     data = picture_bytes(file)
     if data.startswith(MAGIC):
         return _describe_map(file, data)
-    if data.startswith(MAGIC_HDR):
+    if data.startswith(MAGIC_HDR) or Path(file).suffix.lower() == ".hdr":
         with naming(file):
             return _map_like(decode_hdr(data))
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):

@@ -58,6 +58,10 @@ def test_an_hdr_picture_is_known_by_its_first_bytes(record_path: Path, tmp_path:
         "height": 16,
     }
     assert error_of(run("info", "-", stdin=whole[:200])) == "stdin: The HDR picture is cut short or damaged."
+    (tmp_path / "b.hdr").write_bytes(b"no picture")
+    assert error_of(run("info", tmp_path / "b.hdr")).endswith(
+        "b.hdr: The file is not a Radiance HDR picture with its top row first."
+    )
 
 
 def test_info_reads_stdin(photo_path: Path) -> None:
