@@ -79,7 +79,7 @@ def read_shots(
         mask=kept,
         place=next((place for f in facts if (place := location_of(f))), None),
         heading=next((f.heading for f in facts if f.heading is not None and f.heading_reference == "true"), None),
-        focal_length=next((f.focal_length for f in facts if f.focal_length is not None), None),
+        focal_length=next((f.focal_length for f in facts if f.vertical_fov is not None), None),  # not of cropped ones
         warnings=_warnings(shots, lost),
     )
 

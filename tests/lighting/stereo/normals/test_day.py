@@ -50,6 +50,12 @@ def test_a_day_of_jpegs(tmp_path: Path) -> None:
     assert "JPEG" in shots.warnings[0]
 
 
+def test_cropped_photos_tell_no_lens(tmp_path: Path) -> None:
+    """The camera noted 96 x 64 pixels, of which 64 x 64 are left: the diagonal is no longer the lens's."""
+    fill(tmp_path, OffsetTimeOriginal="+02:00", ExifImageWidth=96, ExifImageHeight=64)
+    assert read_shots(tmp_path).focal_length is None
+
+
 def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
     for index in range(3):
         write_png16(tmp_path / f"{index}.png", 60000 * scene()[..., None])
