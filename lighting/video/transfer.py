@@ -50,7 +50,7 @@ def to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np
     linear = _table(curve).take(coded)
     if primaries == WIDE:
         linear = linear @ _TO_709.T
-    return _encoding().take((np.clip(linear, 0.0, 1.0) * np.float32(_STEPS)).astype(np.intp))
+    return _encoding().take((np.clip(linear, 0.0, 1.0) * np.float32(_STEPS) + np.float32(0.5)).astype(np.intp))
 
 
 @lru_cache(maxsize=2)

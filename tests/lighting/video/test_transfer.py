@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lighting.colour import srgb_encode
 from lighting.video.transfer import hlg_decode, pq_decode, to_srgb
 
 
@@ -26,6 +27,12 @@ def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
     darker = to_srgb(coded // 2, curve, 9)
     assert np.ptp(darker) <= 1
     assert darker.max() < 200
+
+
+def test_dark_greys_are_no_darker_than_their_light() -> None:
+    coded = np.repeat(np.arange(200, 8000, dtype=np.uint16)[:, None], 3, axis=1)
+    wanted = 255.0 * srgb_encode(hlg_decode(coded / 65535.0))
+    assert np.mean(to_srgb(coded, "hlg", 1) - wanted) == pytest.approx(0.0, abs=0.05)
 
 
 def test_primaries_of_bt2020_are_more_saturated_than_those_of_bt709() -> None:
