@@ -27,6 +27,7 @@ _PLACE = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?
 _PAIR = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
 _FIX = re.compile(r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)")  # longitude first, as older models write it
 _START = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
+_NO_DIGITAL_ZOOM = (0.0, 1.0, 10000.0)  # ratios: some models count ten-thousandths, and 0 says nothing
 _CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
 
 
@@ -138,7 +139,10 @@ def subtitle_facts(text: str, width: int, height: int) -> tuple[PhotoFacts, Gimb
 
 
 def _entry(block: str) -> dict[str, Any]:
-    """The numbers of one entry by name, with `start` [s] and perhaps `clock`; empty where it is not DJI's."""
+    """The numbers of one entry by name, with `start` [s] and perhaps `clock`; empty where it is not DJI's.
+
+    A picture that is zoomed digitally is a crop, of which the focal length says nothing.
+    """
     start = _START.search(block)
     said = {name.lower(): value for name, value in _PAIR.findall(block)}
     numbers: dict[str, Any] = {name: float(value) for name, value in said.items()}
@@ -147,7 +151,8 @@ def _entry(block: str) -> dict[str, Any]:
     if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
         return {}
     hours, minutes, seconds, thousandths = map(int, start.groups())
-    numbers["focal_len"] = _focal_length(said.get("focal_len", ""))
+    zoomed = numbers.get("dzoom_ratio", 1.0) not in _NO_DIGITAL_ZOOM
+    numbers["focal_len"] = None if zoomed else _focal_length(said.get("focal_len", ""))
     numbers["start"] = 3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0
     if clock := _CLOCK.search(block):
         numbers["clock"] = _read(_local_time, clock[0])

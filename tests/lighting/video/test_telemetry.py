@@ -83,6 +83,15 @@ def test_a_drone_counts_its_focal_length_in_millimetres_or_tenths(said: str, len
 
 
 @pytest.mark.parametrize(
+    ("ratio", "length"), [("10000, delta:0", 24.0), ("1.00", 24.0), ("20000, delta:0", None), ("1.50", None)]
+)
+def test_a_picture_that_is_zoomed_digitally_tells_no_lens(ratio: str, length: float | None) -> None:
+    facts, _ = subtitle_facts(DJI.replace("24.00]", f"24.00] [dzoom_ratio: {ratio}]"), 1920, 1080)
+    assert facts.focal_length == length
+    assert (facts.vertical_fov is None) == (length is None)
+
+
+@pytest.mark.parametrize(
     "said",
     [
         "F/2.8, SS 1000, ISO 100, EV 0, GPS (-74.006, 40.7128, 15), D 10.2m, H 10.0m, H.S 0.0m/s",
