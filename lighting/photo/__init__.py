@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
     from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, vertical_fov
-    from lighting.photo.gravity import SENSOR_SPREAD, STEEP
+    from lighting.photo.gravity import SENSOR_SPREAD, STEEP, heading_by_gimbal
     from lighting.photo.held import checked_pixels, photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
@@ -48,6 +48,7 @@ __all__ = [
     "facts_of",
     "fit_size",
     "fitted",
+    "heading_by_gimbal",
     "in_utc",
     "is_empty",
     "is_panorama",
@@ -89,6 +90,7 @@ __getattr__ = from_homes(
         "facts_of": "linear",
         "fit_size": "canvas",
         "fitted": "canvas",
+        "heading_by_gimbal": "gravity",
         "in_utc": "clock",
         "is_empty": "no_photo",
         "is_panorama": "no_photo",

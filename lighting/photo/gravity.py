@@ -70,10 +70,14 @@ def gimbal_heading(said: Mapping[str, str]) -> float | None:
     """Degrees clockwise from north of where such a camera points, of its picture's upper edge where that is down."""
     for names in (_names(_DJI), _names(_PIX4D)):
         if (angles := _angles(said, names)) is not None:
-            pitch, roll, yaw = angles
-            on_its_head = abs(abs(pitch) - 90.0) < 90.0 - STEEP and abs(roll) > 90.0  # straight down, as DJI's may say
-            return (yaw + 180.0 * on_its_head) % 360.0
+            return heading_by_gimbal(*angles)
     return None
+
+
+def heading_by_gimbal(pitch: float, roll: float, yaw: float) -> float:
+    """The same by a gimbal's own angles [deg]."""
+    on_its_head = abs(abs(pitch) - 90.0) < 90.0 - STEEP and abs(roll) > 90.0  # straight down, as DJI's may say
+    return (yaw + 180.0 * on_its_head) % 360.0
 
 
 def by_elevation_angle(tags: Mapping[int, Any]) -> Held | None:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from lighting.geometry import Floats
-from lighting.photo import YEARS, PhotoFacts, vertical_fov
+from lighting.geometry import Floats, wrap_azimuth
+from lighting.photo import YEARS, PhotoFacts, heading_by_gimbal, vertical_fov
 
 APPLE = "com.apple.quicktime."
 PLACES = (f"{APPLE}location.ISO6709", "location", "location-eng", "\xa9xyz")
@@ -36,7 +36,7 @@ class Gimbal:
     """Where a drone says its camera points; all (N,), N may be 0, times rising."""
 
     time: Floats = field(default_factory=lambda: np.empty(0))  # s from the clip's start
-    heading: Floats = field(default_factory=lambda: np.empty(0))  # deg clockwise from north
+    heading: Floats = field(default_factory=lambda: np.empty(0))  # deg clockwise from north, as `heading_by_gimbal`
     elevation: Floats = field(default_factory=lambda: np.empty(0))  # deg
     roll: Floats = field(default_factory=lambda: np.empty(0))  # deg
 
@@ -44,9 +44,9 @@ class Gimbal:
         """Heading, elevation and roll [deg] at a time [s] between the first and the last."""
         if not len(self.time) or not self.time[0] - 1.0 <= time <= self.time[-1] + 1.0:
             return None
-        turns = np.degrees(np.unwrap(np.radians(self.heading)))
-        heading, elevation, roll = (float(np.interp(time, self.time, v)) for v in (turns, self.elevation, self.roll))
-        return heading % 360.0, elevation, roll
+        turns, rolls = (np.degrees(np.unwrap(np.radians(angle))) for angle in (self.heading, self.roll))
+        heading, elevation, roll = (float(np.interp(time, self.time, v)) for v in (turns, self.elevation, rolls))
+        return heading % 360.0, elevation, float(wrap_azimuth(roll))
 
 
 def container_facts(metadata: Mapping[str, str], width: int, height: int) -> PhotoFacts:
@@ -195,7 +195,9 @@ def _gimbal(entries: list[dict[str, Any]]) -> Gimbal:
     table = np.array([[e["start"], e["gb_yaw"], e["gb_pitch"], e["gb_roll"]] for e in said], dtype=np.float64)
     if not len(table) or np.any(np.diff(table[:, 0]) <= 0) or np.any(np.abs(table[:, 1:]) > 360.0):
         return Gimbal()
-    return Gimbal(table[:, 0], table[:, 1] % 360.0, table[:, 2], table[:, 3])
+    time, yaw, pitch, roll = table.T
+    heading = np.array([heading_by_gimbal(*angles) for angles in zip(pitch, roll, yaw, strict=True)])
+    return Gimbal(time, heading, pitch, roll)
 
 
 def merged_facts(first: PhotoFacts, second: PhotoFacts) -> PhotoFacts:

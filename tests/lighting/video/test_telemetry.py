@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from lighting.video.telemetry import container_facts, merged_facts, subtitle_facts
+from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts
 
 DJI = """1
 00:00:00,000 --> 00:00:00,033
@@ -71,6 +71,19 @@ def test_subtitles_of_a_drone_tell_place_lens_clock_and_gimbal() -> None:
     assert facts.focal_length == 24.0
     assert gimbal.at(1.0) == pytest.approx((0.0, -15.0, 0.5))  # half-way from 350 to 10 deg, over north
     assert gimbal.at(60.0) is None
+
+
+def test_a_gimbal_on_its_head_points_where_the_upper_edge_of_its_picture_does() -> None:
+    """DJI's may count straight down in two ways, half a turn of yaw and roll apart, and change between them."""
+    down = DJI.replace("gb_yaw: 350.0 gb_pitch: -10.0 gb_roll: 0.5", "gb_yaw: 100.0 gb_pitch: -90.0 gb_roll: 0.0")
+    down = down.replace("gb_yaw: 10.0 gb_pitch: -20.0 gb_roll: 0.5", "gb_yaw: -80.0 gb_pitch: -90.0 gb_roll: 180.0")
+    _, gimbal = subtitle_facts(down, 1920, 1080)
+    assert [gimbal.at(time)[0] for time in (0.0, 1.0, 2.0)] == pytest.approx([100.0] * 3)  # type: ignore[index]
+
+
+def test_a_roll_is_read_over_half_a_turn() -> None:
+    turned = Gimbal(np.array([0.0, 2.0]), np.zeros(2), np.zeros(2), np.array([179.0, -179.0]))
+    assert turned.at(1.0) == pytest.approx((0.0, 0.0, 180.0))
 
 
 @pytest.mark.parametrize(
