@@ -1,0 +1,42 @@
+"""Decoded pictures as sRGB: the values that the recommendations give for coded ones."""
+
+import av
+import numpy as np
+import pytest
+
+from lighting.video.picture import upright
+
+CODED = (
+    (16, 128, 128),
+    (30, 128, 128),
+    (126, 128, 128),
+    (235, 128, 128),
+    (110, 96, 184),
+    (140, 102, 78),
+    (92, 192, 112),
+)
+BT709, BT601 = (0.2126, 0.0722), (0.299, 0.114)  # weights of red and blue
+
+
+@pytest.mark.parametrize(("side", "off"), [(64, 1.1), (128, 2.1)])
+@pytest.mark.parametrize(("matrix", "weights"), [(1, BT709), (5, BT601)])
+@pytest.mark.parametrize("coded", CODED)
+def test_colours_are_those_that_were_coded(
+    coded: tuple[int, int, int], matrix: int, weights: tuple[float, float], side: int, off: float
+) -> None:
+    """Frames are reduced to a level; what is left as large goes through libswscale's own tables."""
+    frame = av.VideoFrame(128, 128, "yuv420p")
+    for plane, value in zip(frame.planes, coded, strict=True):
+        plane.update(bytes([value]) * (plane.line_size * plane.height))
+    frame.colorspace, frame.color_range = matrix, 1
+    shown = upright(frame, side)
+    assert shown.shape == (side, side, 3)
+    np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), decoded(coded, weights), atol=off)
+
+
+def decoded(coded: tuple[int, int, int], weights: tuple[float, float]) -> list[float]:
+    """Red, green and blue of luma and both colour differences in the limited range of 8 bits."""
+    luma, of_blue, of_red = (coded[0] - 16) / 219, (coded[1] - 128) / 224, (coded[2] - 128) / 224
+    red, blue = luma + 2 * (1 - weights[0]) * of_red, luma + 2 * (1 - weights[1]) * of_blue
+    green = (luma - weights[0] * red - weights[1] * blue) / (1 - sum(weights))
+    return [float(np.clip(255 * value, 0, 255)) for value in (red, green, blue)]
