@@ -26,6 +26,7 @@ _HLG_WHITE = 0.75  # signal of diffuse white
 _TO_709 = np.array(  # from BT.2020
     [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]], dtype=np.float32
 )
+_FULL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
 _STEPS = 4096  # of the table of sRGB's curve
 
 
@@ -46,7 +47,7 @@ def pq_decode(signal: ArrayLike) -> Floats:
 
 
 def to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np.uint8]:
-    """8-bit sRGB (..., 3) of 16-bit coded values (..., 3) under `curve`, "hlg" or "pq"."""
+    """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under `curve`, "hlg" or "pq"."""
     linear = _table(curve).take(coded)
     if primaries == WIDE:
         linear = linear @ _TO_709.T
@@ -56,7 +57,7 @@ def to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np
 @lru_cache(maxsize=2)
 def _table(curve: str) -> NDArray[np.float32]:
     decode = {"hlg": hlg_decode, "pq": pq_decode}[curve]
-    return decode(np.arange(65536) / 65535.0).astype(np.float32)
+    return decode(np.minimum(np.arange(65536) / _FULL, 1.0)).astype(np.float32)
 
 
 @lru_cache(maxsize=1)

@@ -34,6 +34,15 @@ def test_colours_are_those_that_were_coded(
     np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), decoded(coded, weights), atol=off)
 
 
+@pytest.mark.parametrize(("curve", "signal"), [(18, 0.75), (16, 0.5807)])
+def test_diffuse_white_of_hdr_is_white(curve: int, signal: float) -> None:
+    frame = av.VideoFrame(128, 128, "yuv420p10le")
+    for plane, value in zip(frame.planes, (round(64 + 876 * signal), 512, 512), strict=True):
+        plane.update(np.full(plane.buffer_size // 2, value, np.uint16).tobytes())
+    frame.colorspace, frame.color_range, frame.color_trc, frame.color_primaries = 9, 1, curve, 9
+    assert upright(frame, 64).min() >= 254
+
+
 def decoded(coded: tuple[int, int, int], weights: tuple[float, float]) -> list[float]:
     """Red, green and blue of luma and both colour differences in the limited range of 8 bits."""
     luma, of_blue, of_red = (coded[0] - 16) / 219, (coded[1] - 128) / 224, (coded[2] - 128) / 224

@@ -22,7 +22,7 @@ def test_hlg_is_one_at_diffuse_white_and_twelve_times_its_knee_at_the_top() -> N
 @pytest.mark.parametrize("curve", ["hlg", "pq"])
 def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
     signal = {"hlg": 0.75, "pq": 0.5807}[curve]
-    coded = np.full((2, 2, 3), round(signal * 65535), dtype=np.uint16)
+    coded = np.full((2, 2, 3), round(signal * 65280), dtype=np.uint16)
     assert np.all(to_srgb(coded, curve, 9) >= 254)
     darker = to_srgb(coded // 2, curve, 9)
     assert np.ptp(darker) <= 1
@@ -31,7 +31,7 @@ def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
 
 def test_dark_greys_are_no_darker_than_their_light() -> None:
     coded = np.repeat(np.arange(200, 8000, dtype=np.uint16)[:, None], 3, axis=1)
-    wanted = 255.0 * srgb_encode(hlg_decode(coded / 65535.0))
+    wanted = 255.0 * srgb_encode(hlg_decode(coded / 65280.0))
     assert np.mean(to_srgb(coded, "hlg", 1) - wanted) == pytest.approx(0.0, abs=0.05)
 
 
