@@ -1,5 +1,10 @@
-"""Radiance HDR pictures, read: the counterpart of what formats.py writes."""
+"""Radiance HDR pictures, read: the counterpart of what formats.py writes.
 
+Source: the manual of Radiance's file formats (G. Ward). A header may say by what all values were multiplied, EXPOSURE,
+more than once, and that the pixels hold X, Y and Z in place of red, green and blue.
+"""
+
+import math
 import os
 import re
 from pathlib import Path
@@ -11,6 +16,8 @@ from lighting.errors import EnvironmentMapError
 
 MAGIC_HDR = b"#?"
 _SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
+_XYZ = re.compile(rb"^FORMAT=\s*32-bit_rle_xyze\s*$", re.MULTILINE)
+_EXPOSURE = re.compile(rb"^EXPOSURE=\s*([0-9.eE+-]+)\s*$", re.MULTILINE)
 
 
 def read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
@@ -24,20 +31,31 @@ def read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
 
 
 def decode_hdr(data: bytes) -> NDArray[np.float32]:
-    """The pixels (H, W, 3) of a Radiance RGBE picture, top row first, run-length coded or plain.
+    """The pixels (H, W, 3) of a Radiance RGBE picture, top row first, run-length coded or plain, without its EXPOSURE.
 
     Raises EnvironmentMapError for another kind of file, a damaged one and one whose rows run another way.
     """
     size = _SIZE.search(data)
     if not data.startswith(MAGIC_HDR) or size is None:
         raise EnvironmentMapError("The file is not a Radiance HDR picture with its top row first.")
+    if _XYZ.search(data, 0, size.start()):
+        raise EnvironmentMapError("The HDR picture holds X, Y and Z in place of red, green and blue.")
     height, width = int(size[1]), int(size[2])
     try:
+        exposure = _exposure(data[: size.start()])
         pixels = _decoded(data, size.end(), height, width)
     except (IndexError, ValueError) as error:
         raise EnvironmentMapError("The HDR picture is cut short or damaged.") from error
     scale = np.ldexp(np.float32(1), pixels[..., 3:].astype(np.int32) - 136)
-    return np.asarray(pixels[..., :3] * scale, dtype=np.float32)
+    return np.asarray(pixels[..., :3] * (scale / np.float32(exposure)), dtype=np.float32)
+
+
+def _exposure(header: bytes) -> float:
+    """By what the values were multiplied; ValueError where that cannot be."""
+    exposure = math.prod(float(said) for said in _EXPOSURE.findall(header))
+    if not 1e-30 < exposure < 1e30:
+        raise ValueError("no exposure")
+    return exposure
 
 
 def _decoded(data: bytes, start: int, height: int, width: int) -> NDArray[np.uint8]:

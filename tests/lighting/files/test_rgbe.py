@@ -24,6 +24,22 @@ def test_a_plain_file_is_read_as_well(tmp_path: Path) -> None:
     assert read_hdr(tmp_path / "a.hdr") == pytest.approx(np.tile([1.0, 0.5, 0.25], (1, 4, 1)))
 
 
+def test_exposures_of_the_header_are_taken_off(tmp_path: Path) -> None:
+    header = b"#?RADIANCE\nEXPOSURE=4\nFORMAT=32-bit_rle_rgbe\nEXPOSURE= 5.0e-01\n\n-Y 1 +X 4\n"
+    (tmp_path / "a.hdr").write_bytes(header + bytes([128, 64, 32, 129] * 4))
+    assert read_hdr(tmp_path / "a.hdr") == pytest.approx(np.tile([0.5, 0.25, 0.125], (1, 4, 1)))
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [("FORMAT=32-bit_rle_xyze", "holds X, Y and Z"), ("EXPOSURE=0", "damaged"), ("EXPOSURE=-", "damaged")],
+)
+def test_other_colours_and_no_exposure_are_refused(tmp_path: Path, line: str, said: str) -> None:
+    (tmp_path / "a.hdr").write_bytes(f"#?RADIANCE\n{line}\n\n-Y 1 +X 1\n".encode() + bytes([128, 64, 32, 129]))
+    with pytest.raises(EnvironmentMapError, match=said):
+        read_hdr(tmp_path / "a.hdr")
+
+
 @pytest.mark.parametrize("size", ["-Y 0 +X 0", "-Y 4 +X 0", "-Y 0 +X 4"])
 def test_a_file_without_pixels_is_refused(tmp_path: Path, size: str) -> None:
     (tmp_path / "a.hdr").write_bytes(f"#?RADIANCE\n\n{size}\n".encode())
