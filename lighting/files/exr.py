@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.atomic import replacing
 from lighting.files.compression import Compression, packed_with
+from lighting.files.primaries import CHROMATICITIES, to_rec709
 from lighting.files.record import full_record
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.records import Lighting, check_lighting
@@ -29,7 +30,6 @@ Image = NDArray[np.float32]
 Target = str | os.PathLike[str] | BinaryIO
 
 SOFTWARE = f"outdoor-lighting {__version__}"
-CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # Rec.709 red, green, blue and D65, as x and y
 
 MAGIC = b"v/1\x01"
 _BUFFER = 1 << 20  # bytes written at once; OpenEXR writes each 16 rows, with their place and size, by themselves
@@ -79,7 +79,7 @@ def write_exr(
 
 
 def read_exr(source: Target) -> tuple[Image, Lighting | None]:
-    """The pixels (H, W, 3) of an EXR file, half or float, and the lighting in its header if there is one.
+    """The pixels (H, W, 3) of an EXR file, half or float, in Rec.709, and the lighting in its header if there is one.
 
     `source` is a path or a binary stream. Raises EnvironmentMapError for what is not a whole EXR file with R, G and B.
     """
@@ -93,7 +93,16 @@ def read_exr(source: Target) -> tuple[Image, Lighting | None]:
     planes = [np.asarray(channels[name].pixels, dtype=np.float32) for name in "RGB"]
     if len({plane.shape for plane in planes}) > 1:
         raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")
-    return np.stack(planes, axis=-1), _lighting_in(header)
+    return _in_rec709(np.stack(planes, axis=-1), header), _lighting_in(header)
+
+
+def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
+    """Pixels (H, W, 3) of the primaries that a header names, Rec.709's where it names none, in those of Rec.709."""
+    try:
+        matrix = to_rec709(header.get("chromaticities", CHROMATICITIES))
+    except (ValueError, TypeError) as error:
+        raise EnvironmentMapError("The EXR file's chromaticities are those of no colours.") from error
+    return pixels if matrix is None else np.asarray(pixels @ matrix.T)
 
 
 def read_map(file: str | os.PathLike[str]) -> Image:
