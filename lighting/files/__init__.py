@@ -5,7 +5,7 @@ from lighting.files.compression import COMPRESSIONS, Compression
 from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attributes, read_exr, write_exr
 from lighting.files.folders import objection_to
 from lighting.files.formats import encode_envmap, encode_jpeg, encode_png, write_envmap
-from lighting.files.record import full_record, json_line
+from lighting.files.record import full_record, json_line, one_record
 from lighting.files.rgbe import MAGIC_HDR, decode_hdr, read_hdr
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "json_line",
     "leftovers",
     "objection_to",
+    "one_record",
     "read_attributes",
     "read_exr",
     "read_hdr",
