@@ -6,8 +6,7 @@ Both are weighted by their errors (Kalman's gain), unless they are too far apart
 import math
 from dataclasses import dataclass
 
-from lighting.geometry import wrap_azimuth
-from lighting.photo import STEEP
+from lighting.geometry import STEEP, wrap_azimuth
 from lighting.records import Prediction
 from lighting.words import tilt_in_words
 

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
     from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, vertical_fov
-    from lighting.photo.gravity import SENSOR_SPREAD, STEEP
+    from lighting.photo.gravity import SENSOR_SPREAD
     from lighting.photo.held import checked_pixels, photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
@@ -35,7 +35,6 @@ __all__ = [
     "OFFSETS",
     "RAW_SUFFIXES",
     "SENSOR_SPREAD",
-    "STEEP",
     "TARGET",
     "YEARS",
     "Curve",
@@ -76,7 +75,6 @@ __getattr__ = from_homes(
         "OFFSETS": "clock",
         "RAW_SUFFIXES": "linear",
         "SENSOR_SPREAD": "gravity",
-        "STEEP": "gravity",
         "TARGET": "read",
         "YEARS": "clock",
         "Curve": "linear",
