@@ -7,7 +7,7 @@ from lighting.lazy import from_homes
 if TYPE_CHECKING:
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
-    from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, vertical_fov
+    from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, read_orientation, vertical_fov
     from lighting.photo.gravity import SENSOR_SPREAD
     from lighting.photo.held import checked_pixels, photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
@@ -57,6 +57,7 @@ __all__ = [
     "read_facts",
     "read_linear",
     "read_offset",
+    "read_orientation",
     "read_photo",
     "read_time",
     "to_tensor",
@@ -97,6 +98,7 @@ __getattr__ = from_homes(
         "read_facts": "exif",
         "read_linear": "linear",
         "read_offset": "clock",
+        "read_orientation": "exif",
         "read_photo": "read",
         "read_time": "clock",
         "to_tensor": "canvas",
