@@ -43,7 +43,7 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
 
 def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
     """What the map in a file says; errors name the file."""
-    from lighting.files.exr import read_map
+    from lighting.files import read_map
     from lighting.probe import describe
 
     with silence():
