@@ -113,7 +113,7 @@ def light_or_reason(
 
     The photo is decoded in a process of its own: one that would take too long or too much memory fails alone.
     """
-    from lighting.photo.apart import read_apart
+    from lighting.photo import read_apart
 
     try:
         photo = read_apart(source, seconds=DECODE_SECONDS)
@@ -125,7 +125,7 @@ def light_or_reason(
 
 def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: Maps) -> "Place | None":
     from lighting.envmap import place_of
-    from lighting.photo.apart import read_apart
+    from lighting.photo import read_apart
 
     def finer(side: int) -> "NDArray[np.uint8]":
         return read_apart(source, target=side, seconds=DECODE_SECONDS).pixels

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from lighting.lazy import from_homes
 
 if TYPE_CHECKING:
+    from lighting.photo.apart import read_apart, start_decoders
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
     from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, read_orientation, vertical_fov
@@ -54,12 +55,14 @@ __all__ = [
     "photo_data",
     "photo_of",
     "place",
+    "read_apart",
     "read_facts",
     "read_linear",
     "read_offset",
     "read_orientation",
     "read_photo",
     "read_time",
+    "start_decoders",
     "to_tensor",
     "vertical_fov",
 ]
@@ -95,12 +98,14 @@ __getattr__ = from_homes(
         "photo_data": "read",
         "photo_of": "held",
         "place": "canvas",
+        "read_apart": "apart",
         "read_facts": "exif",
         "read_linear": "linear",
         "read_offset": "clock",
         "read_orientation": "exif",
         "read_photo": "read",
         "read_time": "clock",
+        "start_decoders": "apart",
         "to_tensor": "canvas",
         "vertical_fov": "exif",
     },
