@@ -2,7 +2,7 @@
 
 from lighting.files.atomic import leftovers, replacing
 from lighting.files.compression import COMPRESSIONS, Compression, pack_in_threads
-from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attributes, read_exr, read_map, write_exr
+from lighting.files.exr import MAGIC, SOFTWARE, Target, read_attributes, read_exr, read_map, write_exr
 from lighting.files.folders import objection_to
 from lighting.files.formats import encode_envmap, write_envmap
 from lighting.files.pictures import encode_jpeg, encode_png
@@ -16,7 +16,6 @@ __all__ = [
     "SOFTWARE",
     "Compression",
     "Target",
-    "checked_map",
     "decode_hdr",
     "encode_envmap",
     "encode_jpeg",

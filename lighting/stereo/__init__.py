@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from lighting.stereo.normals.job import Solved, Told, Watch, solve_day, write_solved
     from lighting.stereo.normals.network import Network
     from lighting.stereo.picture import HOPELESS, draw_plan, shown_error
-    from lighting.stereo.plan import FEWEST_SHOTS, MOST_SHOTS, NOISES, Plan, Question, Window, clock
+    from lighting.stereo.plan import FEWEST_SHOTS, NOISES, Plan, Question, Window, clock
     from lighting.stereo.planning import Progress
     from lighting.stereo.request import (
         AskedSkies,
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = [
     "FEWEST_SHOTS",
     "HOPELESS",
-    "MOST_SHOTS",
     "NOISES",
     "AskedSkies",
     "MeasuredSkies",
@@ -58,7 +57,6 @@ __getattr__ = from_homes(
     {
         "FEWEST_SHOTS": "plan",
         "HOPELESS": "picture",
-        "MOST_SHOTS": "plan",
         "NOISES": "plan",
         "AskedSkies": "request",
         "Told": "normals.job",
