@@ -12,7 +12,7 @@ from export.stereo.objects import Subject
 from export.stereo.relief import relief
 from export.stereo.trials import SEASONS, Trial, angle, photograph, session
 from lighting.colour import srgb_encode
-from lighting.files.formats import encode_png
+from lighting.files import encode_png
 from lighting.stereo import Network
 from lighting.stereo.days import in_grey
 

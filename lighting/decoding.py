@@ -14,7 +14,7 @@ from lighting.records import Lighting, Prediction, SunEstimate, significant
 from lighting.strength import strength_of
 from lighting.sun_grid import grid_directions, radii
 
-_CANDIDATES = 64  # the likeliest cells; only they may be the answer, so that it never lies between two modes
+_LIKELIEST = 64  # the likeliest cells; only they may be the answer, so that it never lies between two modes
 _LIKELY = 0.05  # least probability of such a cell, as a share of the likeliest cell's
 _WRONG = 60.0  # deg; larger errors count as this one. 45 gave the same accuracy on unseen places
 _REFINED = 25.0  # deg around the best cell over which the answer is averaged
@@ -68,7 +68,7 @@ def best_guess(probability: ArrayLike, layout: str) -> Floats:
     """
     p = np.asarray(probability, dtype=np.float64)
     cells = grid_directions(layout)
-    likely = np.argpartition(p, -min(_CANDIDATES, len(p)))[-_CANDIDATES:]
+    likely = np.argpartition(p, -min(_LIKELIEST, len(p)))[-_LIKELIEST:]
     likely = likely[p[likely] >= _LIKELY * p.max()]
     centre = cells[likely[int(np.argmin(_bounded_errors(layout)[likely] @ p.astype(np.float32)))]]
     near = p * (cells @ centre >= np.cos(np.radians(_REFINED)))

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.floating[Any]]
 
 SUN_RADIUS = 0.2679  # deg, angular radius of the disc: half of 0.5358, as the Hosek-Wilkie sun has it
+STEEP = 85.0  # deg of elevation, up or down, from which a camera has no roll
 EYE_HEIGHT = 1.6  # m, of a camera in the hand over level ground; no photo tells its scale
 SPOT = 0.6  # how far below the picture's middle things are put on the ground, 0 = middle, 1 = lower edge
 

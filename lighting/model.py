@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.cpus import available_cpus
 from lighting.errors import ModelError, ParameterError
+from lighting.onnx import packaged, reason_of, session_of
 from lighting.records import AROUND_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 
@@ -26,8 +26,6 @@ LIGHT = (  # of output `light`: irradiances in the photo's linear units, then tw
 OUTPUTS = ("sun_probability", "parameters")
 MORE_OUTPUTS = {"light": (len(LIGHT),), "around": AROUND_SHAPE}  # that a network may have; `around` needs `light`
 CARD = "MODEL_CARD.md"  # beside a network's file
-
-_ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 
 
 class Model:
@@ -50,7 +48,7 @@ class Model:
         that is missing, damaged, or of another layout than this module's.
         """
         file = packaged_model() if path is None else Path(path)
-        session = _session(file, threads or available_cpus(), for_one_photo)
+        session = session_of(file, threads, for_one_run=for_one_photo)
         metadata = session.get_modelmeta().custom_metadata_map
         if "spec" not in metadata:
             raise ModelError(f"{file} is not a lighting network: its metadata has no 'spec'.")
@@ -72,7 +70,7 @@ class Model:
         try:
             outputs: list[NDArray[np.float32]] = self.session.run(self.outputs, {"photo": batch})
         except Exception as error:  # onnxruntime's errors share no public base class
-            raise ModelError(f"The network failed: {_reason(error)}") from error
+            raise ModelError(f"The network failed: {reason_of(error)}") from error
         cells = len(grid_directions(self.spec.sun_grid))
         shapes = _shapes(self.spec)
         if [o.shape for o in outputs] != [(len(batch), *shapes[name]) for name in self.outputs]:
@@ -99,31 +97,7 @@ def figures_path(spec: ModelSpec, folder: Path) -> Path:
 
 def packaged_model() -> Path:
     """The network in this package; raises ModelError unless there is exactly one."""
-    folder = Path(__file__).parent / "data"
-    found = sorted(folder.glob("outdoor-*.onnx"))
-    if len(found) != 1:
-        raise ModelError(f"{folder} must hold exactly one outdoor-<version>.onnx; it holds {len(found)}.")
-    return found[0]
-
-
-def _session(file: Path, threads: int, for_one_photo: bool) -> Any:
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels report usage otherwise
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    options.log_severity_level = _ERRORS_ONLY
-    if for_one_photo:
-        options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
-        options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # memory planned for runs that never come
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
-    if not file.is_file():
-        raise ModelError(f"There is no network at {file}.")
-    try:
-        return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors share no public base class
-        raise ModelError(f"{file} is not an ONNX network that can be read: {_reason(error)}") from error
+    return packaged(Path(__file__).parent / "data", "outdoor")
 
 
 def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:
@@ -156,9 +130,3 @@ def _light(said: NDArray[np.float32], around: NDArray[np.float32] | None) -> Lig
     cover, suitable = np.minimum(positive[6:], 1.0)
     here = None if around is None else np.maximum(around, np.float32(0))
     return Light(positive[:3], positive[3:6], float(cover), float(suitable), here)
-
-
-def _reason(error: Exception) -> str:
-    """The last clause of onnxruntime's message; codes and the path come before it."""
-    lines = str(error).strip().splitlines() or [type(error).__name__]
-    return lines[0].rsplit("failed:", 1)[-1].strip().rstrip(".") + "."

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, BinaryIO
 if TYPE_CHECKING:
     from subprocess import Popen
 
-_ONE_THREAD = {"MALLOC_ARENA_MAX": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+# The variables by which libraries of arrays use one thread, in a process that starts with them.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
@@ -18,7 +19,7 @@ def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[by
 
     root = str(Path(__file__).parents[1])
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-    own = {**os.environ, **_ONE_THREAD, **(environment or {}), "PYTHONPATH": path}
+    own = {**os.environ, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
     return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=own)
 
 

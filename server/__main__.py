@@ -49,7 +49,7 @@ def serve() -> None:
     import uvicorn
     from pydantic import ValidationError
 
-    from lighting.files.compression import pack_in_threads
+    from lighting.files import pack_in_threads
     from server.app import create_app
     from server.settings import PREFIX, read_settings
 

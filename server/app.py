@@ -13,7 +13,7 @@ from starlette.middleware.cors import CORSMiddleware
 from lighting import __version__
 from lighting.pipeline import Estimator
 from server import icon, operations, page, problems, routes
-from server.checks import OneLength, refuse_repeats
+from server.checks import refuse_repeats
 from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
 from server.service import Service
@@ -76,7 +76,6 @@ def _include(app: FastAPI, service: Service) -> None:
 
 def _wrap(app: FastAPI, service: Service) -> None:
     """Middleware, from the inside out."""
-    app.add_middleware(OneLength)
     app.add_middleware(operations.Caught)
     app.add_middleware(operations.HeadAsGet)
     if service.settings.cors_origins:

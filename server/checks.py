@@ -3,26 +3,11 @@
 from collections import Counter
 
 from fastapi import Request
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from lighting.errors import ParameterError
 from lighting.evidence import check_heading, check_headings
-from server import problems
-from server.problems import ProblemError, all_invalid, invalid
+from server.problems import all_invalid, invalid
 from server.queries import ChangeQuery, EnvmapQuery, GivenQuery, LightingQuery
-
-
-class OneLength:
-    """Refuses requests whose headers say twice where the body ends, and closes their connection."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http" and {b"content-length", b"transfer-encoding"} <= dict(scope["headers"]).keys():
-            detail = "Content-Length and Transfer-Encoding both say where the body ends; send one of them."
-            raise ProblemError(problems.MALFORMED, detail, {"Connection": "close"})
-        await self.app(scope, receive, send)
 
 
 async def refuse_repeats(request: Request) -> None:

@@ -1,11 +1,13 @@
 """The icon that browsers ask for of their own accord."""
 
 from functools import lru_cache
-from io import BytesIO
 
+import numpy as np
 from fastapi import APIRouter
 from fastapi.responses import Response
 from PIL import Image, ImageDraw
+
+from lighting.files import encode_png
 
 SIDE = 32  # pixels
 SKY, GROUND, SUN = (74, 144, 217), (107, 122, 82), (255, 209, 71)
@@ -26,6 +28,4 @@ def icon() -> bytes:
     draw = ImageDraw.Draw(picture)
     draw.ellipse((15, 4, 27, 16), fill=SUN)
     draw.rectangle((0, 22, SIDE, SIDE), fill=GROUND)
-    stream = BytesIO()
-    picture.save(stream, "PNG")
-    return stream.getvalue()
+    return encode_png(np.asarray(picture))

@@ -1,4 +1,4 @@
-"""HTTP/1.1 by h11: heads that are small and come in time, bodies in chunks that are no crumbs, answers that are taken.
+"""HTTP/1.1 by h11: heads that are small and come in time, bodies of one end and without crumbs, answers that are taken.
 
 uvicorn's own class knows no time for a head or an answer, answers 400 to a head that is too large, and hands h11 as
 much at once as the socket held: of a head sixteen times what h11 is told to take, of a body forty thousand chunks.

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 from pydantic_core import from_json
 
 from lighting.errors import ParameterError
+from lighting.files import one_record
 from lighting.records import Lighting
 from server import problems
 from server.problems import ProblemError
@@ -17,20 +18,17 @@ def parse_record(data: bytes) -> Lighting:
     """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
 
     It is UTF-8, with or without a byte order mark, or UTF-16, as PowerShell redirects that line.
-    Raises ProblemError for what is not JSON, an answer about several photos and fields that do not fit each other,
-    RequestValidationError for wrong fields.
+    Raises ProblemError for what is not JSON, an error, an answer about several photos and fields that do not fit each
+    other, RequestValidationError for wrong fields.
     """
     try:
-        record = from_json(data.decode(detect_encoding(data)))
+        content = from_json(data.decode(detect_encoding(data)))
     except ValueError as error:
         raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
-    if isinstance(record, dict) and "lightings" in record:
-        raise problems.invalid("lightings", "holds the records of several photos; send one of them", "body")
-    inner = record.get("lighting", record) if isinstance(record, dict) else record
     try:
-        return LightingRecord.model_validate(inner).lighting()
+        return LightingRecord.model_validate(one_record(content)).lighting()
     except ValidationError as error:
         found = error.errors(include_url=False)
         raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in found]) from error
     except ParameterError as error:
-        raise problems.invalid("body", str(error), "body") from error
+        raise problems.invalid(error.field or "body", str(error), "body") from error

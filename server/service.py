@@ -14,8 +14,7 @@ from lighting.envmap import Image
 from lighting.errors import PhotoError, PhotoExtraError
 from lighting.evidence import Given
 from lighting.model import Model, packaged_model
-from lighting.photo import TARGET, Photo
-from lighting.photo.apart import read_apart, start_decoders
+from lighting.photo import TARGET, Photo, read_apart, start_decoders
 from lighting.pipeline import Estimator
 from lighting.records import Estimate
 from server import problems

@@ -9,7 +9,7 @@ from export.crops.mosaic import companions, joined, same_view
 from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
 from export.crops.seeds import generator
 from export.crops.seen_sun import CELL, where_seen
-from export.crops.sources import Source, load_source, load_sources, sampling_weights, stretched
+from export.crops.sources import Source, load_sources, sampling_weights, stretched
 from export.crops.stretch import NOT_STRETCHED, Stretch, any_stretch
 from export.crops.surroundings import CELLS, light_around, seen_from
 
@@ -38,7 +38,6 @@ __all__ = [
     "light_around",
     "likelihood",
     "load_photos",
-    "load_source",
     "load_sources",
     "paper_camera",
     "photo_weights",

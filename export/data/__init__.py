@@ -5,13 +5,12 @@ imported from their modules.
 """
 
 from export.data.labels import Label, labels_of, read_labels, write_labels
-from export.data.panoramas import INDEX, Panorama, is_permissive, read_index, write_index
+from export.data.panoramas import Panorama, is_permissive, read_index, write_index
 from export.data.photos import PHOTOS, PhotoRow, needed_photo_rows, read_photo_rows
 from export.data.pictures import decode, linear_of, read_picture
 from export.data.tables import DataError, read_table, write_table
 
 __all__ = [
-    "INDEX",
     "PHOTOS",
     "DataError",
     "Label",

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from export.stereo.network import NormalsNetwork
 from export.stereo.train import average
 from lighting.errors import ModelError
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.stereo.normals.features import BY_IMAGE, SHARED, Features
 from lighting.stereo.normals.network import Network
 

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from export.stereo.network import NormalsNetwork
 from export.stereo.samples import Sample, read_meshes, samples
-from lighting.files.atomic import replacing
+from lighting.files import replacing
 from lighting.stereo.normals.features import SHARED
 
 _EVERY = 50  # steps between lines of the log

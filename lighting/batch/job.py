@@ -49,7 +49,7 @@ class Job:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class PhotoLight:
     """The light of a photo, and the place that its map shows, if it shows any."""
 
     lighting: "Lighting"
@@ -97,7 +97,7 @@ def load_estimator(job: Job) -> "tuple[Estimator, Given]":
     return Estimator(Model.load(job.model, threads=1)), Given(**job.given)
 
 
-def write_map(target: "Target", answer: Answer, maps: Maps) -> None:
+def write_map(target: "Target", answer: PhotoLight, maps: Maps) -> None:
     """Render and write an environment map; raises EnvironmentMapError."""
     from lighting.envmap import view
     from lighting.files import write_exr
@@ -106,24 +106,26 @@ def write_map(target: "Target", answer: Answer, maps: Maps) -> None:
     write_exr(target, image, turned, compression=maps.compression)
 
 
-def answer_or_reason(estimator: "Estimator", source: Path | bytes, given: "Given", maps: Maps | None) -> Answer | str:
+def light_or_reason(
+    estimator: "Estimator", source: Path | bytes, given: "Given", maps: Maps | None
+) -> PhotoLight | str:
     """The light of a photo, or one sentence that says why the photo has none; other errors are raised.
 
     The photo is decoded in a process of its own: one that would take too long or too much memory fails alone.
     """
-    from lighting.photo.apart import read_apart
+    from lighting.photo import read_apart
 
     try:
         photo = read_apart(source, seconds=DECODE_SECONDS)
         estimate = estimator(photo, given)
-        return Answer(estimate.lighting, _place(source, photo, estimate, maps) if maps else None)
+        return PhotoLight(estimate.lighting, _place(source, photo, estimate, maps) if maps else None)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return reason(error)
 
 
 def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: Maps) -> "Place | None":
     from lighting.envmap import place_of
-    from lighting.photo.apart import read_apart
+    from lighting.photo import read_apart
 
     def finer(side: int) -> "NDArray[np.uint8]":
         return read_apart(source, target=side, seconds=DECODE_SECONDS).pixels

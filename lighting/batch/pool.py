@@ -14,11 +14,11 @@ from pathlib import Path
 
 from lighting.batch.job import (
     SETTINGS,
-    Answer,
     Job,
     Maps,
-    answer_or_reason,
+    PhotoLight,
     check_settings,
+    light_or_reason,
     load_estimator,
     settings,
     write_map,
@@ -87,7 +87,7 @@ def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
     estimator, given = load_estimator(job)
 
     def work(name: str) -> tuple[str, bool]:
-        answer = answer_or_reason(estimator, Path(job.source, name), given, job.maps)
+        answer = light_or_reason(estimator, Path(job.source, name), given, job.maps)
         if isinstance(answer, str):
             return json_line(name, answer), True
         if job.maps and (objection := _write_map(Path(job.out, f"{name}.exr"), answer, job.maps)):
@@ -97,7 +97,7 @@ def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:
     return work
 
 
-def _write_map(path: Path, answer: Answer, maps: Maps) -> str | None:
+def _write_map(path: Path, answer: PhotoLight, maps: Maps) -> str | None:
     """Write a map, or say why the system takes none of that name; raises EnvironmentMapError for other failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

@@ -15,10 +15,10 @@ from typing import Any
 
 from lighting.batch.job import (
     SETTINGS,
-    Answer,
     Job,
-    answer_or_reason,
+    PhotoLight,
     check_settings,
+    light_or_reason,
     load_estimator,
     settings,
     write_map,
@@ -80,7 +80,7 @@ class PhotoActor:
 
     def __call__(self, photo: dict[str, Any]) -> dict[str, Any]:
         name = posixpath.relpath(photo["path"], self.base)
-        answer = answer_or_reason(self.estimator, photo["bytes"], self.given, self.job.maps)
+        answer = light_or_reason(self.estimator, photo["bytes"], self.given, self.job.maps)
         if isinstance(answer, str):
             return row(name, answer)
         if self.job.maps:
@@ -191,7 +191,7 @@ def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
     return done
 
 
-def _write_map(job: Job, name: str, answer: Answer) -> None:
+def _write_map(job: Job, name: str, answer: PhotoLight) -> None:
     assert job.maps
     filesystem, out = _place(job.out)
     target = f"{out}/{name}.exr"

@@ -22,7 +22,7 @@ class Summary:
 
 
 def in_words(others: Counter[str]) -> str:
-    """ "Such as " (2 .gif, 1 .jxl)", the most frequent first; nothing for none."""
+    """The kinds in brackets after a space, such as "(2 .gif, 1 .jxl)", the most frequent first; nothing for none."""
     ordered = sorted(others.items(), key=lambda kind: (-kind[1], kind[0]))
     listed = ", ".join(f"{count} {suffix}" for suffix, count in ordered)
     return f" ({listed})" if listed else ""

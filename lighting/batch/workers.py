@@ -14,6 +14,7 @@ from multiprocessing.resource_tracker import ensure_running
 from typing import Generic, TypeVar
 
 from lighting.errors import BatchError
+from lighting.processes import ONE_THREAD
 
 Result = TypeVar("Result")
 Work = Callable[[str], Result]
@@ -23,7 +24,6 @@ PATIENCE = 5.0  # seconds that workers have to finish their item when the batch 
 _AHEAD = 2  # items that a worker holds, so that it never waits for the next one
 _ATTEMPTS = 2  # workers that an item may kill before it is given up
 _READY = "ready"
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 @dataclass
@@ -150,7 +150,7 @@ def _dismiss(team: list[_Worker]) -> None:
 def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
     """What a worker process runs. It ignores Ctrl-C, which its parent process handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ.update(_ONE_THREAD)
+    os.environ.update(ONE_THREAD)
     try:
         answer: object = _READY
         work = prepare()

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from lighting.pipeline import Estimator
     from lighting.records import Estimate
 
-Answer = tuple[str, "Estimate | Exception"]
-
 
 def answers(
     estimator: "Estimator",
@@ -21,7 +19,7 @@ def answers(
     given: "Given",
     together: bool = False,
     headings: Sequence[float] | None = None,
-) -> Iterator[Answer]:
+) -> Iterator[tuple[str, "Estimate | Exception"]]:
     """The estimate of each photo, or the error that it raised, in its place."""
     if together:
         yield from _together(estimator, names, given, headings)
@@ -35,7 +33,7 @@ def answers(
 
 def _together(
     estimator: "Estimator", names: Iterable[str], given: "Given", headings: Sequence[float] | None
-) -> Iterator[Answer]:
+) -> Iterator[tuple[str, "Estimate | Exception"]]:
     """First the errors, then the estimates of the photos that could be read, taken together.
 
     Without headings they are matched with each other where OpenCV is installed.

@@ -92,20 +92,17 @@ def open_lighting(name: str) -> "Lighting":
 
 def lighting_of(data: bytes, name: str) -> "Lighting":
     """The same of what a file of that name holds."""
+    from lighting.files import one_record
     from lighting.records import Lighting
 
     if len(data) > MOST_OF_RECORD:
         raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
     try:
-        record = json.loads(data)  # PowerShell writes UTF-16
+        content = json.loads(data)  # PowerShell writes UTF-16
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"{shown(name)} {_fault(error)}.") from error
-    if isinstance(record, dict) and "error" in record:
-        raise ParameterError(f"{shown(name)} holds an error in place of a lighting record.")
-    if isinstance(record, dict) and "lightings" in record:
-        raise ParameterError(f"{shown(name)} holds the records of several photos, and one is read at a time.")
     try:
-        return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
+        return Lighting.from_dict(one_record(content))
     except ParameterError as error:
         raise ParameterError(f"{shown(name)}: {error}", error.field) from error
 

@@ -9,6 +9,7 @@ from lighting.cli.files import naming
 from lighting.cli.probe import pair, probe
 from lighting.cli.silence import silence
 from lighting.cli.words import shown
+from lighting.words import aside
 
 if TYPE_CHECKING:
     from lighting.probe import SkyState
@@ -31,10 +32,9 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"file": sky, **state.to_dict()}))
         return
-    side = "left" if state.sun_azimuth < 0 else "right"
     trust = "" if state.trusted else ", not to be trusted"
     click.echo(
-        f"{shown(sky)}: sun {abs(state.sun_azimuth):.1f}° {side} of the centre, "
+        f"{shown(sky)}: sun {aside(state.sun_azimuth, 1)} of the centre, "
         f"{state.sun_elevation:.1f}° high ({state.sun_source}); "
         f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
         f"{trust}; cover {100 * state.cover:.0f} %"
@@ -43,7 +43,7 @@ def fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
 
 def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
     """What the map in a file says; errors name the file."""
-    from lighting.files.exr import read_map
+    from lighting.files import read_map
     from lighting.probe import describe
 
     with silence():

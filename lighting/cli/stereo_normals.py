@@ -13,7 +13,7 @@ from lighting.cli.stereo import stereo
 from lighting.cli.words import shown
 
 if TYPE_CHECKING:
-    from lighting.stereo import Known, Network, Solved, Watch
+    from lighting.stereo import Network, Solved, Told, Watch
 
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
@@ -51,7 +51,7 @@ def normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool,
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
     check_folder(folder, overwrite=overwrite)
-    solved = solve_day(day, _known(**said), _network() if network else None, _watch(quiet))
+    solved = solve_day(day, _told(**said), _network() if network else None, _watch(quiet))
     write_solved(folder, solved)
     for warning in solved.warnings:
         click.echo(f"Warning: {warning}", err=True)
@@ -59,16 +59,16 @@ def normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool,
         click.echo(_in_words(day, folder, solved))
 
 
-def _known(sky: str | None, noise: float | None, size: int | None, **said: Any) -> "Known":  # noqa: ARG001
+def _told(sky: str | None, noise: float | None, size: int | None, **said: Any) -> "Told":  # noqa: ARG001
     """What was said; what was not keeps its default."""
-    from lighting.stereo import Known
+    from lighting.stereo import Told
 
     given = {name: value for name, value in said.items() if value is not None}
     if noise is not None:
         given["noise"] = noise / 100
     if size is not None:
         given["size"] = size or None
-    return Known(**given)
+    return Told(**given)
 
 
 def _network() -> "Network":

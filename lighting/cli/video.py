@@ -11,6 +11,7 @@ from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, model_option, results_folder, sun_option, unwarned_option
 from lighting.cli.words import shown
+from lighting.words import aside
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
@@ -127,8 +128,7 @@ def in_words(number: int, shot: "Shot") -> str:
     )
     return (
         f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {frames}{bridged}: "
-        f"sun {light.sun_elevation:.1f}° high and {abs(light.sun_azimuth):.1f}° "
-        f"{'right' if light.sun_azimuth >= 0 else 'left'} of the first frame "
+        f"sun {light.sun_elevation:.1f}° high and {aside(light.sun_azimuth, 1)} of the first frame "
         f"(50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
         f"direct sunlight {100 * light.sun_visibility:.0f} %; "
         f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_sigma:.1f}°"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.errors import reason
+from lighting.words import azimuth_in_words, tilt_in_words
 
 if TYPE_CHECKING:
     from lighting.records import Estimate, Lighting
@@ -46,12 +47,12 @@ def report_failure(name: str, error: Exception, as_json: bool, progress: Any) ->
 
 def in_words(name: str, lighting: "Lighting") -> str:
     """One line for people."""
-    tilt, roll = round(lighting.camera_elevation, 1), round(lighting.camera_roll, 1) + 0.0  # without -0.0
+    roll = round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
-        f"{shown(name)}: sun {_side(lighting.sun_azimuth)}, {lighting.sun_elevation:.1f}° high"
+        f"{shown(name)}: sun {azimuth_in_words(lighting.sun_azimuth, 1)}, {lighting.sun_elevation:.1f}° high"
         f"{_spread(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
         f"turbidity {lighting.turbidity:.1f}; "
-        f"camera looks {abs(tilt):.1f}° {'up' if tilt >= 0 else 'down'}, roll {roll:.1f}°, "
+        f"camera looks {tilt_in_words(lighting.camera_elevation, 1)}, roll {roll:.1f}°, "
         f"vertical field of view {lighting.vertical_fov:.1f}°{_headings(lighting)}{_evidence(lighting)}"
     )
 
@@ -103,13 +104,6 @@ def shown(name: str) -> str:
 def printable(text: str) -> str:
     """The text with control characters as escapes such as \\x1b, so that a terminal obeys none of them."""
     return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
-
-
-def _side(azimuth: float) -> str:
-    if abs(azimuth) < 0.05:
-        return "straight ahead"
-    behind = " (behind)" if abs(azimuth) > 90 else ""
-    return f"{abs(azimuth):.1f}° {'right' if azimuth > 0 else 'left'}{behind}"
 
 
 def sentence(error: Exception) -> str:

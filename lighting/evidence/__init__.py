@@ -7,11 +7,10 @@ from lighting.lazy import from_homes
 if TYPE_CHECKING:
     from lighting.evidence.answer import estimate_of
     from lighting.evidence.contradiction import ELEVATION_TAIL, HEADING_TAIL, LENS_RATIO
-    from lighting.evidence.declination import magnetic_declination
     from lighting.evidence.distributions import elevation_density, ring_of, seen_from
-    from lighting.evidence.ephemeris import SUNSET, sun_position
+    from lighting.evidence.ephemeris import sun_position
     from lighting.evidence.facts import location_of, zones
-    from lighting.evidence.fit import KINDS, Fit, Range, series_of
+    from lighting.evidence.fit import Fit, Range
     from lighting.evidence.frames import check_heading, check_headings, read_headings
     from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, stand
     from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given, check_given
@@ -25,12 +24,10 @@ if TYPE_CHECKING:
 __all__ = [
     "ELEVATION_TAIL",
     "HEADING_TAIL",
-    "KINDS",
     "LENS_RATIO",
     "MOST_APART",
     "NOTHING_GIVEN",
     "SHORT_NAMES",
-    "SUNSET",
     "Evidence",
     "Fit",
     "Fused",
@@ -54,7 +51,6 @@ __all__ = [
     "known_later",
     "known_together",
     "location_of",
-    "magnetic_declination",
     "on_rings",
     "power",
     "read_headings",
@@ -62,7 +58,6 @@ __all__ = [
     "ring_of",
     "said_of",
     "seen_from",
-    "series_of",
     "stand",
     "sun_position",
     "tilt_spread",
@@ -75,12 +70,10 @@ __getattr__ = from_homes(
     {
         "ELEVATION_TAIL": "contradiction",
         "HEADING_TAIL": "contradiction",
-        "KINDS": "fit",
         "LENS_RATIO": "contradiction",
         "MOST_APART": "gravity",
         "NOTHING_GIVEN": "given",
         "SHORT_NAMES": "given",
-        "SUNSET": "ephemeris",
         "Evidence": "fusion",
         "Fit": "fit",
         "Fused": "fusion",
@@ -104,7 +97,6 @@ __getattr__ = from_homes(
         "known_later": "metadata",
         "known_together": "metadata",
         "location_of": "facts",
-        "magnetic_declination": "declination",
         "on_rings": "fusion",
         "power": "overlap",
         "read_headings": "frames",
@@ -112,7 +104,6 @@ __getattr__ = from_homes(
         "ring_of": "distributions",
         "said_of": "said",
         "seen_from": "distributions",
-        "series_of": "fit",
         "stand": "fusion",
         "sun_position": "ephemeris",
         "tilt_spread": "gravity",

@@ -14,7 +14,6 @@ _UNSUITABLE = (
     "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
     "the answer may mean nothing."
 )
-UNSUITABLE = _UNSUITABLE.format("photo")
 _IN_TWILIGHT = 0.1  # the most that `suitable` is where time and place have the sun below the horizon
 
 

@@ -6,9 +6,9 @@ Both are weighted by their errors (Kalman's gain), unless they are too far apart
 import math
 from dataclasses import dataclass
 
-from lighting.geometry import wrap_azimuth
-from lighting.photo import STEEP
+from lighting.geometry import STEEP, wrap_azimuth
 from lighting.records import Prediction
+from lighting.words import tilt_in_words
 
 CAMERA_SPREAD = 3.5  # deg, of the network's camera elevation: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
 ROLL_SPREAD = 2.0  # deg, of its camera roll: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
@@ -68,5 +68,5 @@ def _share(stated: float, said: float) -> float:
 
 
 def _words(elevation: float, roll: float | None) -> str:
-    looks = f"looks {abs(elevation):.0f}° {'down' if elevation < 0 else 'up'}"
+    looks = f"looks {tilt_in_words(elevation)}"
     return looks if roll is None else f"{looks} with a roll of {roll + 0.0:.0f}°"

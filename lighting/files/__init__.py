@@ -1,11 +1,12 @@
 """What is written and read again: environment maps, pictures and records. A file appears only when it is whole."""
 
 from lighting.files.atomic import leftovers, replacing
-from lighting.files.compression import COMPRESSIONS, Compression
-from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attributes, read_exr, write_exr
+from lighting.files.compression import COMPRESSIONS, Compression, pack_in_threads
+from lighting.files.exr import MAGIC, SOFTWARE, Target, read_attributes, read_exr, read_map, write_exr
 from lighting.files.folders import objection_to
-from lighting.files.formats import encode_envmap, encode_jpeg, encode_png, write_envmap
-from lighting.files.record import full_record, json_line
+from lighting.files.formats import encode_envmap, write_envmap
+from lighting.files.pictures import encode_jpeg, encode_png
+from lighting.files.record import full_record, json_line, one_record
 from lighting.files.rgbe import MAGIC_HDR, decode_hdr, read_hdr
 
 __all__ = [
@@ -15,7 +16,6 @@ __all__ = [
     "SOFTWARE",
     "Compression",
     "Target",
-    "checked_map",
     "decode_hdr",
     "encode_envmap",
     "encode_jpeg",
@@ -24,9 +24,12 @@ __all__ = [
     "json_line",
     "leftovers",
     "objection_to",
+    "one_record",
+    "pack_in_threads",
     "read_attributes",
     "read_exr",
     "read_hdr",
+    "read_map",
     "replacing",
     "write_envmap",
     "write_exr",

@@ -1,8 +1,8 @@
 """Environment maps as OpenEXR: 32-bit float R, G, B with the lighting that made them in the header.
 
 Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is known, with
-the names and units of records.py; `lighting.sky_model`,
-`lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the whole record.
+the names and units of ranges.py; `lighting.sky_model`, `lighting.sun_direction`, `lighting.evidence`; `lighting.json`,
+the whole record.
 """
 
 import io

@@ -6,20 +6,15 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lighting.colour import tone_map
 from lighting.errors import EnvironmentMapError
 from lighting.files.compression import Compression
-from lighting.files.exr import SOFTWARE, Target, checked_map, opened, write_exr
+from lighting.files.exr import Target, checked_map, opened, write_exr
+from lighting.files.rgbe import write_hdr
 from lighting.geometry import Floats
 from lighting.records import Lighting
 
 Writer = Callable[[Target, Floats, Lighting | None], None]
-
-_DARKEST = 1e-38  # what RGBE cannot hold becomes black
-_RUN = 127  # the longest run of the Radiance run-length code
 
 
 def write_envmap(
@@ -46,24 +41,6 @@ def encode_envmap(
     return buffer.getvalue()
 
 
-def encode_png(pixels: NDArray[np.uint8], compress_level: int = 6) -> bytes:
-    """The bytes of a PNG of pixels (H, W, 3 or 4), or of one channel (H, W)."""
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "PNG", compress_level=compress_level)
-    return buffer.getvalue()
-
-
-def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
-    """The bytes of a JPEG of pixels (H, W, 3), without metadata."""
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "JPEG", quality=quality)
-    return buffer.getvalue()
-
-
 def format_of(path: str | os.PathLike[str]) -> str:
     """The format that a path's suffix names; EnvironmentMapError for one that is not an environment map's."""
     suffix = Path(path).suffix.lower().removeprefix(".")
@@ -78,38 +55,6 @@ def _writer(format: str, compression: Compression) -> Writer:
     return partial(write_exr, compression=compression) if format == "exr" else _WRITERS[format]
 
 
-def _write_hdr(target: Target, image: Floats, _: Lighting | None) -> None:
-    """Radiance RGBE with run-length coded scanlines, top row first, left to right."""
-    pixels = _rgbe(checked_map(image))
-    height, width = pixels.shape[:2]
-    start = bytes((2, 2, width >> 8, width & 255))
-    with opened(target) as stream:
-        stream.write(f"#?RADIANCE\nSOFTWARE={SOFTWARE}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode())
-        for row in pixels:
-            stream.write(start + b"".join(_packed(row[:, channel].tobytes()) for channel in range(4)))
-
-
-def _rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Three mantissas and the exponent they share (H, W, 4); a value is mantissa x 2^(exponent - 136)."""
-    brightest = image.max(axis=-1)
-    exponent = np.maximum(np.frexp(brightest)[1], -127)
-    pixels = np.empty((*image.shape[:2], 4), dtype=np.uint8)
-    pixels[..., :3] = np.clip(np.rint(np.ldexp(np.maximum(image, 0), 8 - exponent[..., None])), 0, 255)
-    pixels[..., 3] = np.clip(exponent + 128, 0, 255)
-    pixels[brightest < _DARKEST] = 0
-    return pixels
-
-
-def _packed(line: bytes) -> bytes:
-    """Run-length code of one channel of a scanline: a block of equal values as a run, any other as it is."""
-    parts = []
-    for start in range(0, len(line), _RUN):
-        block = line[start : start + _RUN]
-        equal = block.count(block[0]) == len(block)
-        parts.append(bytes((128 + len(block), block[0])) if equal else bytes((len(block),)) + block)
-    return b"".join(parts)
-
-
 def _write_png(target: Target, image: Floats, _: Lighting | None) -> None:
     """The map as the photo's exposure shows it, clipped at white."""
     from PIL import Image
@@ -119,4 +64,4 @@ def _write_png(target: Target, image: Floats, _: Lighting | None) -> None:
         picture.save(stream, format="png")
 
 
-_WRITERS: dict[str, Writer] = {"exr": write_exr, "hdr": _write_hdr, "png": _write_png}
+_WRITERS: dict[str, Writer] = {"exr": write_exr, "hdr": write_hdr, "png": _write_png}

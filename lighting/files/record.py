@@ -3,6 +3,7 @@
 import json
 from typing import Any
 
+from lighting.errors import ParameterError
 from lighting.records import Lighting
 from lighting.sky import sky_coefficients
 
@@ -18,3 +19,17 @@ def json_line(name: str, answer: Lighting | str) -> str:
     """One line of JSON about the photo `name`: its `lighting` record, or the `error` in place of one."""
     content = {"error": answer} if isinstance(answer, str) else {"lighting": full_record(answer)}
     return json.dumps({"file": name, **content}, allow_nan=False)
+
+
+def one_record(content: Any) -> Any:
+    """The record in JSON that was read, bare or in a line that `json_line` made; other JSON stays as it is.
+
+    Raises ParameterError where it holds an error, or the records of several photos.
+    """
+    if not isinstance(content, dict):
+        return content
+    if "error" in content:
+        raise ParameterError("The JSON holds an error in place of a lighting record.", "error")
+    if "lightings" in content:
+        raise ParameterError("The JSON holds the records of several photos, and one is read at a time.", "lightings")
+    return content.get("lighting", content)

@@ -1,4 +1,4 @@
-"""Radiance HDR pictures, read: the counterpart of what formats.py writes.
+"""Radiance HDR pictures, written and read.
 
 Source: the manual of Radiance's file formats (G. Ward). A header may say by what all values were multiplied, EXPOSURE,
 more than once, and that the pixels hold X, Y and Z in place of red, green and blue.
@@ -13,11 +13,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
+from lighting.files.exr import SOFTWARE, Target, checked_map, opened
+from lighting.geometry import Floats
+from lighting.records import Lighting
 
 MAGIC_HDR = b"#?"
+_DARKEST = 1e-38  # what RGBE cannot hold becomes black
+_RUN = 127  # the longest run of the run-length code
 _SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
 _XYZ = re.compile(rb"^FORMAT=\s*32-bit_rle_xyze\s*$", re.MULTILINE)
 _EXPOSURE = re.compile(rb"^EXPOSURE=\s*([0-9.eE+-]+)\s*$", re.MULTILINE)
+
+
+def write_hdr(target: Target, image: Floats, _: Lighting | None = None) -> None:
+    """Write a map (H, 2H, 3) as Radiance RGBE with run-length coded rows, top row first, left to right."""
+    pixels = _rgbe(checked_map(image))
+    height, width = pixels.shape[:2]
+    start = _row_start(width)
+    with opened(target) as stream:
+        stream.write(f"#?RADIANCE\nSOFTWARE={SOFTWARE}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode())
+        for row in pixels:
+            stream.write(start + b"".join(_packed(row[:, channel].tobytes()) for channel in range(4)))
+
+
+def _rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Three mantissas and the exponent they share (H, W, 4); a value is mantissa x 2^(exponent - 136)."""
+    brightest = image.max(axis=-1)
+    exponent = np.maximum(np.frexp(brightest)[1], -127)
+    pixels = np.empty((*image.shape[:2], 4), dtype=np.uint8)
+    pixels[..., :3] = np.clip(np.rint(np.ldexp(np.maximum(image, 0), 8 - exponent[..., None])), 0, 255)
+    pixels[..., 3] = np.clip(exponent + 128, 0, 255)
+    pixels[brightest < _DARKEST] = 0
+    return pixels
+
+
+def _packed(line: bytes) -> bytes:
+    """Run-length code of one channel of a scanline: a block of equal values as a run, any other as it is."""
+    parts = []
+    for start in range(0, len(line), _RUN):
+        block = line[start : start + _RUN]
+        equal = block.count(block[0]) == len(block)
+        parts.append(bytes((128 + len(block), block[0])) if equal else bytes((len(block),)) + block)
+    return b"".join(parts)
+
+
+def _row_start(width: int) -> bytes:
+    """What begins a row whose four channels are run-length coded."""
+    return bytes((2, 2, width >> 8, width & 255))
 
 
 def read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
@@ -66,7 +108,7 @@ def _decoded(data: bytes, start: int, height: int, width: int) -> NDArray[np.uin
         return np.frombuffer(data, np.uint8, height * width * 4, start).reshape(height, width, 4)
     rows, position = [], start
     for _ in range(height):
-        if data[position : position + 4] != bytes((2, 2, width >> 8, width & 255)):
+        if data[position : position + 4] != _row_start(width):
             raise ValueError("a row does not start as one")
         row, position = _row(data, position + 4, 4 * width)
         rows.append(np.frombuffer(row, np.uint8).reshape(4, width).T)

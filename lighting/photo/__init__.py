@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 from lighting.lazy import from_homes
 
 if TYPE_CHECKING:
+    from lighting.photo.apart import read_apart, start_decoders
     from lighting.photo.canvas import fit_size, fitted, place, to_tensor
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
-    from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, vertical_fov
-    from lighting.photo.gravity import SENSOR_SPREAD, STEEP, heading_by_gimbal
+    from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, read_orientation, vertical_fov
+    from lighting.photo.gravity import SENSOR_SPREAD, heading_by_gimbal
     from lighting.photo.held import checked_pixels, photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
@@ -35,7 +36,6 @@ __all__ = [
     "OFFSETS",
     "RAW_SUFFIXES",
     "SENSOR_SPREAD",
-    "STEEP",
     "TARGET",
     "YEARS",
     "Curve",
@@ -56,11 +56,14 @@ __all__ = [
     "photo_data",
     "photo_of",
     "place",
+    "read_apart",
     "read_facts",
     "read_linear",
     "read_offset",
+    "read_orientation",
     "read_photo",
     "read_time",
+    "start_decoders",
     "to_tensor",
     "vertical_fov",
 ]
@@ -77,7 +80,6 @@ __getattr__ = from_homes(
         "OFFSETS": "clock",
         "RAW_SUFFIXES": "linear",
         "SENSOR_SPREAD": "gravity",
-        "STEEP": "gravity",
         "TARGET": "read",
         "YEARS": "clock",
         "Curve": "linear",
@@ -98,11 +100,14 @@ __getattr__ = from_homes(
         "photo_data": "read",
         "photo_of": "held",
         "place": "canvas",
+        "read_apart": "apart",
         "read_facts": "exif",
         "read_linear": "linear",
         "read_offset": "clock",
+        "read_orientation": "exif",
         "read_photo": "read",
         "read_time": "clock",
+        "start_decoders": "apart",
         "to_tensor": "canvas",
         "vertical_fov": "exif",
     },

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lighting.errors import PhotoError, PhotoTooLargeError
-from lighting.photo.decoder import READY, Answer, Request
+from lighting.photo.decoder import READY, Reply, Request
 from lighting.photo.read import MAX_BYTES, MAX_PIXELS, TARGET, Photo, photo_data
 from lighting.processes import python
 
@@ -164,7 +164,7 @@ def _asked(process: "Popen[bytes]", request: Request, data: bytes) -> Photo | Ex
     pickle.dump(request, requests)
     requests.write(data)
     requests.flush()
-    answer: Answer = pickle.load(answers)
+    answer: Reply = pickle.load(answers)
     if answer.photo is None:
         return answer.error or EOFError()
     pixels = np.empty(answer.shape, dtype=np.uint8)

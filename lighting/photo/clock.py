@@ -47,7 +47,7 @@ def read_offset(text: str) -> float:
 def _check_offset(hours: float) -> None:
     """Raise ParameterError where no zone is so far from UTC."""
     if not OFFSETS[0] <= hours <= OFFSETS[1]:
-        raise ParameterError(f"The offset from UTC is {hours:g} h; it must lie in -12 to 14.")
+        raise ParameterError(f"The offset from UTC is {hours:g} h; it must lie in {OFFSETS[0]:g} to {OFFSETS[1]:g}.")
 
 
 def in_utc(local_time: datetime, utc_offset: float) -> datetime:

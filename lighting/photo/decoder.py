@@ -28,7 +28,7 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Reply:
     """A photo without its pixels, which follow, and their shape; or the error that reading it raised."""
 
     photo: Photo | None = None
@@ -64,10 +64,10 @@ def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, own: int) -
         bound(own + allowance(size, request.max_pixels, request.target))
         photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
     except Exception as error:
-        pickle.dump(Answer(error=error), answers)
+        pickle.dump(Reply(error=error), answers)
         return
     said = Photo(photo.pixels[:0], photo.width, photo.height, photo.format, photo.facts)
-    pickle.dump(Answer(said, photo.pixels.shape), answers)
+    pickle.dump(Reply(said, photo.pixels.shape), answers)
     answers.write(photo.pixels.data)
 
 

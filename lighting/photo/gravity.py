@@ -15,10 +15,11 @@ from typing import Any
 
 from PIL import ExifTags
 
+from lighting.geometry import STEEP
+
 Vector = tuple[float, float, float]
 
 SENSOR_SPREAD = 1.0  # deg, one standard deviation of the angles of phones at rest and of gimbals
-STEEP = 85.0  # deg of elevation, up or down, from which a camera has no roll
 
 _APPLE = b"Apple iOS\0"
 _APPLE_TAGS = 14  # bytes before the number of its tags

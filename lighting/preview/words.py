@@ -8,6 +8,7 @@ from lighting.preview.ink import Style, text_width, write
 from lighting.preview.layout import GAP, MARGIN, WARNING, WIDTH
 from lighting.preview.palette import MUTED, SUN, TEXT
 from lighting.records import SUITABLE, Lighting
+from lighting.words import azimuth_in_words, tilt_in_words
 
 ANYWHERE = 90.0  # deg: where a tenth of the probability lies farther off than this, the sun may as well be opposite
 DOUBTED = 0.25  # probability of direct sunlight from which on its absence is not certain
@@ -17,7 +18,7 @@ _LETTERS = 160  # of a line of warnings
 def draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
     visible, hedge = lighting.sun_shines, _hedge(lighting)
-    where = f"{_azimuth_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
+    where = f"{azimuth_in_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     none = "No direct sun" if lighting.sun_visibility < DOUBTED else "Probably no direct sun"
     title = f"Sun {hedge}{where}" if visible else none
     doubtful = lighting.suitable is not None and lighting.suitable < SUITABLE
@@ -60,16 +61,6 @@ def _sources(lighting: Lighting) -> str:
     return "; ".join(sources + heading)
 
 
-def _azimuth_words(azimuth: float) -> str:
-    size = round(abs(azimuth))
-    if size == 0:
-        return "straight ahead"
-    if size == 180:
-        return "straight behind"
-    side = "left" if azimuth < 0 else "right"
-    return f"{size}° {side}" + (" (behind)" if size > 90 else "")
-
-
 def _short(value: float) -> str:
     """One decimal below 10."""
     return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
@@ -77,15 +68,14 @@ def _short(value: float) -> str:
 
 def numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
     """Names and values of the record, in words."""
-    up = "up" if round(lighting.camera_elevation, 1) >= 0 else "down"
     return [
-        ("Sun azimuth", _azimuth_words(lighting.sun_azimuth).removesuffix(" (behind)").removeprefix("straight ")),
+        ("Sun azimuth", azimuth_in_words(lighting.sun_azimuth).removesuffix(" (behind)").removeprefix("straight ")),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
         ("50 % / 90 % within", f"{_short(lighting.radius_50)}° / {_short(lighting.radius_90)}°"),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
         ("Turbidity", f"{lighting.turbidity:.1f}"),
         ("Exposure", f"{lighting.exposure:.3g}"),
-        ("Camera elevation", f"{abs(lighting.camera_elevation):.1f}° {up}"),
+        ("Camera elevation", tilt_in_words(lighting.camera_elevation, 1)),
         ("Camera roll", f"{round(lighting.camera_roll, 1) + 0.0:.1f}°"),
         ("Vertical field of view", f"{lighting.vertical_fov:.1f}°"),
     ]

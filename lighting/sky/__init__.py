@@ -1,6 +1,6 @@
 """Models of the sky's radiance, as functions of arrays; a sky has no ground and, unless said, no disc of the sun."""
 
-from lighting.sky.cie import OVERCAST_INTEGRAL, general_luminance, overcast_luminance
+from lighting.sky.cie import general_luminance, overcast_luminance
 from lighting.sky.hosek_wilkie import (
     CIE_Y_INTEGRAL,
     SUN_SOLID_ANGLE,
@@ -21,7 +21,6 @@ from lighting.sky.preetham import preetham_luminance, preetham_radiance
 __all__ = [
     "CIE_Y_INTEGRAL",
     "MODELS",
-    "OVERCAST_INTEGRAL",
     "SUN_SOLID_ANGLE",
     "Model",
     "Weather",

@@ -12,9 +12,6 @@ from numpy.typing import ArrayLike
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, angle_between
 
-OVERCAST_INTEGRAL = 7 * np.pi / 9  # horizontal illuminance of the overcast sky / luminance of its zenith
-UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own
-
 _GRADATION = {  # a and b of each group
     "I": (4.0, -0.70),
     "II": (1.1, -0.80),
@@ -41,7 +38,7 @@ _LOWEST = 1e-6  # cosine of the zenith angle that stands for the horizon, where 
 def overcast_luminance(direction: ArrayLike) -> Floats:
     """Luminance / zenith's (...) of the standard overcast sky along unit vectors (..., 3); 0 below the horizon.
 
-    It is (1 + 2 sin elevation) / 3.
+    It is (1 + 2 sin elevation) / 3, whose horizontal illuminance is 7 pi / 9.
     """
     up = np.asarray(direction, dtype=np.float64)[..., 1]
     return np.where(up >= 0, (1 + 2 * up) / 3, 0.0)

@@ -35,7 +35,9 @@ _ZENITH = np.array(  # for x and y: rows by falling power of turbidity, columns 
         ],
     ]
 )
-_TO_REC709 = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+_TO_REC709 = np.array(  # from XYZ (IEC 61966-2-1)
+    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+)
 
 
 def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:

@@ -7,10 +7,10 @@ from lighting.lazy import from_homes
 if TYPE_CHECKING:
     from lighting.stereo.mean_light import Skies, illumination, mean_light
     from lighting.stereo.normals.files import check_folder
-    from lighting.stereo.normals.job import Known, Solved, Watch, solve_day, write_solved
+    from lighting.stereo.normals.job import Solved, Told, Watch, solve_day, write_solved
     from lighting.stereo.normals.network import Network
     from lighting.stereo.picture import HOPELESS, draw_plan, shown_error
-    from lighting.stereo.plan import FEWEST_SHOTS, MOST_SHOTS, NOISES, Plan, Question, Window, clock
+    from lighting.stereo.plan import FEWEST_SHOTS, NOISES, Plan, Question, Window, clock
     from lighting.stereo.planning import Progress
     from lighting.stereo.request import (
         AskedSkies,
@@ -25,10 +25,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FEWEST_SHOTS",
     "HOPELESS",
-    "MOST_SHOTS",
     "NOISES",
     "AskedSkies",
-    "Known",
     "MeasuredSkies",
     "ModelledSkies",
     "Network",
@@ -37,6 +35,7 @@ __all__ = [
     "Question",
     "Skies",
     "Solved",
+    "Told",
     "Watch",
     "Window",
     "check_folder",
@@ -58,10 +57,9 @@ __getattr__ = from_homes(
     {
         "FEWEST_SHOTS": "plan",
         "HOPELESS": "picture",
-        "MOST_SHOTS": "plan",
         "NOISES": "plan",
         "AskedSkies": "request",
-        "Known": "normals.job",
+        "Told": "normals.job",
         "MeasuredSkies": "request",
         "ModelledSkies": "request",
         "Network": "normals.network",

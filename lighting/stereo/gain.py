@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.geometry import Floats
 
 SURE = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
-WORST_ERROR = 90.0  # deg, an error so large says nothing of the normal
+WORST_ERROR = 90.0  # deg, the largest that is stated
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and columns of the upper triangle
 _SINGULAR = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import luminance
 from lighting.errors import EnvironmentMapError, ParameterError
-from lighting.files.exr import read_map
+from lighting.files import read_map
 from lighting.geometry import Floats, latlong_directions
 from lighting.prefilter import shrink
 from lighting.probe import probes_in

@@ -60,7 +60,7 @@ def opencv() -> Any:
 
 
 def has_opencv() -> bool:
-    """Whether the extra `video` is installed, without importing it."""
+    """Whether OpenCV is installed, without importing it."""
     from importlib.util import find_spec
 
     return find_spec("cv2") is not None

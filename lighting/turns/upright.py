@@ -5,9 +5,9 @@ Orientations are rotations (3, 3) from one common frame (x right, y up, its came
 
 import numpy as np
 
-from lighting.geometry import Floats, angles, camera_axes, direction, wrap_azimuth
+from lighting.geometry import STEEP, Floats, angles, camera_axes, direction, wrap_azimuth
 
-STEEP = 0.9962  # sine of an elevation of 85 deg
+_STEEP = float(np.sin(np.radians(STEEP)))
 
 
 def own_axes(azimuth: float, elevation: float, roll: float) -> Floats:
@@ -41,7 +41,7 @@ def _unit(vector: Floats) -> Floats:
 def level(up: Floats) -> Floats:
     """The rotation (3, 3) from the common frame to a level one: +Y up, azimuth 0 where `angles_of` sees its camera."""
     up = _unit(up)
-    if abs(up[2]) > STEEP:
+    if abs(up[2]) > _STEEP:
         right = _unit(np.array([1.0, 0.0, 0.0]) - up[0] * up)
         return np.stack([right, up, np.cross(right, up)])
     back = -_unit(np.array([0.0, 0.0, -1.0]) + up[2] * up)
@@ -58,7 +58,7 @@ def angles_of(orientations: Floats, levelled: Floats) -> tuple[Floats, Floats, F
     right, forward = axes[:, 0], -axes[:, 2]
     heading, elevation = angles(forward)
     across, _ = angles(right)
-    heading = np.where(np.abs(forward[:, 1]) > STEEP, wrap_azimuth(across - 90.0), heading)
+    heading = np.where(np.abs(forward[:, 1]) > _STEEP, wrap_azimuth(across - 90.0), heading)
     level_right = direction(heading + 90.0, 0.0)
     level_up = np.cross(level_right, forward)
     cosine, sine = np.sum(right * level_right, axis=1), -np.sum(right * level_up, axis=1)

@@ -196,7 +196,8 @@ def _pictures(clip: Clip) -> Iterator[Any]:
 
 def _check_size(width: int, height: int) -> None:
     if width * height > MAX_PIXELS:
-        raise VideoError(f"The clip's pictures of {width} x {height} pixels are larger than the limit of 128 million.")
+        limit = f"the limit of {MAX_PIXELS / 1e6:g} million"
+        raise VideoError(f"The clip's pictures of {width} x {height} pixels are larger than {limit}.")
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
         raise VideoError(
             f"The clip is {width} x {height} pixels; each side must have at least {MIN_SIDE}, "

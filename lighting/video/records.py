@@ -37,9 +37,9 @@ def light_of(shot: Shot) -> Lighting:
     light = with_ground(estimate_of(shot.fused, shot.known).lighting, shot.ground)
     return replace(
         light,
-        camera_elevation=rounded_angle(shot.path.elevation[0]),
-        camera_roll=rounded_angle(wrap_azimuth(shot.path.roll[0])),
-        camera_heading=None if shot.north is None else rounded_compass(shot.north),
+        camera_elevation=_rounded(shot.path.elevation[0]),
+        camera_roll=_rounded(wrap_azimuth(shot.path.roll[0])),
+        camera_heading=None if shot.north is None else _compass(shot.north),
     )
 
 
@@ -60,16 +60,26 @@ def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
 
 def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
     """The shot's light as the camera of its frame `i`, counted in the shot, sees it."""
-    heading = float(shot.path.heading[i])
+    path, fov = shot.path, zoomed_fov(base.vertical_fov, float(shot.zoom[i]))
+    angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
+    return as_turned(brighten(base, shot.gains[i]), angles, fov, shot.north)
+
+
+def as_turned(light: Lighting, angles: tuple[float, float, float], fov: float, north: float | None) -> Lighting:
+    """A light as a camera sees it that is turned by heading, elevation and roll [deg] and has a field of view [deg].
+
+    `north` is where azimuth 0 of the light points, deg clockwise from true north; None where that is not known.
+    """
+    heading, elevation, roll = angles
     return replace(
-        brighten(base, shot.gains[i]),
-        sun_azimuth=rounded_angle(wrap_azimuth(base.sun_azimuth - heading)),
-        camera_elevation=rounded_angle(shot.path.elevation[i]),
-        camera_roll=rounded_angle(wrap_azimuth(shot.path.roll[i])),
-        vertical_fov=rounded_angle(zoomed_fov(base.vertical_fov, float(shot.zoom[i]))),
-        camera_heading=None if shot.north is None else rounded_compass(shot.north + heading),
+        light,
+        sun_azimuth=_rounded(wrap_azimuth(light.sun_azimuth - heading)),
+        camera_elevation=_rounded(elevation),
+        camera_roll=_rounded(wrap_azimuth(roll)),
+        vertical_fov=_rounded(fov),
+        camera_heading=None if north is None else _compass(north + heading),
         camera_heading_probability=(),
-        relative_heading=rounded_compass(heading),
+        relative_heading=_compass(heading),
     )
 
 
@@ -79,11 +89,11 @@ def world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, 
     return view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
 
 
-def rounded_angle(degrees: Floats | float) -> float:
+def _rounded(degrees: Floats | float) -> float:
     """To four digits behind the point."""
     return round(float(degrees), 4)
 
 
-def rounded_compass(degrees: float) -> float:
+def _compass(degrees: float) -> float:
     """The same from 0 up to 360."""
-    return rounded_angle(degrees % 360.0) % 360.0
+    return _rounded(degrees % 360.0) % 360.0

@@ -17,7 +17,7 @@ from lighting.colour import luminance
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
 from lighting.evidence import Given, Known, check_given, estimate_of
-from lighting.geometry import Floats, wrap_azimuth
+from lighting.geometry import Floats
 from lighting.model import Model, model_or_packaged
 from lighting.photo import checked_pixels
 from lighting.records import Lighting
@@ -29,7 +29,7 @@ from lighting.video.clip import SIDE, Frame
 from lighting.video.follow import Follower, Key, Step
 from lighting.video.keyframes import turn_between
 from lighting.video.learning import LearntLens, Looks
-from lighting.video.records import rounded_angle, rounded_compass
+from lighting.video.records import as_turned
 from lighting.video.shot import north_of
 from lighting.video.turning import is_believed, turning
 from lighting.video.watch import is_dark, see
@@ -210,22 +210,12 @@ class Tracker:
     def _answer(self, followed: bool) -> Sighting | None:
         if (fused := self._seen.fused) is None:
             return None
-        heading, elevation, roll = self._seen.angles(self._orientation)
+        angles = self._seen.angles(self._orientation)
         known = self._in_chain(self._known)
         base = with_ground(estimate_of(fused, known).lighting, self._seen.light.ground)
-        north = north_of(fused, known)
-        lighting = replace(
-            brighten(base, self._gain),
-            sun_azimuth=rounded_angle(wrap_azimuth(base.sun_azimuth - heading)),
-            camera_elevation=rounded_angle(elevation),
-            camera_roll=rounded_angle(roll),
-            vertical_fov=rounded_angle(self._lens.fov),
-            camera_heading=None if north is None else rounded_compass(north + heading),
-            camera_heading_probability=(),
-            relative_heading=rounded_compass(heading),
-        )
+        lighting = as_turned(brighten(base, self._gain), angles, self._lens.fov, north_of(fused, known))
         red, green, blue = map(float, self._gain)
-        return Sighting(lighting, heading, (red, green, blue), followed, self._chain == FIRST)
+        return Sighting(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST)
 
 
 def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -15,7 +15,7 @@ from lighting import pipeline
 from lighting.decoding import lighting_from
 from lighting.errors import ModelError, ParameterError, PhotoError
 from lighting.evidence import Evidence, Given, Gravity
-from lighting.evidence.answer import UNSUITABLE
+from lighting.evidence.answer import reasons
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
 from lighting.photo import Photo, photo_of
@@ -190,7 +190,7 @@ def test_a_network_that_says_so_gives_irradiances_ground_and_the_place(lit_netwo
 def test_what_is_no_such_photo_earns_a_warning(tmp_path: Path, photo_path: Path) -> None:
     doubtful = {"light": np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.1])}
     estimator = Estimator(Model.load(write_network(tmp_path / "n.onnx", more=doubtful)))
-    assert estimator(read_photo(photo_path)).warnings == (UNSUITABLE,)
+    assert estimator(read_photo(photo_path)).warnings == reasons(Evidence())
 
 
 @pytest.mark.parametrize("grey", [0, 90, 255])
@@ -199,9 +199,9 @@ def test_an_empty_frame_is_no_photo_whatever_the_network_says(lit_network: Path,
     empty, other = photo_of(np.clip(noise, 0, 255).astype(np.uint8)), photo_of(scene(64, 48))
     estimator = Estimator(Model.load(lit_network))
     told = estimator(empty)
-    assert told.warnings == (UNSUITABLE,)
+    assert told.warnings == reasons(Evidence())
     assert told.lighting.suitable == 0.01
-    assert UNSUITABLE in estimator.together([empty, other])[0].warnings
+    assert reasons(Evidence())[0] in estimator.together([empty, other])[0].warnings
     assert estimator(other).lighting.suitable == pytest.approx(0.97)
 
 

@@ -47,16 +47,6 @@ def test_what_is_said_twice_is_refused_by_name(client: TestClient, jpeg: bytes, 
     assert error == {"field": name, "place": "query", "detail": "is given more than once"}
 
 
-def test_a_body_has_one_length(client: TestClient, jpeg: bytes) -> None:
-    both = {**JPEG, "Content-Length": "5", "Transfer-Encoding": "chunked"}
-    answer = client.post("/v1/lighting", content=jpeg, headers=both)
-    assert "send one of them" in problem(answer, 400, "malformed-request")["detail"]
-    assert answer.headers["connection"] == "close"
-    everywhere = {"Content-Length": "5", "Transfer-Encoding": "chunked"}
-    for path in ("/livez", "/", "/absent"):
-        assert client.request("GET", path, content=b"12345", headers=everywhere).status_code == 400
-
-
 @pytest.mark.parametrize(
     ("method", "path", "allowed"),
     [

@@ -178,6 +178,17 @@ def test_the_silence_after_a_body_that_came_after_its_answer_is_not_answered(por
 CHUNKED = b"POST %s HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
 
 
+@pytest.mark.parametrize("method", [b"POST", b"GET"])
+def test_a_body_has_one_end(port: int, method: bytes) -> None:
+    connection = connected(port)
+    ends = b"Content-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+    connection.sendall(method + b" / HTTP/1.1\r\nHost: x\r\n" + ends + b"GET /early HTTP/1.1\r\nHost: x\r\n\r\n")
+    answer = rest(connection)
+    refused(answer, 400, "malformed-request")
+    assert b"both say where the body ends; send one of them." in answer
+    assert answer.count(b"HTTP/1.1 ") == 1
+
+
 def test_a_body_in_crumbs_is_400(port: int) -> None:
     connection = connected(port)
     connection.sendall(CHUNKED % b"/" + b"1\r\nx\r\n" * (MOST_CHUNKS + 1))

@@ -30,9 +30,12 @@ def test_what_is_not_json_is_a_problem(data: bytes) -> None:
         parse_record(data)
 
 
-def test_an_answer_about_several_photos_is_no_record() -> None:
-    with pytest.raises(ProblemError, match="several photos; send one of them"):
-        parse_record(json.dumps({"lightings": [full_record(LIGHT)] * 2}).encode())
+@pytest.mark.parametrize("content", [{"lightings": [full_record(LIGHT)] * 2}, {"file": "x.jpg", "error": "Gone."}])
+def test_an_answer_about_several_photos_and_an_error_are_no_record(content: dict[str, Any]) -> None:
+    with pytest.raises(ProblemError) as caught:
+        parse_record(json.dumps(content).encode())
+    (error,) = caught.value.more["errors"]
+    assert (error["field"], error["place"]) == (list(content)[-1], "body")
 
 
 @pytest.mark.parametrize("record", [[], 7, {}, {"sun": {}}, {"lighting": None}])

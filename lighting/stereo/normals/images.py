@@ -17,7 +17,7 @@ from PIL import ExifTags, Image, ImageCms
 from lighting.colour import srgb_decode
 from lighting.errors import EnvironmentMapError, PhotoError, PhotoExtraError
 from lighting.files import read_exr
-from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw, read_facts
+from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw, read_facts, read_orientation
 
 Pixels = NDArray[np.float32]
 
@@ -84,7 +84,8 @@ def _read(path: Path, curve: Curve | None) -> Shot:
         return _shot(path.name, develop_raw(data, "The file", upright=True)[0], header, coded=False)
     values = _decoded(data)
     coded = _is_coded(values, header, curve)
-    values = np.rot90(values, _TURNS.get(_orientation(header), 0))
+    orientation = None if header is None else read_orientation(header)
+    values = np.rot90(values, _TURNS.get(orientation or 1, 0))
     return _shot(path.name, values, header, coded=coded)
 
 
@@ -144,17 +145,10 @@ def _says_gamma(header: Image.Image) -> bool:
         return False
 
 
-def _orientation(header: Image.Image | None) -> int:
-    try:
-        return 1 if header is None else int(header.getexif().get(ExifTags.Base.Orientation, 1))
-    except Exception:  # EXIF is hostile input
-        return 1
-
-
 def _exposure(header: Image.Image) -> Exposure:
     try:
         tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
-    except Exception:  # as above
+    except Exception:  # EXIF is hostile input
         return Exposure()
     base = ExifTags.Base
     names = (base.ExposureTime, base.FNumber, base.ISOSpeedRatings, base.FocalLength)

@@ -31,7 +31,7 @@ _FITTED_HEIGHT = 32  # rows of the skies that a turbidity is found with
 
 
 @dataclass(frozen=True)
-class Known:
+class Told:
     """What is told beside the photos; None is to be found in them."""
 
     latitude: float | None = None  # deg, positive north
@@ -69,7 +69,7 @@ class Solved:
 
 
 def solve_day(
-    folder: str | os.PathLike[str], known: Known, network: Network | None = None, watch: Watch | None = None
+    folder: str | os.PathLike[str], told: Told, network: Network | None = None, watch: Watch | None = None
 ) -> Solved:
     """The normals of the thing that a folder's photos show.
 
@@ -79,23 +79,23 @@ def solve_day(
     """
     folder, seen = Path(folder), watch or Watch()
     if is_diligent(folder):
-        return _solve_diligent(folder, known, seen)
+        return _solve_diligent(folder, told, seen)
     shots = read_shots(
         folder,
-        mask=known.mask,
-        utc_offset=known.utc_offset,
-        curve=known.curve,
-        size=known.size,
+        mask=told.mask,
+        utc_offset=told.utc_offset,
+        curve=told.curve,
+        size=told.size,
         progress=seen.photos,
     )
-    pose = Pose(_heading(shots, known), known.pitch, known.roll)
-    skies, turbidity = _skies(shots, known, pose)
+    pose = Pose(_heading(shots, told), told.pitch, told.roll)
+    skies, turbidity = _skies(shots, told, pose)
     check_light(skies)
-    found = solve(Session(shots.images, shots.mask, skies, pose), known.noise, network, seen.pixels)
+    found = solve(Session(shots.images, shots.mask, skies, pose), told.noise, network, seen.pixels)
     focal = None if shots.focal_length is None else _focal(shots.focal_length, *shots.mask.shape)
     record = _record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
     record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
-    record |= {"sky": str(known.probes or "clear"), "turbidity": turbidity}
+    record |= {"sky": str(told.probes or "clear"), "turbidity": turbidity}
     return Solved(found, pose, focal, record, shots.warnings)
 
 
@@ -122,9 +122,9 @@ def surface(solved: Solved) -> Floats:
     return np.stack([right * depth, up * depth, -solved.focal * depth], axis=-1)
 
 
-def _solve_diligent(folder: Path, known: Known, watch: Watch) -> Solved:
+def _solve_diligent(folder: Path, told: Told, watch: Watch) -> Solved:
     lit = read_diligent(folder)
-    found = solve(Session(lit.images, lit.mask, lit.skies, Pose()), known.noise, progress=watch.pixels)
+    found = solve(Session(lit.images, lit.mask, lit.skies, Pose()), told.noise, progress=watch.pixels)
     record = _record(found, lit.names)
     if lit.truth is not None:
         record |= _against(found, lit.truth)
@@ -138,31 +138,31 @@ def _against(found: NormalMap, truth: Floats) -> dict[str, float]:
     return {"mean_error": round(float(angle.mean()), 2), "median_error": round(float(np.median(angle)), 2)}
 
 
-def _heading(shots: Shots, known: Known) -> float:
-    heading = shots.heading if known.heading is None else known.heading
+def _heading(shots: Shots, told: Told) -> float:
+    heading = shots.heading if told.heading is None else told.heading
     if heading is None:
         raise ParameterError("The photos do not say which way the camera looked; give --heading in degrees from north.")
     return heading
 
 
-def _skies(shots: Shots, known: Known, pose: Pose) -> tuple[Skies, float | None]:
+def _skies(shots: Shots, told: Told, pose: Pose) -> tuple[Skies, float | None]:
     """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modelled."""
-    if known.probes is not None:
-        skies = nearest_skies(known.probes, shots.times, known.utc_offset or 0.0)
+    if told.probes is not None:
+        skies = nearest_skies(told.probes, shots.times, told.utc_offset or 0.0)
         return skies if shots.images.shape[-1] == 3 else in_grey(skies), None
-    suns = _suns(shots, known)
+    suns = _suns(shots, told)
 
     def session(turbidity: float, height: int = _FITTED_HEIGHT) -> Session:
-        skies = clear_skies(suns, turbidity, known.ground_albedo, height)
+        skies = clear_skies(suns, turbidity, told.ground_albedo, height)
         return Session(shots.images, shots.mask, skies if shots.images.shape[-1] == 3 else in_grey(skies), pose)
 
-    turbidity = fitted_turbidity(session) if known.turbidity is None else known.turbidity
+    turbidity = fitted_turbidity(session) if told.turbidity is None else told.turbidity
     return session(turbidity, HEIGHT).skies, turbidity
 
 
-def _suns(shots: Shots, known: Known) -> Floats:
+def _suns(shots: Shots, told: Told) -> Floats:
     """Unit vectors (T, 3) to the sun; ParameterError without a place, PhotoError for a photo of night."""
-    place = (known.latitude, known.longitude)
+    place = (told.latitude, told.longitude)
     check_place(*place)
     latitude, longitude = place if None not in place else (shots.place or place)
     if latitude is None or longitude is None:

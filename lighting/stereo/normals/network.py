@@ -5,7 +5,6 @@ and W multiples of 8. Outputs: `normal`, float32 (1, 3, H, W), unit vectors in t
 (1, 1, H, W), their expected angle to the truth [rad].
 """
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.cpus import available_cpus
 from lighting.errors import ModelError
+from lighting.onnx import packaged, session_of
 from lighting.stereo.normals.features import BY_IMAGE, SHARED, Features
 
 Image = NDArray[np.float32]
@@ -33,7 +32,7 @@ class Network:
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """The network in an ONNX file, by default the one in this package; ModelError for another kind of file."""
         file = packaged_network() if path is None else path
-        session = _session(file, threads or available_cpus())
+        session = session_of(file, threads)
         found = {port.name: port.shape[-3] for port in session.get_inputs()}
         if found != {"by_image": BY_IMAGE, "shared": SHARED}:
             raise ModelError(f"{file} is not a network of normals of this version.")
@@ -66,11 +65,7 @@ class Network:
 
 def packaged_network() -> Path:
     """The one network of normals in this package; ModelError if there is none or a choice."""
-    folder = Path(__file__).parents[1] / "data"
-    found = sorted(folder.glob("normals-*.onnx"))
-    if len(found) != 1:
-        raise ModelError(f"{folder} must hold exactly one normals-<version>.onnx; it holds {len(found)}.")
-    return found[0]
+    return packaged(Path(__file__).parents[1] / "data", "normals")
 
 
 def _tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:
@@ -83,16 +78,3 @@ def _padded(planes: Image) -> Image:
     """Planes (..., H, W) with zeros below and to the right up to sizes that the network takes."""
     missing = [-side % _STEP for side in planes.shape[-2:]]
     return np.pad(planes, [(0, 0)] * (planes.ndim - 2) + [(0, more) for more in missing])
-
-
-def _session(file: Path, threads: int) -> Any:
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels else report their use
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.log_severity_level = 3  # errors only
-    try:
-        return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors share no public base class
-        raise ModelError(f"{file} is not an ONNX network that can be read.") from error

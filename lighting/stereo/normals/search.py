@@ -21,7 +21,7 @@ from lighting.stereo.normals.frame import Pose, to_camera, to_world, visible_nor
 
 Image = NDArray[np.float32]
 
-CANDIDATES = 3000  # normals, 2.6 deg apart
+GRID = 3000  # normals, 2.6 deg apart
 APART = 25.0  # deg, from the best normal to the nearest that counts as another answer
 
 _BLOCK = 1 << 19  # residuals held at once: few enough to stay in a processor's cache
@@ -58,7 +58,7 @@ class Answer:
 Progress = Callable[[Iterable[Answer], int], Iterable[Answer]]  # sees answers pass, of so many in all
 
 
-def candidates(skies: Skies, pose: Pose, count: int = CANDIDATES) -> Candidates:
+def candidates(skies: Skies, pose: Pose, count: int = GRID) -> Candidates:
     """The normals that a camera can see, under skies of T moments and C channels."""
     normals = visible_normals(count)
     vectors = illumination(skies, to_world(normals, pose))  # (K, T, 3, C)

@@ -17,9 +17,9 @@ from lighting.stereo.normals.search import Answer, Candidates, Progress, candida
 
 Image = NDArray[np.float32]
 
-CANDIDATES = 700  # normals, 5.4 deg apart
 POOR = 2.0  # times the noise, the residual from which on shadows are thought of
 
+_GRID = 700  # normals, 5.4 deg apart
 _SHADOW, _MOMENT = 3.0, 0.3  # how unlikely a shadow is, and each photo more that it lasts, as logarithms
 _LEAST = 3  # photos in the sun, for a normal
 _PATTERNS = 16  # at most
@@ -30,8 +30,8 @@ def shadowed(skies: Skies, pose: Pose) -> Candidates | None:
     lit = patterns(len(skies))
     if len(lit) < 2:
         return None
-    sunny = candidates(skies, pose, CANDIDATES)
-    shade = candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, CANDIDATES)
+    sunny = candidates(skies, pose, _GRID)
+    shade = candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, _GRID)
     light = np.where(lit[:, None, :, None, None], sunny.light, shade.light)
     brightness = np.where(lit[None, :, None, :], sunny.brightness[:, None], shade.brightness[:, None])
     hidden = (~lit).sum(axis=1)

@@ -9,7 +9,7 @@ from export.data import Panorama, write_index
 from export.turns import pairs, report
 from export.turns.groups import figures, groups, sun_figures, tilt_figures
 from export.turns.sets import FOVS, OVERLAPS, across, one_each, sweep
-from lighting.files.formats import encode_png
+from lighting.files import encode_png
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
 from tests.lighting.turns.cameras import texture

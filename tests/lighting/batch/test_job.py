@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lighting.batch import Job, Maps
-from lighting.batch.job import Answer, answer_or_reason, check_settings, load_estimator, settings, write_map
+from lighting.batch.job import PhotoLight, check_settings, light_or_reason, load_estimator, settings, write_map
 from lighting.envmap import place_of, view
 from lighting.errors import BatchError, ModelError
 from lighting.files import read_exr
@@ -60,11 +60,11 @@ def test_the_same_settings_or_no_results_allow_a_batch() -> None:
 
 def test_a_photo_has_its_light_or_a_reason(network: Path, tmp_path: Path) -> None:
     estimator, given = load_estimator(Job(str(tmp_path), "out", str(network), given={"vertical_fov": 40.0}))
-    answer = answer_or_reason(estimator, encode(scene(64, 48)), given, None)
-    assert isinstance(answer, Answer)
+    answer = light_or_reason(estimator, encode(scene(64, 48)), given, None)
+    assert isinstance(answer, PhotoLight)
     assert answer.lighting.vertical_fov == 40.0
     assert answer.place is None
-    assert str(answer_or_reason(estimator, b"no photo", given, None)).startswith("The file is not a JPEG")
+    assert str(light_or_reason(estimator, b"no photo", given, None)).startswith("The file is not a JPEG")
 
 
 @pytest.mark.parametrize("wanted", [None, True, False])
@@ -73,8 +73,8 @@ def test_a_map_shows_the_place_as_envmap_does(tmp_path: Path, wanted: bool | Non
     photo.write_bytes(encode(scene(320, 240)))
     estimator, given = load_estimator(Job(str(tmp_path), "out"))
     maps = Maps(32, surroundings=wanted)
-    answer = answer_or_reason(estimator, photo, given, maps)
-    assert isinstance(answer, Answer)
+    answer = light_or_reason(estimator, photo, given, maps)
+    assert isinstance(answer, PhotoLight)
     write_map(tmp_path / "map.exr", answer, maps)
     picture = read_photo(photo)
     place = place_of(estimator(picture, given), picture.pixels, 32, picture.pixels.repeat, wanted=wanted)

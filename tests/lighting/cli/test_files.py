@@ -48,8 +48,8 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
         ("[]", "stdin: A lighting record must be an object, not []."),
         ('{"lighting": null}', "stdin: A lighting record must be an object, not None."),
         ("{}", "stdin: The lighting record needs an object 'sun'."),
-        ('{"file": "x.jpg", "error": "Gone."}', "stdin holds an error in place of a lighting record."),
-        ('{"lightings": [{}, {}]}', "stdin holds the records of several photos, and one is read at a time."),
+        ('{"file": "x.jpg", "error": "Gone."}', "stdin: The JSON holds an error in place of a lighting record."),
+        ('{"lightings": [{}, {}]}', "stdin: The JSON holds the records of several photos, and one is read at a time."),
         (
             '{"sun": {"azimuth": NaN, "elevation": 3}, "sky": {"turbidity": 3, "exposure": 1}}',
             "stdin: sun.azimuth must",

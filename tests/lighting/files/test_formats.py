@@ -12,7 +12,7 @@ from lighting.colour import tone_map
 from lighting.envmap import render
 from lighting.errors import EnvironmentMapError
 from lighting.files.exr import read_exr
-from lighting.files.formats import encode_envmap, encode_jpeg, format_of, write_envmap
+from lighting.files.formats import encode_envmap, format_of, write_envmap
 from lighting.records import Lighting
 
 Map = NDArray[np.float32]
@@ -106,12 +106,6 @@ def test_png_is_the_tone_mapped_map(image: Map) -> None:
     with Image.open(io.BytesIO(encode_envmap(image, LIGHT, "png"))) as picture:
         assert picture.mode == "RGB"
         np.testing.assert_array_equal(np.asarray(picture), tone_map(image))
-
-
-def test_jpeg_keeps_size_and_colour() -> None:
-    with Image.open(io.BytesIO(encode_jpeg(np.full((24, 32, 3), (200, 120, 40), dtype=np.uint8), 90))) as picture:
-        assert (picture.format, picture.size) == ("JPEG", (32, 24))
-        assert np.abs(np.asarray(picture, dtype=int) - [200, 120, 40]).max() <= 4
 
 
 @pytest.mark.parametrize("name", ["map", "map.jpg", ".exr", "map.exr.txt"])

@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from lighting.files.record import full_record, json_line
+from lighting.errors import ParameterError
+from lighting.files.record import full_record, json_line, one_record
 from lighting.records import Lighting
 from lighting.sky import sky_coefficients
 
@@ -30,3 +31,15 @@ def test_a_line_holds_the_record_or_the_error(answer: Lighting | str, key: str) 
     line = json_line("a\nb.jpg", answer)
     assert "\n" not in line
     assert json.loads(line) == {"file": "a\nb.jpg", key: answer if isinstance(answer, str) else full_record(answer)}
+
+
+@pytest.mark.parametrize("text", [json.dumps(full_record(LIGHT)), json_line("a.jpg", LIGHT)])
+def test_one_record_is_taken_bare_or_from_a_line(text: str) -> None:
+    assert Lighting.from_dict(one_record(json.loads(text))) == LIGHT
+
+
+@pytest.mark.parametrize("field", ["error", "lightings"])
+def test_an_error_and_several_records_are_not_one(field: str) -> None:
+    with pytest.raises(ParameterError, match="The JSON holds") as caught:
+        one_record({field: "Gone."})
+    assert caught.value.field == field

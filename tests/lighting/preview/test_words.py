@@ -7,23 +7,9 @@ from PIL import Image
 from lighting.preview import words as module
 from lighting.preview.ink import Style, text_width
 from lighting.preview.layout import GAP, MARGIN, WIDTH
-from lighting.preview.words import _azimuth_words, draw_headline, numbers_of, warning_lines
+from lighting.preview.words import draw_headline, numbers_of, warning_lines
 from lighting.records import EVIDENCE
 from tests.previews import amber, outdoors
-
-
-@pytest.mark.parametrize(
-    ("azimuth", "words"),
-    [
-        (-41.2, "41° left"),
-        (33.0, "33° right"),
-        (0.3, "straight ahead"),
-        (179.8, "straight behind"),
-        (120.0, "120° right (behind)"),
-    ],
-)
-def test_azimuth_in_words(azimuth: float, words: str) -> None:
-    assert _azimuth_words(azimuth) == words
 
 
 def test_numbers_say_which_way_the_camera_looks() -> None:

@@ -6,16 +6,13 @@ import pytest
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, angle_between, direction, latlong_directions, latlong_solid_angle
 from lighting.sky.cie import (
-    CLEAR,
-    OVERCAST_INTEGRAL,
-    POLLUTED,
-    UNIFORM,
     general_luminance,
     gradation,
     indicatrix,
     overcast_luminance,
 )
 
+UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own
 SUN = direction(30.0, 40.0)
 ZENITH = np.array([0.0, 1.0, 0.0])
 
@@ -35,7 +32,7 @@ def test_overcast_sky_is_three_times_brighter_at_the_zenith() -> None:
 
 
 def test_overcast_sky_lights_the_ground_by_seven_ninths_of_pi() -> None:
-    assert integral(overcast_luminance(latlong_directions(256))) == pytest.approx(OVERCAST_INTEGRAL, rel=1e-3)
+    assert integral(overcast_luminance(latlong_directions(256))) == pytest.approx(7 * np.pi / 9, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", range(1, 16))

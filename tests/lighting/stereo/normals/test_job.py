@@ -17,7 +17,7 @@ from lighting.geometry import latlong_directions, latlong_solid_angle
 from lighting.stereo.normals.files import write_png16
 from lighting.stereo.normals.frame import Pose, to_world
 from lighting.stereo.normals.images import read_shot
-from lighting.stereo.normals.job import Known, solve_day
+from lighting.stereo.normals.job import Told, solve_day
 from lighting.stereo.skies import clear_skies
 from tests.lighting.stereo.sphere import JUNE, angles, ball, june_suns, photos
 
@@ -41,7 +41,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_folder_is_named_by_a_text_too(tmp_path: Path) -> None:
     with pytest.raises(PhotoError, match="There is no folder"):
-        solve_day(str(tmp_path / "none"), Known())
+        solve_day(str(tmp_path / "none"), Told())
 
 
 def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path: Path) -> None:
