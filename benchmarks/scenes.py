@@ -37,6 +37,7 @@ from benchmarks.scene_renders import (
     render_threejs,
 )
 from lighting.colour import luminance, srgb_decode, tone_map
+from lighting.drawing import Style, write
 from lighting.envmap import render
 from lighting.geometry import (
     Floats,
@@ -50,12 +51,10 @@ from lighting.geometry import (
     wrap_azimuth,
 )
 from lighting.photo import Photo
-from lighting.preview.ink import Style, write
-from lighting.preview.shading import DIFFUSE
-from lighting.preview.spheres import PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 from lighting.records import Lighting
 from lighting.scene import TOOLS, TOOLS_WITHOUT_MAP, Scene, make_scene, write_scene
 from lighting.scene.placeholder import placeholder_of
+from lighting.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 
 SUN = (-125.0, 33.0)  # deg, azimuth and elevation
 LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0, vertical_fov=45.0)

@@ -9,8 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
-from lighting.preview.ink import (
+from lighting.drawing import (
+    BACKGROUND,
+    MUTED,
+    PANEL,
+    SUN,
+    TEXT,
+    WHITE,
     Colour,
     Style,
     arrow_head,
@@ -22,7 +27,7 @@ from lighting.preview.ink import (
     write,
     write_inside,
 )
-from lighting.preview.palette import BACKGROUND, MUTED, PANEL, SUN, TEXT, WHITE
+from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
 
 RED: Colour = (255, 128, 116)
 GREEN: Colour = (140, 214, 130)

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.drawing import SUN
 from lighting.envmap import render
 from lighting.geometry import Floats
-from lighting.preview.palette import SUN
 from lighting.records import Estimate, Lighting, SunDistribution
 
 Bytes = NDArray[np.uint8]

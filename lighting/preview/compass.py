@@ -4,9 +4,22 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.drawing import (
+    HEAT,
+    LINE,
+    MUTED,
+    PANEL,
+    TEXT,
+    WHITE,
+    Style,
+    polygon,
+    rounded,
+    stroke,
+    sun_colour,
+    sun_marks,
+    write,
+)
 from lighting.geometry import Floats, angles, direction
-from lighting.preview.ink import Style, polygon, rounded, stroke, sun_marks, write
-from lighting.preview.palette import HEAT, LINE, MUTED, PANEL, TEXT, WHITE, sun_colour
 from lighting.preview.sphere_lines import frame_directions, regions
 from lighting.records import Estimate, SunDistribution
 from lighting.sun_grid import grid_directions

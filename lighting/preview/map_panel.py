@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.drawing import WHITE, Style, display, shaded_stroke, sun_colour, sun_marks, write
 from lighting.geometry import Floats, latlong_pixel
-from lighting.preview.ink import Style, shaded_stroke, sun_marks, write
 from lighting.preview.layout import Box
-from lighting.preview.palette import WHITE, display, sun_colour
 from lighting.preview.sphere_lines import frame_directions, pieces, regions
 from lighting.records import Lighting
 

@@ -4,19 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.drawing import BACKGROUND, MUTED, TEXT, Style, display, rounded, write
 from lighting.envmap import camera_of, known_place, render, surround
 from lighting.files import encode_png
-from lighting.preview.bounces import lit_stage
 from lighting.preview.compass import compass_panel
-from lighting.preview.ink import Style, rounded, write
 from lighting.preview.layout import CAPTION, LETTERS, WIDTH, Box, lay_out
 from lighting.preview.map_panel import map_panel
-from lighting.preview.palette import BACKGROUND, MUTED, TEXT, display
 from lighting.preview.photo_panel import photo_caption, photo_panel
-from lighting.preview.shading import Stage
-from lighting.preview.spheres import pitch_of, render_stage, sphere_centres
 from lighting.preview.words import draw_headline, numbers_of, warning_lines
 from lighting.records import Estimate, Lighting
+from lighting.spheres import Stage, lit_stage, pitch_of, render_stage, sphere_centres
 
 MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many

@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from PIL import Image
 
+from lighting.drawing import shaded_stroke, sun_colour, text_width, write_inside
 from lighting.geometry import Floats, camera_axes
-from lighting.preview.ink import shaded_stroke, text_width, write_inside
-from lighting.preview.palette import sun_colour
 from lighting.records import Lighting
 
 _LETTERS = 15  # pixels, size of a share

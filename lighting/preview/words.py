@@ -4,9 +4,8 @@ from textwrap import wrap
 
 from PIL import Image
 
-from lighting.preview.ink import Style, text_width, write
+from lighting.drawing import MUTED, SUN, TEXT, Style, text_width, write
 from lighting.preview.layout import GAP, MARGIN, WARNING, WIDTH
-from lighting.preview.palette import MUTED, SUN, TEXT
 from lighting.records import SUITABLE, Lighting
 from lighting.words import azimuth_in_words, tilt_in_words
 

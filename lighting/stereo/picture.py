@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.drawing import BACKGROUND, LINE, MUTED, PANEL, TEXT, Colour, Style, polygon, stroke, write
 from lighting.geometry import Floats
-from lighting.preview.ink import Style, polygon, stroke, write
-from lighting.preview.palette import BACKGROUND, LINE, MUTED, PANEL, TEXT, Colour
 from lighting.stereo.plan import Plan, Table, Window, clock
 
 WIDTH, HEIGHT = 1600, 900

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import luminance
+from lighting.drawing import SUN, WHITE, Style, display, draw_horizon, draw_sun, rounded, text_width, write
 from lighting.envmap import brighten, render
 from lighting.files import replacing
 from lighting.geometry import wrap_azimuth
-from lighting.preview.ink import Style, rounded, text_width, write
-from lighting.preview.palette import SUN, WHITE, display
-from lighting.preview.photo_panel import draw_horizon, draw_sun
-from lighting.preview.spheres import render_spheres
+from lighting.spheres import render_spheres
 from lighting.video.clip import Clip
 from lighting.video.records import FrameLight
 

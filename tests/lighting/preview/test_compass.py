@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lighting.drawing import TEXT
 from lighting.geometry import direction
 from lighting.preview.compass import _density, _heat, compass_panel
-from lighting.preview.palette import TEXT
 from lighting.sun_grid import grid_directions, soft_label
 from tests.previews import GRID, amber, distribution, estimate, outdoors
 

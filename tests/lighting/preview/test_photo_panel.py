@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lighting.drawing import text_width
 from lighting.geometry import Pinhole, camera_pixel, direction
-from lighting.preview.ink import text_width
 from lighting.preview.layout import LETTERS, lay_out
 from lighting.preview.photo_panel import photo_caption, photo_panel
 from lighting.records import Lighting

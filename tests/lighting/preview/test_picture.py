@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.drawing import BACKGROUND
 from lighting.envmap import render
 from lighting.geometry import Floats, direction
 from lighting.preview import draw_preview, preview_png
 from lighting.preview.layout import CAPTION, WARNING, lay_out
-from lighting.preview.palette import BACKGROUND
 from lighting.preview.picture import MAP_HEIGHT
 from lighting.records import Lighting
 from lighting.sun_grid import soft_label

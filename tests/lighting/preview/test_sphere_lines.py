@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.drawing import text_width
 from lighting.geometry import Pinhole, angle_between, camera_pixel
 from lighting.preview.compass import _on_dome
-from lighting.preview.ink import text_width
 from lighting.preview.sphere_lines import _rim, frame_directions, pieces, regions
 from tests.previews import outdoors
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lighting.drawing import Style, text_width
 from lighting.preview import words as module
-from lighting.preview.ink import Style, text_width
 from lighting.preview.layout import GAP, MARGIN, WIDTH
 from lighting.preview.words import draw_headline, numbers_of, warning_lines
 from lighting.records import EVIDENCE

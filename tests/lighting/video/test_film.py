@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting import Lighting
-from lighting.preview.ink import text_width
+from lighting.drawing import text_width
 from lighting.video.film import drawn, layout_of
 from lighting.video.records import FrameLight
 from tests.lighting.video.clips import Pixels

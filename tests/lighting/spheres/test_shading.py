@@ -5,8 +5,8 @@ import pytest
 
 from lighting.envmap import render
 from lighting.geometry import Floats, direction
-from lighting.preview.bounces import lit_stage
-from lighting.preview.shading import DIFFUSE, MIRROR, MIRROR_REFLECTANCE, Stage, _sky, ground, shade, sunlit
+from lighting.spheres.bounces import lit_stage
+from lighting.spheres.shading import DIFFUSE, MIRROR, MIRROR_REFLECTANCE, Stage, _sky, ground, shade, sunlit
 from tests.previews import outdoors
 
 CENTRES = np.array([[-2.6, 1.0, 0.0], [0.0, 1.0, 0.0], [2.6, 1.0, 0.0]])

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
 
+from lighting.drawing.palette import BLACK, Colour
 from lighting.geometry import Floats
-from lighting.preview.palette import BLACK, Colour
 
 Point = tuple[float, float]
 

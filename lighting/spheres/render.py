@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Pinhole, camera_axes, camera_directions, focal_length
-from lighting.preview.bounces import lit_stage
-from lighting.preview.shading import Stage, trace
 from lighting.records import Lighting
+from lighting.spheres.bounces import lit_stage
+from lighting.spheres.shading import Stage, trace
 
 VERTICAL_FOV = 40.0  # deg
 PITCH = (-20.0, -5.0)  # deg, range of the camera's elevation that keeps ground and sky in view

@@ -10,11 +10,11 @@ from PIL import Image
 from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import render
 from lighting.geometry import Pinhole, camera_pixel
-from lighting.preview.bounces import lit_stage
-from lighting.preview.in_photo import BALL, _dark, _few_points, _shadow, ball_centres, with_balls
-from lighting.preview.shading import DIFFUSE_REFLECTANCE, Stage
-from lighting.preview.spheres import sphere_centres
 from lighting.records import Lighting
+from lighting.spheres.bounces import lit_stage
+from lighting.spheres.in_photo import BALL, _dark, _few_points, _shadow, ball_centres, with_balls
+from lighting.spheres.render import sphere_centres
+from lighting.spheres.shading import DIFFUSE_REFLECTANCE, Stage
 from tests.lighting.envmap.test_render import given_light
 
 LIGHT = replace(given_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)

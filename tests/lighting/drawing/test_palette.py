@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lighting.preview.palette import PALE, SUN, display, sun_colour
+from lighting.drawing.palette import PALE, SUN, display, sun_colour
 from tests.previews import outdoors
 
 

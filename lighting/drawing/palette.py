@@ -1,4 +1,4 @@
-"""Colours of the preview, and how linear light is shown in it."""
+"""Colours of pictures for people, and how linear light is shown in them."""
 
 import numpy as np
 from numpy.typing import NDArray

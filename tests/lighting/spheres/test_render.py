@@ -8,10 +8,10 @@ import pytest
 from lighting.colour import luminance
 from lighting.envmap import render
 from lighting.geometry import Floats, Pinhole, camera_pixel, direction, latlong_directions
-from lighting.preview import spheres
-from lighting.preview.shading import DIFFUSE, GLOSSY, MIRROR
-from lighting.preview.spheres import render_spheres
 from lighting.records import Lighting
+from lighting.spheres import render as spheres
+from lighting.spheres.render import render_spheres
+from lighting.spheres.shading import DIFFUSE, GLOSSY, MIRROR
 
 WIDTH, HEIGHT, PITCH = 160, 110, -10.0
 

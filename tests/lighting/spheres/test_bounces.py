@@ -9,8 +9,9 @@ import pytest
 from lighting.colour import luminance
 from lighting.envmap import render, sun_irradiance
 from lighting.geometry import Floats, direction
-from lighting.preview.bounces import lit_stage
-from lighting.preview.shading import (
+from lighting.records import Lighting
+from lighting.spheres.bounces import lit_stage
+from lighting.spheres.shading import (
     DIFFUSE,
     DIFFUSE_REFLECTANCE,
     GLOSSINESS,
@@ -19,7 +20,6 @@ from lighting.preview.shading import (
     MIRROR_REFLECTANCE,
     ground,
 )
-from lighting.records import Lighting
 
 mi: Any = mitsuba_renderer
 

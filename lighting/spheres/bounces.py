@@ -19,7 +19,7 @@ from lighting.geometry import (
     sample_latlong,
 )
 from lighting.prefilter import blur, irradiance, shrink, without_sun
-from lighting.preview.shading import DIFFUSE, GLOSSINESS, Stage, shade, trace
+from lighting.spheres.shading import DIFFUSE, GLOSSINESS, Stage, shade, trace
 
 _LOBE_ROWS = 32  # of the blurred map
 _EXCHANGE_ROWS = 24  # of `Stage.exchange`, by the direction to a sphere

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lighting.preview.ink import Style, arrow_head, rounded, stroke, sun_marks, write, write_inside
+from lighting.drawing.ink import Style, arrow_head, rounded, stroke, sun_marks, write, write_inside
 
 
 def canvas() -> Image.Image:

@@ -14,10 +14,10 @@ from PIL import Image
 from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import camera_of, lit_ground
 from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere, window_of
-from lighting.preview.bounces import in_shade
-from lighting.preview.shading import Stage, ground, shade, sunlit
-from lighting.preview.spheres import SPACING
 from lighting.records import Lighting
+from lighting.spheres.bounces import in_shade
+from lighting.spheres.render import SPACING
+from lighting.spheres.shading import Stage, ground, shade, sunlit
 
 BALL = 0.055  # radius of a ball in the picture, in picture heights
 

@@ -1,0 +1,55 @@
+"""Lines, words and colours of pictures for people, and a photo's horizon and sun marked on it."""
+
+from lighting.drawing.ink import (
+    Style,
+    arrow_head,
+    polygon,
+    rounded,
+    shaded_stroke,
+    stroke,
+    sun_marks,
+    text_width,
+    write,
+    write_inside,
+)
+from lighting.drawing.marks import draw_horizon, draw_sun, horizon_pixels
+from lighting.drawing.palette import (
+    BACKGROUND,
+    HEAT,
+    LINE,
+    MUTED,
+    PANEL,
+    SUN,
+    TEXT,
+    WHITE,
+    Colour,
+    display,
+    sun_colour,
+)
+
+__all__ = [
+    "BACKGROUND",
+    "HEAT",
+    "LINE",
+    "MUTED",
+    "PANEL",
+    "SUN",
+    "TEXT",
+    "WHITE",
+    "Colour",
+    "Style",
+    "arrow_head",
+    "display",
+    "draw_horizon",
+    "draw_sun",
+    "horizon_pixels",
+    "polygon",
+    "rounded",
+    "shaded_stroke",
+    "stroke",
+    "sun_colour",
+    "sun_marks",
+    "text_width",
+    "write",
+    "write_inside",
+]
