@@ -2,7 +2,8 @@
 
 import json
 import logging
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Literal
@@ -110,6 +111,12 @@ def all_invalid(errors: list[dict[str, Any]]) -> ProblemError:
     """A 422 about several fields, each with its place and what is wrong with it."""
     detail = "; ".join(f"{found['field']}: {found['detail']}" for found in errors)
     return ProblemError(INVALID, detail, errors=errors)
+
+
+def all_repeated(names: Iterable[str], place: Place) -> ProblemError:
+    """A 422 about the names that stand more than once among these; raise it only where there are any."""
+    often = [name for name, count in Counter(names).items() if count > 1]
+    return all_invalid([{"field": name, "place": place, "detail": "is given more than once"} for name in often])
 
 
 def response(request: Request, error: ProblemError) -> JSONResponse:

@@ -1,6 +1,7 @@
 """Lighting records that clients send."""
 
-from json import detect_encoding
+import json
+from typing import Any
 
 from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
@@ -18,11 +19,11 @@ def parse_record(data: bytes) -> Lighting:
     """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
 
     It is UTF-8, with or without a byte order mark, or UTF-16, as PowerShell redirects that line.
-    Raises ProblemError for what is not JSON, an error, an answer about several photos and fields that do not fit each
-    other, RequestValidationError for wrong fields.
+    Raises ProblemError for what is not JSON, a key given twice, an error, an answer about several photos and fields
+    that do not fit each other, RequestValidationError for wrong fields.
     """
     try:
-        content = from_json(data.decode(detect_encoding(data)))
+        content = _content(data.decode(json.detect_encoding(data)))
     except ValueError as error:
         raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
     try:
@@ -32,3 +33,16 @@ def parse_record(data: bytes) -> Lighting:
         raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in found]) from error
     except ParameterError as error:
         raise problems.invalid(error.field or "body", str(error), "body") from error
+
+
+def _content(text: str) -> Any:
+    """What JSON holds; ValueError for what is none, ProblemError where an object has a key twice."""
+    from_json(text)  # refuses what is nested too deep and half a surrogate pair; of a key given twice the last counts
+    return json.loads(text, object_pairs_hook=_unrepeated)
+
+
+def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        raise problems.all_repeated((key for key, _ in pairs), "body")
+    return content

@@ -43,3 +43,22 @@ def test_wrong_fields_are_named_below_the_body(record: Any) -> None:
     with pytest.raises(RequestValidationError) as caught:
         parse_record(json.dumps(record).encode())
     assert all(error["loc"][0] == "body" for error in caught.value.errors())
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        ('{"sun": {"azimuth": 1, "elevation": 2, "azimuth": 3}, "sky": {"turbidity": 3, "exposure": 4}}', "azimuth"),
+        ('{"lighting": {}, "lighting": {}}', "lighting"),
+    ],
+)
+def test_a_key_that_is_given_twice_is_refused_and_named(text: str, field: str) -> None:
+    with pytest.raises(ProblemError, match=f"^{field}: is given more than once$") as caught:
+        parse_record(text.encode())
+    assert caught.value.more["errors"] == [{"field": field, "place": "body", "detail": "is given more than once"}]
+
+
+@pytest.mark.parametrize("text", ["[" * 50_000, '{"sky": {"coefficients": {"\\ud800": 1}}}'])
+def test_json_that_nothing_could_hold_is_a_problem(text: str) -> None:
+    with pytest.raises(ProblemError, match="not JSON"):
+        parse_record(text.encode())
