@@ -22,6 +22,7 @@ from server.limiter import BusyError
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_SECONDS = "1"
+MOST_ERRORS = 20  # that an answer names: a body of 64 kB can have 30,000
 
 Place = Literal["query", "form", "body"]  # of a field: the URL, a form's parts, a JSON body
 
@@ -108,9 +109,10 @@ def invalid(field: str, detail: str, place: Place = "query") -> ProblemError:
 
 
 def all_invalid(errors: list[dict[str, Any]]) -> ProblemError:
-    """A 422 about several fields, each with its place and what is wrong with it."""
-    detail = "; ".join(f"{found['field']}: {found['detail']}" for found in errors)
-    return ProblemError(INVALID, detail, errors=errors)
+    """A 422 about several fields, each with its place and what is wrong with it; of very many the first."""
+    named, others = errors[:MOST_ERRORS], len(errors) - MOST_ERRORS
+    detail = "; ".join(f"{found['field']}: {found['detail']}" for found in named)
+    return ProblemError(INVALID, detail + (f"; and {others} more" if others > 0 else ""), errors=named)
 
 
 def all_repeated(names: Iterable[str], place: Place) -> ProblemError:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, FailFast, Field
 
 from lighting.ranges import OPTIONAL_RANGES
 from lighting.records import GROUND_ALBEDO, Lighting
@@ -32,6 +32,10 @@ def three(meaning: str, example: list[float]) -> Any:
     return Field(None, min_length=3, max_length=3, description=meaning, examples=[example])
 
 
+# Of a list of any length the first wrong item is enough: half a million take a second to name.
+Numbers = Annotated[list[float], FailFast()]
+Texts = Annotated[list[str], FailFast()]
+
 LINK = "/v1/envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
 
 
@@ -49,7 +53,7 @@ class ModelPart(Part):
 class SunPart(Part):
     azimuth: SunAzimuth
     elevation: SunElevation
-    direction: list[float] = Field([], description="unit vector towards the sun; computed from the angles")
+    direction: Numbers = Field([], description="unit vector towards the sun; computed from the angles")
     visibility: Annotated[float, named("sun_visibility", "probability of direct sunlight on the scene", 0.93)] = 1.0
     irradiance: list[Irradiance] | None = three(SUN_IRRADIANCE, [1.9, 1.7, 1.4])
     radius_50: Annotated[
@@ -67,7 +71,7 @@ class SkyPart(Part):
     cover: SkyCover | None = None
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
     exposure: Exposure
-    coefficients: dict[str, list[float]] = Field(
+    coefficients: dict[str, Numbers] = Field(
         {}, description="nine per channel and the radiance of each channel; computed from the other fields"
     )
 
@@ -117,12 +121,12 @@ class LightingRecord(Part):
         Annotated[float, named("suitable", "probability that it is a photo of outdoors by daylight", 0.99)] | None
     ) = None
     camera: CameraPart = CameraPart()
-    evidence: list[str] = Field(
+    evidence: Texts = Field(
         [],
         description="the sources that the estimate uses",
         examples=[["pixels", "time+place", "heading", "focal length", "gravity", "camera exposure"]],
     )
-    warnings: list[str] = Field([], description="sentences, mostly about metadata that contradict the pixels")
+    warnings: Texts = Field([], description="sentences, mostly about metadata that contradict the pixels")
     place: PlacePart | None = None
 
     def lighting(self) -> Lighting:

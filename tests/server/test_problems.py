@@ -12,6 +12,7 @@ from lighting.errors import LightingError, ModelError, ParameterError, PhotoErro
 from lighting.pipeline import Estimator
 from lighting.ranges import RANGES
 from server import problems
+from server.problems import MOST_ERRORS
 from server.schemas import Problem
 from tests.server.conftest import SKY, client_of
 
@@ -103,6 +104,13 @@ def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, st
     (error,) = problem(client.get("/v1/envmap", params={**SKY, **query}), 422, "invalid")["errors"]
     assert error["field"] in query
     assert error["detail"] == words
+
+
+def test_of_very_many_errors_the_first_are_named(client: TestClient) -> None:
+    answer = client.get("/v1/envmap", params=dict.fromkeys(map(str, range(500)), "1"))
+    body = problem(answer, 422, "invalid")
+    assert len(body["errors"]) == MOST_ERRORS
+    assert body["detail"].endswith(f"; and {3 + 500 - MOST_ERRORS} more")  # three are missing
 
 
 def test_every_missing_parameter_is_named(client: TestClient) -> None:

@@ -58,6 +58,15 @@ def test_a_key_that_is_given_twice_is_refused_and_named(text: str, field: str) -
     assert caught.value.more["errors"] == [{"field": field, "place": "body", "detail": "is given more than once"}]
 
 
+def test_of_a_long_list_the_first_wrong_item_is_named() -> None:
+    record = full_record(LIGHT)
+    record |= {"evidence": [1] * 30_000, "warnings": [1] * 30_000}
+    record["sun"]["direction"] = record["sky"]["coefficients"]["r"] = ["x"] * 30_000
+    with pytest.raises(RequestValidationError) as caught:
+        parse_record(json.dumps(record).encode())
+    assert len(caught.value.errors()) == 4
+
+
 @pytest.mark.parametrize("text", ["[" * 50_000, '{"sky": {"coefficients": {"\\ud800": 1}}}'])
 def test_json_that_nothing_could_hold_is_a_problem(text: str) -> None:
     with pytest.raises(ProblemError, match="not JSON"):
