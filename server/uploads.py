@@ -19,7 +19,7 @@ FORM = "multipart/form-data"
 JSON = "application/json"
 PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif", "image/tiff", "image/avif")
 PHOTO_FIELD = "photo"
-MAX_RECORD_BYTES = 100_000  # a record with 360 headings has 4,000
+MAX_RECORD_BYTES = 1_000_000  # as commands read; the longest answer has 50,000, and 400,000 indented in UTF-16
 MAX_FIELDS = 16  # of a form; and of its files, where a request may bring fewer
 GRACE = 5.0  # seconds in which a body may be slower than its least rate
 

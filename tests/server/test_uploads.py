@@ -1,6 +1,7 @@
 """Bad bodies: each gets the right 4xx, and the service answers the next good request."""
 
 import gzip
+import json
 import struct
 import zlib
 from collections.abc import Iterator
@@ -11,7 +12,9 @@ import pytest
 from PIL import Image
 from starlette.testclient import TestClient
 
+from lighting.cli.files import MOST_OF_RECORD
 from lighting.pipeline import Estimator
+from server.uploads import MAX_RECORD_BYTES
 from tests.conftest import encode, scene
 from tests.pictures import chunk, png
 from tests.server.conftest import client_of
@@ -249,10 +252,22 @@ def test_a_parameter_of_the_url_is_placed_there(client: TestClient) -> None:
     assert (error["field"], error["place"]) == ("sun.azimuth", "body")
 
 
-def test_a_record_has_a_limit_of_its_own(client: TestClient) -> None:
-    body = b'{"sun": "' + b"x" * 100_000 + b'"}'
+def test_a_record_has_a_limit_of_its_own_as_on_the_command_line(estimator: Estimator) -> None:
+    assert MAX_RECORD_BYTES == MOST_OF_RECORD
+    client = client_of(estimator)
+    body = b'{"sun": "' + b"x" * MAX_RECORD_BYTES + b'"}'
     answer = client.post("/v1/envmap", content=body, headers={"Content-Type": "application/json"})
-    assert "0.1 MB" in problem(answer, 413, "too-large")["detail"]
+    assert "limit of 1 MB" in problem(answer, 413, "too-large")["detail"]
+
+
+def test_an_answer_is_taken_as_a_record_however_it_was_edited(estimator: Estimator) -> None:
+    client = client_of(estimator)
+    headers = {"Content-Type": "image/jpeg"}
+    record = client.post("/v1/lighting?probability=true", content=GOOD, headers=headers).json()
+    record["surroundings"] = {"rows": 24, "columns": 48, "factors": [[0.123, 0.456, 0.789]] * 24 * 48}
+    body = json.dumps(record, indent=4).encode("utf-16")
+    answer = client.post("/v1/envmap?height=16", content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 200
 
 
 def test_no_upload_ever_reaches_the_disk(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
