@@ -15,7 +15,7 @@ from server.problems import documented
 from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkyQuery, SkySceneQuery
 from server.records import parse_record
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
-from server.service import Admitted, PhotoBytes, PhotosBytes, Services
+from server.service import Admitted, PhotoBytes, Services, Uploads
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
 from server.values import MEDIA_TYPES
 
@@ -53,7 +53,7 @@ def body(content: dict[str, Any]) -> dict[str, Any]:
     openapi_extra=body(PHOTO_BODY | PHOTOS_FORM),
 )
 async def estimate_lighting(
-    request: Request, admission: Admitted, photos: PhotosBytes, query: Annotated[LightingQuery, Query()]
+    request: Request, admission: Admitted, photos: Uploads, query: Annotated[LightingQuery, Query()]
 ) -> JSONResponse:
     """Where the sun is, what the sky is like and how the camera stood, by pixels, metadata and what is given.
 

@@ -26,7 +26,7 @@ from server.problems import ProblemError
 from server.security import Keys, Rate, client_name
 from server.settings import Settings
 from server.unsent import Unsent
-from server.uploads import Body, Limits
+from server.uploads import Body, Limits, Upload
 
 T = TypeVar("T")
 
@@ -184,9 +184,9 @@ async def photo_bytes(request: Admitted) -> bytes:
 PhotoBytes = Annotated[bytes, Depends(photo_bytes)]
 
 
-async def photos_bytes(request: Admitted) -> list[bytes]:
+async def uploads(request: Admitted) -> list[Upload]:
     """The photos of one place that a request brings; raises ProblemError."""
     return await request.body.photos(request.service.settings.max_photos)
 
 
-PhotosBytes = Annotated[list[bytes], Depends(photos_bytes)]
+Uploads = Annotated[list[Upload], Depends(uploads)]

@@ -29,17 +29,19 @@ from server.queries import (
     SkySceneQuery,
 )
 from server.service import Answer, Service
+from server.uploads import Upload
 
 Pixels = NDArray[np.uint8]
 
 MID_GREY = 128  # sRGB
 LEAST_SECONDS = 0.1  # for a photo after others that took long
+NAME_LETTERS = 100  # of a file's name that an answer repeats
 SHOWN_SIDE = 2048  # pixels, the longer side of a photo for the page
 SHOWN_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def estimated_together(service: Service, files: Sequence[bytes], query: LightingQuery) -> list[Answer]:
-    """The light of the bytes of photos of one place; raises PhotoError, which names one of several.
+def estimated_together(service: Service, files: Sequence[Upload], query: LightingQuery) -> list[Answer]:
+    """The light of photos of one place; raises PhotoError, which names one of several.
 
     Where the query asks for it and the network says what lies around, each comes with `place_factors`.
     """
@@ -56,17 +58,23 @@ def estimated_together(service: Service, files: Sequence[bytes], query: Lighting
     return answers
 
 
-def _read_together(service: Service, files: Sequence[bytes], target: int) -> list[Photo]:
+def _read_together(service: Service, files: Sequence[Upload], target: int) -> list[Photo]:
     """The photos of a request; the time that it has for decoding is that of all of them together."""
     photos = []
     until = monotonic() + service.settings.decode_seconds
-    for number, data in enumerate(files, 1):
+    for number, file in enumerate(files, 1):
         try:
-            photos.append(service.read(data, max(until - monotonic(), LEAST_SECONDS), target))
+            photos.append(service.read(file.data, max(until - monotonic(), LEAST_SECONDS), target))
         except PhotoError as error:
-            raise error if len(files) == 1 else type(error)(f"Photo {number} of {len(files)}: {error}") from error
+            raise error if len(files) == 1 else type(error)(f"{_which(number, files)}: {error}") from error
         check_cancelled()
     return photos
+
+
+def _which(number: int, files: Sequence[Upload]) -> str:
+    """Which of several files is meant, by its place and its name."""
+    place = f"Photo {number} of {len(files)}"
+    return f"{place}, {name}" if (name := files[number - 1].name[:NAME_LETTERS]) else place
 
 
 def envmap_file(lighting: Lighting, query: MapQuery, place: Place | None = None) -> bytes:

@@ -29,6 +29,14 @@ def media_type(request: Request) -> str:
 
 
 @dataclass(frozen=True)
+class Upload:
+    """A file that was sent, and the name it has on the client's side, if that was said."""
+
+    data: bytes
+    name: str = ""
+
+
+@dataclass(frozen=True)
 class Limits:
     """What a body may be."""
 
@@ -48,17 +56,17 @@ class Body:
 
     async def photo(self, *also: str) -> bytes:
         """The bytes of one photo; raises ProblemError. `also` names further types, which the caller reads itself."""
-        (data,) = await self.photos(1, *also)
-        return data
+        (upload,) = await self.photos(1, *also)
+        return upload.data
 
-    async def photos(self, most: int, *also: str) -> list[bytes]:
-        """The bytes of one to `most` photos; raises ProblemError."""
+    async def photos(self, most: int, *also: str) -> list[Upload]:
+        """One to `most` photos; raises ProblemError."""
         self._refuse_coded()
         kind = media_type(self.request)
         if kind == FORM:
             return await self._in_time(lambda: self._photos_of_form(most))
         if kind in PHOTO_TYPES:
-            return [await self._in_time(lambda: self._whole(self.limits.max_bytes))]
+            return [Upload(await self._in_time(lambda: self._whole(self.limits.max_bytes)))]
         listed = ", ".join((FORM, *PHOTO_TYPES, *also))
         raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
 
@@ -98,7 +106,7 @@ class Body:
             self._expect(size, began)
             yield chunk
 
-    async def _photos_of_form(self, most: int) -> list[bytes]:
+    async def _photos_of_form(self, most: int) -> list[Upload]:
         async with self._form(most) as form:
             _refuse_others(form)
             fields = form.getlist(PHOTO_FIELD)
@@ -107,7 +115,7 @@ class Body:
                 raise problems.invalid(PHOTO_FIELD, "The form needs a file in this field and nothing else.", "form")
             if len(files) > most:
                 raise _too_many(most)
-            return [await file.read() for file in files]
+            return [Upload(await file.read(), file.filename or "") for file in files]
 
     @asynccontextmanager
     async def _form(self, most: int) -> AsyncIterator[FormData]:

@@ -230,7 +230,7 @@ class TestTheLight:
     def test_a_text_file_is_refused_in_words(self, visit: dict[str, Any]) -> None:
         assert visit["error"].startswith("The photo cannot be read. notes.txt: The file is not a ")
         assert visit["kept"] == visit["title"]
-        assert "Photo 2 of 2: " in visit["errorOfOne"]
+        assert "Photo 2 of 2, notes.txt: " in visit["errorOfOne"]
 
 
 @pytest.mark.slow

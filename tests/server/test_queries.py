@@ -238,10 +238,11 @@ def test_one_photo_in_a_form_is_one_record(client: TestClient) -> None:
 
 
 def test_a_bad_photo_among_several_is_named(client: TestClient) -> None:
-    assert "Photo 2 of 3: " in problem(together(client, PLAIN, b"text", PLAIN), 400, "unreadable-photo")["detail"]
+    detail = problem(together(client, PLAIN, b"text", PLAIN), 400, "unreadable-photo")["detail"]
+    assert detail.startswith("Photo 2 of 3, 1.jpg: The file is not a ")
     small = client_of(client.app.state.service.estimator, max_pixels=200_000)  # type: ignore[attr-defined]
     large = encode(scene(640, 480))
-    assert "Photo 3 of 3: " in problem(together(small, PLAIN, PLAIN, large), 413, "too-large")["detail"]
+    assert "Photo 3 of 3, 2.jpg: " in problem(together(small, PLAIN, PLAIN, large), 413, "too-large")["detail"]
 
 
 def test_there_may_be_so_many_photos(client: TestClient, estimator: Estimator) -> None:

@@ -22,6 +22,7 @@ from server.plans import PlanQuery
 from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
 from server.service import Service
 from server.settings import Settings
+from server.uploads import Upload
 from tests.conftest import encode, scene
 from tests.server.conftest import SKY
 
@@ -43,19 +44,19 @@ def in_a_thread(work: Callable[..., T], *arguments: Any) -> T:
 
 def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: Service) -> None:
     query = LightingQuery.model_validate({"headings": "0,45"})
-    first, second = in_a_thread(tasks.estimated_together, service, [PHOTO, PHOTO], query)
+    first, second = in_a_thread(tasks.estimated_together, service, [Upload(PHOTO), Upload(PHOTO)], query)
     assert "other photos" in first.estimate.evidence
     assert first.factors is None
     turn = (first.estimate.lighting.sun_azimuth - second.estimate.lighting.sun_azimuth) % 360.0
     assert min(turn, 360.0 - turn) > 0.0
     with pytest.raises(PhotoError, match=r"^Photo 2 of 2: "):
-        in_a_thread(tasks.estimated_together, service, [PHOTO, b"no photo"], query)
+        in_a_thread(tasks.estimated_together, service, [Upload(PHOTO), Upload(b"no photo")], query)
 
 
 def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service) -> None:
     query = EnvmapQuery.model_validate({"height": 32})
     image, lighting = read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))
-    (answer,) = in_a_thread(tasks.estimated_together, service, [PHOTO], LightingQuery.model_validate({}))
+    (answer,) = in_a_thread(tasks.estimated_together, service, [Upload(PHOTO)], LightingQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
     assert lighting == answer.estimate.lighting
 
@@ -63,7 +64,7 @@ def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service
 def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(lit_network: Path) -> None:
     query = LightingQuery.model_validate({"surroundings": "true"})
     service = Service(Settings(), Estimator(Model.load(lit_network)))
-    for answer in in_a_thread(tasks.estimated_together, service, [PHOTO, PHOTO], query):
+    for answer in in_a_thread(tasks.estimated_together, service, [Upload(PHOTO), Upload(PHOTO)], query):
         assert answer.factors is not None
         assert answer.factors.shape == (24, 48, 3)
         assert 0 < answer.factors.min() < 1 < answer.factors.max()
