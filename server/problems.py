@@ -9,9 +9,8 @@ from http import HTTPStatus
 from typing import Any, Literal
 from urllib.parse import quote
 
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
@@ -121,14 +120,19 @@ def all_repeated(names: Iterable[str], place: Place) -> ProblemError:
     return all_invalid([{"field": name, "place": place, "detail": "is given more than once"} for name in often])
 
 
-def response(request: Request, error: ProblemError) -> JSONResponse:
+def response(request: Request, error: ProblemError) -> Response:
     body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
-    return JSONResponse({**body, **error.more}, error.kind.status, error.headers, MEDIA_TYPE)
+    return Response(_json({**body, **error.more}), error.kind.status, error.headers, MEDIA_TYPE)
 
 
 def plain(kind: Kind, detail: str) -> bytes:
     """The JSON of a problem with a request that never became one."""
-    return json.dumps(_body(kind, detail, "", "")).encode()
+    return _json(_body(kind, detail, "", ""))
+
+
+def _json(content: dict[str, Any]) -> bytes:
+    """As UTF-8; half of a surrogate pair, which names in a form of a strange charset hold, becomes an escape."""
+    return json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "backslashreplace")
 
 
 def _body(kind: Kind, detail: str, instance: str, request_id: str) -> dict[str, Any]:
@@ -202,7 +206,7 @@ def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
     return {"field": field, "place": found["loc"][0], "detail": detail, **limits}
 
 
-async def answer(request: Request, error: Exception) -> JSONResponse:
+async def answer(request: Request, error: Exception) -> Response:
     """The answer to a request that ended with an error; unexpected errors are logged."""
     problem = problem_of(error)
     if problem.kind is METHOD_NOT_ALLOWED:

@@ -221,6 +221,17 @@ def test_a_form_in_a_wrong_charset_does_no_harm(client: TestClient, charset: str
     assert client.post("/v1/lighting", content=form(FILE), headers=headers).status_code in (200, 400, 422)
 
 
+def test_names_that_are_no_text_are_refused_in_words(client: TestClient) -> None:
+    named = rb'Content-Disposition: form-data; name="\ud800"; filename="\ud800"' + b"\r\n\r\ntext"
+    for part, status, name in (
+        (named, 422, "invalid"),
+        (named.replace(rb"\ud800", b"photo", 1), 400, "unreadable-photo"),
+    ):
+        headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}; charset=unicode_escape"}
+        body = problem(client.post("/v1/lighting", content=form(FILE, part), headers=headers), status, name)
+        assert "\ud800" in body["detail"]
+
+
 def test_a_file_in_a_form_may_have_any_name(client: TestClient) -> None:
     for name in ("../../etc/passwd", "a\0b", "x" * 2000, "фото.jpg", ""):
         files: Any = {"photo": (name or "p", GOOD, "text/html")}
