@@ -160,8 +160,8 @@ class _Form(MultiPartParser):
 
 
 def _too_many(most: int) -> ProblemError:
-    wanted = "one photo here" if most == 1 else f"at most {most} photos"
-    return problems.invalid(PHOTO_FIELD, f"A form holds {wanted}, and this one holds more.", "form")
+    wanted = "One photo is" if most == 1 else f"At most {most} photos are"
+    return problems.invalid(PHOTO_FIELD, f"{wanted} taken here, and the form holds more.", "form")
 
 
 def _refuse_others(form: FormData) -> None:

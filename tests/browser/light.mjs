@@ -84,6 +84,9 @@ async function refuseText(page, seen, photo, textFile) {
   await page.setInputFiles("#file", [photo, textFile]);
   await page.waitForSelector("#error:not([hidden])");
   seen.errorOfOne = await page.textContent("#error");
+  await page.setInputFiles("#file", Array(9).fill(photo));
+  await page.waitForFunction(() => !/notes\.txt/.test(document.getElementById("error").textContent));
+  seen.errorOfMany = await page.textContent("#error");
   await page.unroute("**/v1/lighting?*");
   seen.complaints = seen.complaints.filter((words) => !/status of 4\d\d/.test(words)); // that refusal, in the console
 }

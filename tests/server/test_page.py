@@ -232,6 +232,10 @@ class TestTheLight:
         assert visit["kept"] == visit["title"]
         assert "Photo 2 of 2, notes.txt: " in visit["errorOfOne"]
 
+    def test_more_photos_than_are_taken_are_refused_in_words(self, visit: dict[str, Any]) -> None:
+        detail = "At most 8 photos are taken here, and the form holds more."
+        assert visit["errorOfMany"] == f"These photos cannot be taken. {detail}"
+
 
 @pytest.mark.slow
 @in_chromium

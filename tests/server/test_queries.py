@@ -250,13 +250,13 @@ def test_there_may_be_so_many_photos(client: TestClient, estimator: Estimator) -
     few = client_of(estimator, max_photos=2)
     assert together(few, PLAIN, PLAIN).status_code == 200
     for photos in (3, 17, 40):
-        assert "at most 2 photos" in problem(together(few, *[PLAIN] * photos), 422, "invalid")["detail"]
+        assert "At most 2 photos are taken" in problem(together(few, *[PLAIN] * photos), 422, "invalid")["detail"]
 
 
 @pytest.mark.parametrize("path", ["/v1/envmap", "/v1/preview"])
 def test_elsewhere_a_form_holds_one_photo(client: TestClient, path: str) -> None:
     form = [("photo", ("a.jpg", PLAIN, "image/jpeg"))] * 2
-    assert "one photo here" in problem(client.post(path, files=form), 422, "invalid")["detail"]
+    assert "One photo is taken here" in problem(client.post(path, files=form), 422, "invalid")["detail"]
 
 
 @pytest.mark.parametrize(("query", "field"), [({"headings": "0,45,90"}, "headings"), ({"heading": "45"}, "heading")])

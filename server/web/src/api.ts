@@ -190,6 +190,8 @@ async function ask(url: string, init: RequestInit): Promise<Response> {
 
 async function refusal(response: Response): Promise<Refusal> {
   const problem = await response.json().catch(() => ({}));
+  const [first] = Array.isArray(problem.errors) ? problem.errors : [];
+  if (first?.place === "form") return new Refusal(response.status, "These photos cannot be taken", first.detail);
   const title = typeof problem.title === "string" ? problem.title : `The service answered ${response.status}`;
   return new Refusal(response.status, title, typeof problem.detail === "string" ? problem.detail : response.statusText);
 }

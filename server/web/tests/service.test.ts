@@ -87,6 +87,13 @@ describe("the service", () => {
     expect([refusal.status, refusal.title, refusal.message]).toEqual([413, "Too large", "Send less."]);
   });
 
+  it("says what it has against the photos, not that a parameter is wrong", async () => {
+    const errors = [{ field: "photo", place: "form", detail: "At most 8." }];
+    answer(JSON.stringify({ title: "A parameter is wrong", detail: "photo: At most 8.", errors }), 422);
+    const refusal = await refusalOf();
+    expect([refusal.title, refusal.message]).toEqual(["These photos cannot be taken", "At most 8."]);
+  });
+
   it("may stand behind a proxy that knows no problem documents", async () => {
     answer("<html>Bad gateway</html>", 502);
     expect((await refusalOf()).title).toBe("The service answered 502");
