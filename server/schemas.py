@@ -64,6 +64,15 @@ class SunPart(Part):
     ] = 0.0
 
 
+class CoefficientsPart(Part):
+    """The sky's nine coefficients of each channel, and the radiance of each."""
+
+    r: Numbers = []
+    g: Numbers = []
+    b: Numbers = []
+    radiance: Numbers = []
+
+
 class SkyPart(Part):
     model: SkyModel = "hosek-wilkie"
     turbidity: Turbidity
@@ -71,9 +80,7 @@ class SkyPart(Part):
     cover: SkyCover | None = None
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
     exposure: Exposure
-    coefficients: dict[str, Numbers] = Field(
-        {}, description="nine per channel and the radiance of each channel; computed from the other fields"
-    )
+    coefficients: CoefficientsPart = Field(default_factory=CoefficientsPart, description="computed from the others")
 
 
 class GroundPart(Part):

@@ -58,6 +58,12 @@ def test_a_key_that_is_given_twice_is_refused_and_named(text: str, field: str) -
     assert caught.value.more["errors"] == [{"field": field, "place": "body", "detail": "is given more than once"}]
 
 
+def test_among_the_coefficients_unknown_ones_are_ignored_as_elsewhere() -> None:
+    record = full_record(LIGHT)
+    record["sky"]["coefficients"] |= {str(number): 1 for number in range(9000)}
+    assert parse_record(json.dumps(record).encode()) == LIGHT
+
+
 def test_of_a_long_list_the_first_wrong_item_is_named() -> None:
     record = full_record(LIGHT)
     record |= {"evidence": [1] * 30_000, "warnings": [1] * 30_000}
