@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lighting.records import Estimate, Lighting, Prediction
 
 
-MOST_OF_RECORD = 1_000_000  # bytes; a record with 360 headings has 4,000
+MOST_OF_RECORD = 100_000  # bytes, as the service takes; a record with 360 headings has 4,000
 
 
 @contextmanager
@@ -95,9 +95,9 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
     from lighting.records import Lighting
 
     if len(data) > MOST_OF_RECORD:
-        raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
+        raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 100 kB.")
     try:
-        record = json.loads(data)  # PowerShell writes UTF-16
+        record = json.loads(data, object_pairs_hook=_named_once)  # PowerShell writes UTF-16
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"{shown(name)} {_fault(error)}.") from error
     if isinstance(record, dict) and "error" in record:
@@ -108,6 +108,15 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
         return Lighting.from_dict(record["lighting"] if isinstance(record, dict) and "lighting" in record else record)
     except ParameterError as error:
         raise ParameterError(f"{shown(name)}: {error}", error.field) from error
+
+
+def _named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of JSON with these fields; ValueError where one comes twice, for then one of both would be lost."""
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"it has {max(names, key=names.count)!r} twice")
+    return fields
 
 
 def _fault(error: Exception) -> str:
