@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from lighting.cli.files import write_png
-from lighting.cli.given import read_zone
+from lighting.cli.given import as_typed, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import preview_file, quiet_option
 from lighting.cli.silence import silence
@@ -16,6 +16,8 @@ from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
     from lighting.stereo import AskedSkies, Plan, Progress, Window
+
+_OPTION_OF = {"latitude": "lat", "longitude": "lon", **{name: name for name in ("facing", "shots", "noise")}}
 
 
 @cli.group()
@@ -76,7 +78,7 @@ def plan(
     try:
         skies, question = _skies(**said), Question(facing, shots, noise)
     except ParameterError as error:
-        raise click.UsageError(str(error)) from error
+        raise click.UsageError(as_typed(str(error), _OPTION_OF)) from error
     with silence() as stderr:
         found = plan_photos(skies, question, _progress(quiet, stderr))
     if output:

@@ -57,9 +57,9 @@ def test_an_overcast_day_is_called_useless() -> None:
     [
         (["--lat", "80", "--lon", "10", "--date", "2026-12-21"], 1, "it is night all day."),
         ([*PLACE, "--date", "2026-06-21", "--until", "2026-06-20"], 2, "is before the first"),
-        ([*PLACE, "--date", "2026-06-21", "--shots", "2"], 2, "shots is 2"),
-        ([*PLACE, "--date", "2026-06-21", "--noise", "nan"], 2, "noise"),
-        (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 2, "latitude is 91"),
+        ([*PLACE, "--date", "2026-06-21", "--shots", "2"], 2, "--shots is 2"),
+        ([*PLACE, "--date", "2026-06-21", "--noise", "nan"], 2, "--noise must be a finite number, not nan."),
+        (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 2, "--lat is 91"),
         ([*PLACE, "--date", "2200-06-21"], 2, "year"),
         ([*PLACE, "--date", "2026-02-30"], 2, "'2026-02-30' is not a day such as 2026-06-21."),
         ([*PLACE, "--date", "21 June"], 2, "'21 June' is not a day"),
