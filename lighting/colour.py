@@ -1,8 +1,9 @@
-"""Transfer functions between linear light and display values, Rec.709 primaries throughout."""
+"""Pixels, and transfer functions between linear light and display values, Rec.709 primaries throughout."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lighting.errors import PhotoError
 from lighting.geometry import Floats
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709, D65
@@ -23,6 +24,16 @@ def srgb_encode(linear: ArrayLike) -> Floats:
     """sRGB-encoded values in [0, 1] of linear light, clipped to [0, 1] (IEC 61966-2-1)."""
     v = np.clip(linear, 0.0, 1.0)
     return np.where(v <= 0.0031308, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055)
+
+
+def checked_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:
+    """The array, not copied; PhotoError unless it is of shape (h, w, 3), not empty, and of type uint8."""
+    array = np.asarray(pixels)
+    if array.dtype != np.uint8:
+        raise PhotoError(f"The pixels are of type {array.dtype}; they must be 8-bit sRGB, uint8 from 0 to 255.")
+    if array.ndim != 3 or array.shape[2] != 3 or array.size == 0:
+        raise PhotoError(f"The pixels have the shape {array.shape}; it must be (height, width, 3).")
+    return array
 
 
 def luminance(linear: ArrayLike) -> Floats:

@@ -47,6 +47,8 @@ class Model:
         the rewriting of its graph, which takes longer than it saves on the first photo. Raises ModelError for a file
         that is missing, damaged, or of another layout than this module's.
         """
+        if not isinstance(path, str | os.PathLike | None):
+            raise ModelError(f"A network is read from a path, not {type(path).__name__}.")
         file = packaged_model() if path is None else Path(path)
         session = session_of(file, threads, for_one_run=for_one_photo)
         metadata = session.get_modelmeta().custom_metadata_map

@@ -55,7 +55,9 @@ class Estimator:
         """What the pixels say: the sun's probability on the network's grid, and raw parameters.
 
         Of the metadata and of what the user says, the lens alone enters, for how the camera was held.
+        Raises ModelError, PhotoError for what is no Photo, and ParameterError for what is no Given.
         """
+        _check_asked([photo], given)
         return said_of(self.model, photo, given)
 
     def __call__(self, photo: Photo, given: Given = NOTHING_GIVEN) -> Estimate:
@@ -64,7 +66,6 @@ class Estimator:
         Raises ModelError, PhotoError for what is no Photo, and ParameterError where the user's own time and place are
         of night.
         """
-        _check_asked([photo], given)
         return estimate_from(photo, self.predict(photo, given), given)
 
     def together(

@@ -147,7 +147,7 @@ class Lighting:
             _check_text(name, getattr(self, name))
         for name in ("evidence", "warnings"):
             object.__setattr__(self, name, _texts(name, getattr(self, name)))
-        if self.sky_model not in MODELS:
+        if not isinstance(self.sky_model, str) or self.sky_model not in MODELS:
             known = ", ".join(name for name in MODELS if not name[-1].isdigit())
             raise ParameterError(
                 f"sky.model is {reprlib.repr(self.sky_model)}; the known ones are {known}, cie-1 to cie-15."
@@ -221,6 +221,12 @@ class Estimate:
     def warnings(self) -> tuple[str, ...]:
         """Sentences for people, above all about evidence that contradicts the pixels."""
         return self.lighting.warnings
+
+
+def check_estimate(thing: object) -> None:
+    """Raise ParameterError for what is no Estimate."""
+    if not isinstance(thing, Estimate):
+        raise ParameterError(f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo.")
 
 
 def significant(value: float) -> float:

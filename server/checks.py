@@ -1,18 +1,20 @@
 """What the parameters of one request must fit: its photos, its body, each other."""
 
+from collections import Counter
+
 from fastapi import Request
 
 from lighting.errors import ParameterError
 from lighting.evidence import check_heading, check_headings
-from server.problems import all_invalid, all_repeated, invalid
+from server.problems import all_invalid, invalid
 from server.queries import ChangeQuery, EnvmapQuery, GivenQuery, LightingQuery
 
 
 async def refuse_repeats(request: Request) -> None:
     """Raise ProblemError for a request that gives a parameter twice."""
-    names = [name for name, _ in request.query_params.multi_items()]
-    if len(set(names)) < len(names):
-        raise all_repeated(names, "query")
+    times = Counter(name for name, _ in request.query_params.multi_items())
+    if often := [name for name, count in times.items() if count > 1]:
+        raise all_invalid([{"field": name, "place": "query", "detail": "is given more than once"} for name in often])
 
 
 async def refuse_parameters(request: Request) -> None:

@@ -2,8 +2,7 @@
 
 import json
 import logging
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Literal
@@ -112,12 +111,6 @@ def all_invalid(errors: list[dict[str, Any]]) -> ProblemError:
     named, others = errors[:MOST_ERRORS], len(errors) - MOST_ERRORS
     detail = "; ".join(f"{found['field']}: {found['detail']}" for found in named)
     return ProblemError(INVALID, detail + (f"; and {others} more" if others > 0 else ""), errors=named)
-
-
-def all_repeated(names: Iterable[str], place: Place) -> ProblemError:
-    """A 422 about the names that stand more than once among these; raise it only where there are any."""
-    often = [name for name, count in Counter(names).items() if count > 1]
-    return all_invalid([{"field": name, "place": place, "detail": "is given more than once"} for name in often])
 
 
 def response(request: Request, error: ProblemError) -> Response:

@@ -1,14 +1,13 @@
 """Lighting records that clients send."""
 
 import json
-from typing import Any
 
 from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
 from pydantic_core import from_json
 
 from lighting.errors import ParameterError
-from lighting.files import one_record
+from lighting.files import named_once, one_record
 from lighting.records import Lighting
 from server import problems
 from server.problems import ProblemError
@@ -23,26 +22,17 @@ def parse_record(data: bytes) -> Lighting:
     that do not fit each other, RequestValidationError for wrong fields.
     """
     try:
-        content = _content(data.decode(json.detect_encoding(data)))
+        text = data.decode(json.detect_encoding(data))
+        from_json(
+            text
+        )  # refuses what is nested too deep and half a surrogate pair; of a key given twice the last counts
     except ValueError as error:
         raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
     try:
-        return LightingRecord.model_validate(one_record(content)).lighting()
+        content = one_record(json.loads(text, object_pairs_hook=named_once))
+        return LightingRecord.model_validate(content).lighting()
     except ValidationError as error:
         found = error.errors(include_url=False)
         raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in found]) from error
     except ParameterError as error:
         raise problems.invalid(error.field or "body", str(error), "body") from error
-
-
-def _content(text: str) -> Any:
-    """What JSON holds; ValueError for what is none, ProblemError where an object has a key twice."""
-    from_json(text)  # refuses what is nested too deep and half a surrogate pair; of a key given twice the last counts
-    return json.loads(text, object_pairs_hook=_unrepeated)
-
-
-def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        raise problems.all_repeated((key for key, _ in pairs), "body")
-    return content

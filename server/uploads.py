@@ -10,6 +10,7 @@ from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
+from lighting.files import MAX_RECORD_BYTES
 from server import problems
 from server.problems import ProblemError
 
@@ -19,7 +20,6 @@ FORM = "multipart/form-data"
 JSON = "application/json"
 PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif", "image/tiff", "image/avif")
 PHOTO_FIELD = "photo"
-MAX_RECORD_BYTES = 1_000_000  # as commands read; the longest answer has 50,000, and 400,000 indented in UTF-16
 MAX_FIELDS = 16  # of a form; and of its files, where a request may bring fewer
 GRACE = 5.0  # seconds in which a body may be slower than its least rate
 

@@ -61,6 +61,8 @@ def estimate(
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
+    if photos.count("-") > 1:
+        raise click.UsageError("Only one of the photos can be stdin.")
     check_together(len(photos), given, **taken_together)
     estimator = load_estimator(model)
     if fit := taken_together.pop("fit"):

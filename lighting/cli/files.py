@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from lighting.records import Estimate, Lighting, Prediction
 
 
-MOST_OF_RECORD = 1_000_000  # bytes; a record with 360 headings has 4,000
-
-
 @contextmanager
 def opened(name: str) -> Iterator[BinaryIO]:
     """The file, or stdin for "-", to read from."""
@@ -86,25 +83,25 @@ def stdin() -> BinaryIO:
 
 def open_lighting(name: str) -> "Lighting":
     """The record in a JSON file, bare or in the line that `estimate --json` printed; ParameterError names the file."""
+    from lighting.files import MAX_RECORD_BYTES
+
     with opened(name) as stream:
-        return lighting_of(stream.read(MOST_OF_RECORD + 1), name)
+        return lighting_of(stream.read(MAX_RECORD_BYTES + 1), name)
 
 
 def lighting_of(data: bytes, name: str) -> "Lighting":
     """The same of what a file of that name holds."""
-    from lighting.files import one_record
+    from lighting.files import MAX_RECORD_BYTES, named_once, one_record
     from lighting.records import Lighting
 
-    if len(data) > MOST_OF_RECORD:
+    if len(data) > MAX_RECORD_BYTES:
         raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
     try:
-        content = json.loads(data)  # PowerShell writes UTF-16
-    except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{shown(name)} {_fault(error)}.") from error
-    try:
-        return Lighting.from_dict(one_record(content))
+        return Lighting.from_dict(one_record(json.loads(data, object_pairs_hook=named_once)))  # PowerShell: UTF-16
     except ParameterError as error:
         raise ParameterError(f"{shown(name)}: {error}", error.field) from error
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f"{shown(name)} {_fault(error)}.") from error
 
 
 def _fault(error: Exception) -> str:

@@ -99,13 +99,11 @@ def _given(**options: Any) -> "Given":
     try:
         return Given(**{SHORT_NAMES.get(name, name): value for name, value in options.items()})
     except ParameterError as error:
-        raise click.UsageError(
-            _as_typed(str(error), {SHORT_NAMES.get(name, name): name for name in options})
-        ) from error
+        raise click.UsageError(as_typed(str(error), {SHORT_NAMES.get(name, name): name for name in options})) from error
 
 
-def _as_typed(sentence: str, options: dict[str, str]) -> str:
-    """The sentence about a field of Given, which begins with its name, about the option that fills it."""
+def as_typed(sentence: str, options: dict[str, str]) -> str:
+    """The sentence about a field, which begins with its name, about the option that fills it."""
     name, space, rest = sentence.partition(" ")
     return f"--{options[name].replace('_', '-')}{space}{rest}" if name in options else sentence
 

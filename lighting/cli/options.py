@@ -30,8 +30,9 @@ def _objection(name: str, suffixes: Sequence[str]) -> str | None:
         return _NAMELESS
     path = Path(name)
     if name == "-":
-        shown = not sys.stdout.writable() or sys.stdout.isatty()  # one that the caller closed is not writable
-        return "Binary data needs a file or a pipe, not a terminal." if shown else None
+        if not sys.stdout.writable():
+            return "There is no stdout to write to, it is closed."
+        return "Binary data needs a file or a pipe, not a terminal." if sys.stdout.isatty() else None
     if path.is_dir():
         return f"{name} is a folder."
     if path.exists() and not path.is_file():

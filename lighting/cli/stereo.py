@@ -1,21 +1,23 @@
 """The commands about photometric stereo outdoors: when to photograph, and normals from the photos of a day."""
 
 import json
-import sys
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 from lighting.cli.files import write_png
-from lighting.cli.given import read_zone
+from lighting.cli.given import as_typed, read_zone
 from lighting.cli.group import cli
 from lighting.cli.options import preview_file, quiet_option
+from lighting.cli.silence import silence
 from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
     from lighting.stereo import AskedSkies, Plan, Progress, Window
+
+_OPTION_OF = {"latitude": "lat", "longitude": "lon", **{name: name for name in ("facing", "shots", "noise")}}
 
 
 @cli.group()
@@ -76,8 +78,9 @@ def plan(
     try:
         skies, question = _skies(**said), Question(facing, shots, noise)
     except ParameterError as error:
-        raise click.UsageError(str(error)) from error
-    found = plan_photos(skies, question, _progress(quiet))
+        raise click.UsageError(as_typed(str(error), _OPTION_OF)) from error
+    with silence() as stderr:
+        found = plan_photos(skies, question, _progress(quiet, stderr))
     if output:
         _draw(output, skies, found)
     if as_json:
@@ -104,10 +107,10 @@ def _skies(first: datetime | None, last: datetime | None, probes: Path | None, s
     return ModelledSkies(first=days[0], last=days[1] or days[0], sky=sky or "clear", **place)
 
 
-def _progress(quiet: bool) -> "Progress":
+def _progress(quiet: bool, stderr: TextIO) -> "Progress":
     from tqdm import tqdm
 
-    return lambda days: tqdm(days, unit="day", disable=quiet or len(days) < 2 or not sys.stderr.isatty())
+    return lambda days: tqdm(days, unit="day", disable=quiet or len(days) < 2 or not stderr.isatty(), file=stderr)
 
 
 def _draw(output: str, skies: "AskedSkies", found: "Plan") -> None:

@@ -1,14 +1,14 @@
 """The command that finds normals from the photos of a day."""
 
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 from lighting.cli.given import read_zone
 from lighting.cli.options import FiniteRange, quiet_option, results_folder
+from lighting.cli.silence import silence
 from lighting.cli.stereo import stereo
 from lighting.cli.words import shown
 
@@ -51,7 +51,8 @@ def normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool,
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
     check_folder(folder, overwrite=overwrite)
-    solved = solve_day(day, _told(**said), _network() if network else None, _watch(quiet))
+    with silence() as stderr:
+        solved = solve_day(day, _told(**said), _network() if network else None, _watch(quiet, stderr))
     write_solved(folder, solved)
     for warning in solved.warnings:
         click.echo(f"Warning: {warning}", err=True)
@@ -77,18 +78,18 @@ def _network() -> "Network":
     return Network.load()
 
 
-def _watch(quiet: bool) -> "Watch":
+def _watch(quiet: bool, stderr: TextIO) -> "Watch":
     from tqdm import tqdm
 
     from lighting.stereo import Watch
 
-    hidden = quiet or not sys.stderr.isatty()
+    shows: dict[str, Any] = {"disable": quiet or not stderr.isatty(), "file": stderr}
 
     def photos(paths: Sequence[Path]) -> Any:
-        return tqdm(paths, desc="photos", unit="photo", disable=hidden)
+        return tqdm(paths, desc="photos", unit="photo", **shows)
 
     def pixels(parts: Iterable[Any], count: int) -> Any:
-        return tqdm(parts, total=count, desc="search", unit="block", disable=hidden)
+        return tqdm(parts, total=count, desc="search", unit="block", **shows)
 
     return Watch(photos, pixels)
 

@@ -10,7 +10,7 @@ from lighting.colour import luminance
 from lighting.envmap.clear import clear_irradiance, lobe_table
 from lighting.envmap.disc import disc_power
 from lighting.geometry import Floats
-from lighting.records import Colour, Lighting, clipped_colour
+from lighting.records import Colour, Lighting, check_lighting, clipped_colour
 
 _LEAST = 1e-9  # irradiance that stands for none
 _LOWEST = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
@@ -24,8 +24,10 @@ def change(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lightin
     Those of the camera, `camera_elevation`, `camera_roll` and `vertical_fov`, move no light.
     Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were; a sun under 5 deg
     is to the model as one of 5 deg. A `sun_irradiance`, `sky_irradiance` or `sky_cover` among the changes counts as it
-    is; the sky's power follows the cover. Raises ParameterError for a value out of range.
+    is; the sky's power follows the cover. Raises ParameterError for a value out of range, and for what is no
+    Lighting.
     """
+    check_lighting(lighting)
     values: dict[str, Any] = dict(changes)
     changed = replace(lighting, **values)
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:

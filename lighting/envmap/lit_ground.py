@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import SRGB_LINEAR, luminance
+from lighting.colour import SRGB_LINEAR, checked_pixels, luminance
 from lighting.envmap.disc import sun_irradiance
 from lighting.envmap.photo_view import camera_of
 from lighting.envmap.render import sky_irradiance
 from lighting.geometry import Floats, camera_directions
-from lighting.records import Lighting
+from lighting.records import Lighting, check_lighting
 from lighting.sizes import shrunk
 
 _SIDE = 256  # pixels of the answer's longer side, at most
@@ -59,8 +59,10 @@ def lit_ground(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None
     the sun and in shade), if the dark one is darker than that and they lie about as far apart as shade and sunlight do.
     If not, all ground is of one kind: it counts as shade if it is so dark that ordinary ground would rather be that
     dark in shade, in view of the probability that the sun reaches the scene. What is dark by itself may count as shade.
+    Raises ParameterError for what is no Lighting, and PhotoError for what is no photo's pixels.
     """
-    small = _reduced(photo)
+    check_lighting(lighting)
+    small = _reduced(checked_pixels(photo))
     height, width = small.shape[:2]
     shines = lighting.sun_painted if sun is None else sun
     step = predicted_step(lighting) if shines else 0.0

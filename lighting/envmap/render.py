@@ -27,7 +27,7 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     ground and is left for a light of its own. Raises ParameterError for another height, and for what is no Lighting.
     """
     check_lighting(lighting)
-    _check_height(height)
+    check_height(height)
     painted = lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
     if lighting.sky_irradiance is None and lighting.sky_model == SKY_MODEL:
@@ -83,7 +83,8 @@ def with_irradiance(lighting: Lighting) -> Lighting:
     )
 
 
-def _check_height(height: int) -> None:
+def check_height(height: int) -> None:
+    """Raise ParameterError for what is no number of rows of a map."""
     if (
         isinstance(height, bool)
         or not isinstance(height, Integral)

@@ -14,12 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.colour import checked_pixels
 from lighting.envmap.clear import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.continued import RATIO, continued
 from lighting.envmap.photo_view import Shown, shown, shown_size
-from lighting.envmap.render import add_sun, render
+from lighting.envmap.render import add_sun, check_height, render
+from lighting.errors import ParameterError
 from lighting.geometry import Floats, angle_between, latlong_directions
-from lighting.records import Estimate, Lighting
+from lighting.records import Estimate, Lighting, check_estimate, check_lighting
 
 _FINER = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
@@ -34,12 +36,15 @@ _LEAST = 1e-9  # irradiance, radiance or exposure that stands for none
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """What is known of the place where a photo was taken."""
+    """What is known of the place where a photo was taken. PhotoError for what is no photo's pixels."""
 
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
     around: NDArray[np.float32] | None = None  # `Estimate.around`; without it bare sky and ground lie beside the photo
     exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
     light: Lighting | None = None  # that light, where it is known: what it makes of the place stays under another sun
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "photo", checked_pixels(self.photo))
 
     def gain(self, lighting: Lighting) -> float:
         """What brings the place to the exposure of a light that may have been changed since."""
@@ -51,8 +56,10 @@ def known_place(
 ) -> Place | None:
     """The place as a photo (h, w, 3) shows it: as wanted, by default where the network predicted what lies around.
 
-    `exposure` is that of the light which the photo shows, by default the estimate's.
+    `exposure` is that of the light which the photo shows, by default the estimate's. Raises ParameterError for what is
+    no Estimate, and PhotoError for what is no photo's pixels.
     """
+    check_estimate(estimate)
     if not (estimate.around is not None if wanted is None else wanted):
         return None
     if exposure is not None:
@@ -74,6 +81,7 @@ def place_of(
     `photo` (h, w, 3) is what the estimate was made from. Only where the map shows more pixels than those,
     `finer(side)` reads it again with `side` pixels along its longer side, for decoding costs as much as the network.
     """
+    check_height(height)
     place = known_place(estimate, photo, wanted=wanted, exposure=exposure)
     if place is None or max(shown_size(photo, estimate.lighting.vertical_fov, height)) <= max(photo.shape[:2]):
         return place
@@ -87,6 +95,9 @@ def surround(
 
     The parameters, the irradiances of level ground from above and from below, and the errors are those of `render`.
     """
+    check_lighting(lighting)
+    check_height(height)
+    _check_place(place)
     with ThreadPoolExecutor(1) as beside:  # the photo is laid out while the sky is painted
         laid = beside.submit(shown, lighting, place.photo, height)
         image = render(lighting, height, sun=sun, disc=False)
@@ -107,7 +118,13 @@ def place_factors(lighting: Lighting, place: Place) -> Image:
 
     With them and the photo a program that renders the bare sky itself shows the place as `surround` does.
     """
+    _check_place(place)
     return _factors(_pooled(render(lighting, _ROWS * _SAMPLES, disc=False)), lighting, place)
+
+
+def _check_place(thing: object) -> None:
+    if not isinstance(thing, Place):
+        raise ParameterError(f"A Place is needed, not {type(thing).__name__}; known_place makes one of an estimate.")
 
 
 def _vary(image: Image, lighting: Lighting, place: Place) -> None:

@@ -1,6 +1,7 @@
 """Turned and brightened maps, and the records that describe them."""
 
 import math
+import reprlib
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from lighting.envmap.clear import Image
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.ranges import RANGES
-from lighting.records import Colour, Lighting, clipped_colour, significant
+from lighting.records import Colour, Lighting, check_lighting, clipped_colour, significant
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 _DIGITS = 6  # behind the point, of turned angles in degrees; records' own have fewer
@@ -21,8 +22,7 @@ def rotate(image: Image, yaw: float) -> Image:
 
     Otherwise neighbouring pixels are interpolated linearly, also across the seam. Raises ParameterError unless finite.
     """
-    if not math.isfinite(yaw):
-        raise ParameterError(f"yaw must be a finite number, not {yaw!r}.")
+    _check_yaw(yaw)
     shift = yaw % 360.0 / 360.0 * image.shape[1]
     whole = math.floor(shift + _WHOLE_PIXEL)
     share = np.float32(shift - whole)
@@ -33,7 +33,12 @@ def rotate(image: Image, yaw: float) -> Image:
 
 
 def turn(lighting: Lighting, yaw: float) -> Lighting:
-    """The record of a map turned by `yaw` [deg]; its azimuth 0 lies `yaw` to the left of where the camera points."""
+    """The record of a map turned by `yaw` [deg]; its azimuth 0 lies `yaw` to the left of where the camera points.
+
+    Raises ParameterError for what is no Lighting, and unless the yaw is finite.
+    """
+    check_lighting(lighting)
+    _check_yaw(yaw)
     turned = replace(
         lighting,
         sun_azimuth=round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _DIGITS),
@@ -59,6 +64,15 @@ def brighten(lighting: Lighting, gain: Floats) -> Lighting:
         sun_irradiance=_times(lighting.sun_irradiance, gain),
         sky_irradiance=_times(lighting.sky_irradiance, gain),
     )
+
+
+def _check_yaw(yaw: float) -> None:
+    try:
+        fits = math.isfinite(yaw)
+    except (TypeError, OverflowError):
+        fits = False
+    if not fits:
+        raise ParameterError(f"yaw must be a finite number, not {reprlib.repr(yaw)}.")
 
 
 def _heading(degrees: float) -> float:

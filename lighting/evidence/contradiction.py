@@ -43,9 +43,11 @@ def contradictions(
     if len(candidates) and compass is not None and heading_tail(density, *compass) < HEADING_TAIL:
         yield f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
+        wider = vertical_fov > prediction.vertical_fov  # which a crop makes it
+        cause = f"the {subject} may be cropped" if wider else "check the focal length, unless the lens is a long one"
         yield (
             f"The vertical field of view is {vertical_fov:.0f}° by what is known of the lens, "
-            f"{prediction.vertical_fov:.0f}° by the pixels: the {subject} may be cropped."
+            f"{prediction.vertical_fov:.0f}° by the pixels: {cause}."
         )
 
 

@@ -54,6 +54,8 @@ def write_exr(
     """
     import OpenEXR
 
+    if not isinstance(attributes, Mapping | None):
+        raise EnvironmentMapError(f"The attributes of an EXR have names, which {type(attributes).__name__} has not.")
     packing, pixels = packed_with(checked_map(image), compression)
     header = {
         "compression": packing,

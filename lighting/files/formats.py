@@ -43,6 +43,8 @@ def encode_envmap(
 
 def format_of(path: str | os.PathLike[str]) -> str:
     """The format that a path's suffix names; EnvironmentMapError for one that is not an environment map's."""
+    if not isinstance(path, str | os.PathLike):
+        raise EnvironmentMapError(f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.")
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in _WRITERS:
         raise EnvironmentMapError(f"The name {os.fspath(path)!r} must end in .exr, .hdr or .png.")

@@ -7,6 +7,8 @@ from lighting.errors import ParameterError
 from lighting.records import Lighting
 from lighting.sky import sky_coefficients
 
+MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
+
 
 def full_record(lighting: Lighting) -> dict[str, Any]:
     """The JSON record with `sky.coefficients`, for programs that draw the sky themselves."""
@@ -19,6 +21,16 @@ def json_line(name: str, answer: Lighting | str) -> str:
     """One line of JSON about the photo `name`: its `lighting` record, or the `error` in place of one."""
     content = {"error": answer} if isinstance(answer, str) else {"lighting": full_record(answer)}
     return json.dumps({"file": name, **content}, allow_nan=False)
+
+
+def named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of JSON with these keys and values, for `json.loads`; ParameterError where a key stands twice."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        keys = [key for key, _ in pairs]
+        often = max(keys, key=keys.count)
+        raise ParameterError(f"The key {often!r} stands twice.", often)
+    return content
 
 
 def one_record(content: Any) -> Any:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from lighting.photo.clock import OFFSETS, YEARS, in_utc, read_offset, read_time
     from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, read_orientation, vertical_fov
     from lighting.photo.gravity import SENSOR_SPREAD, heading_by_gimbal
-    from lighting.photo.held import checked_pixels, photo_of
+    from lighting.photo.held import photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
     from lighting.photo.read import (
@@ -43,7 +43,6 @@ __all__ = [
     "Photo",
     "PhotoFacts",
     "Source",
-    "checked_pixels",
     "develop_raw",
     "facts_of",
     "fit_size",
@@ -87,7 +86,6 @@ __getattr__ = from_homes(
         "Photo": "read",
         "PhotoFacts": "exif",
         "Source": "read",
-        "checked_pixels": "held",
         "develop_raw": "linear",
         "facts_of": "linear",
         "fit_size": "canvas",

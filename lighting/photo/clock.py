@@ -1,6 +1,7 @@
 """Times and offsets from UTC as people and cameras write them."""
 
 import re
+import reprlib
 from datetime import UTC, datetime, timedelta, timezone
 
 from lighting.errors import ParameterError
@@ -10,9 +11,13 @@ OFFSETS = (-12.0, 14.0)  # h from UTC of all zones
 
 _TIME = re.compile(r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?")  # Python's reader takes any character for T and space
 
+_OFFSET = re.compile(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", re.ASCII)
+
 
 def read_time(text: str) -> datetime:
     """A moment in ISO 8601, "2024-06-01T14:30", with the offset from UTC if it has one; ParameterError otherwise."""
+    if not isinstance(text, str):
+        raise _no_time(text)
     try:
         time = datetime.fromisoformat(text.strip())
         time.astimezone(UTC)
@@ -27,15 +32,15 @@ def read_time(text: str) -> datetime:
     return time
 
 
-def _no_time(text: str) -> ParameterError:
-    return ParameterError(f"{text!r} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00.")
+def _no_time(text: object) -> ParameterError:
+    return ParameterError(f"{reprlib.repr(text)} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00.")
 
 
 def read_offset(text: str) -> float:
     """Hours from UTC in "+02:00", "-0330", "5.5" or "Z"; ParameterError otherwise."""
-    parts = re.fullmatch(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", text.strip(), re.ASCII)
+    parts = _OFFSET.fullmatch(text.strip()) if isinstance(text, str) else None
     if not parts:
-        raise ParameterError(f"{text!r} is not an offset from UTC such as +02:00 or -3.5.")
+        raise ParameterError(f"{reprlib.repr(text)} is not an offset from UTC such as +02:00 or -3.5.")
     if parts[4]:
         hours = float(parts[4])
     else:

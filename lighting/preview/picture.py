@@ -4,15 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.colour import checked_pixels
 from lighting.drawing import BACKGROUND, MUTED, TEXT, Style, display, rounded, write
 from lighting.envmap import camera_of, known_place, render, surround
-from lighting.files import encode_png
+from lighting.files import checked_map, encode_png
 from lighting.preview.compass import compass_panel
 from lighting.preview.layout import CAPTION, LETTERS, WIDTH, Box, lay_out
 from lighting.preview.map_panel import map_panel
 from lighting.preview.photo_panel import photo_caption, photo_panel
 from lighting.preview.words import draw_headline, numbers_of, warning_lines
-from lighting.records import Estimate, Lighting
+from lighting.records import Estimate, Lighting, check_estimate
 from lighting.spheres import Stage, lit_stage, pitch_of, render_stage, sphere_centres
 
 MAP_HEIGHT = 512  # rows of the environment map
@@ -22,8 +23,11 @@ PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has a
 def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: bool | None = None) -> bytes:
     """The picture of an upright photo (h, w, 3, sRGB) and its light, as PNG.
 
-    `surroundings` says whether the map shows the place; by default it does where the network predicted it.
+    `surroundings` says whether the map shows the place; by default it does where the network predicted it. Raises
+    ParameterError for what is no Estimate, and PhotoError for what is no photo's pixels.
     """
+    check_estimate(estimate)
+    photo = checked_pixels(photo)
     return encode_png(draw_preview(photo, estimate, _map(photo, estimate, surroundings)))
 
 
@@ -33,10 +37,12 @@ def draw_preview(
     """The same as sRGB pixels (H, 1600, 3).
 
     `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
-    it is rendered here.
+    it is rendered here. The errors are those of `preview_png`, and EnvironmentMapError for what is no map.
     """
+    check_estimate(estimate)
+    photo = checked_pixels(photo)
     lighting = estimate.lighting
-    envmap = _map(photo, estimate, None) if envmap is None else envmap
+    envmap = _map(photo, estimate, None) if envmap is None else checked_map(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], numbers_of(lighting)
     plan = lay_out(aspect, len(numbers), len(warning_lines(lighting)))
     compass = compass_panel(estimate, aspect, plan.compass.width)

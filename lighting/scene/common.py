@@ -24,6 +24,7 @@ from lighting.envmap import (
     sun_irradiance,
     surround,
 )
+from lighting.errors import PhotoError
 from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, camera_axes, focal_length
 from lighting.photo import Photo
 from lighting.records import Lighting, check_lighting
@@ -145,9 +146,11 @@ def make_scene(
 
     `sun` says whether direct sunlight reaches it; None leaves that to `Lighting.sun_painted`. With a
     `place` the map shows it. Raises ParameterError for a `map_height` that `envmap.render` refuses, and for what is no
-    Lighting.
+    Lighting or Place; PhotoError for what is no Photo.
     """
     check_lighting(lighting)
+    if not isinstance(photo, Photo):
+        raise PhotoError(f"A Photo is needed, not {type(photo).__name__}.")
     shines = lighting.sun_painted if sun is None else sun
     if place is None:
         environment = render(lighting, map_height, sun=shines, disc=False)

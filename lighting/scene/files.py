@@ -27,9 +27,11 @@ def write_scene(
     """Write the scene for one of TOOLS to a folder, which is new or empty unless `overwrite`.
 
     Overwriting replaces the files that the scene consists of and leaves all others in the folder alone. `options` go
-    to the tool's `write`. Raises SceneError for another tool, for a folder that cannot be written, and for one with a
-    scene for another tool, in other light, that would be left with this one's map.
+    to the tool's `write`. Raises SceneError for another tool, for what is no Scene, for a folder that cannot be
+    written, and for one with a scene for another tool, in other light, that would be left with this one's map.
     """
+    if not isinstance(folder, str | os.PathLike):
+        raise SceneError(f"A scene is written to a folder, not to {type(folder).__name__}.")
     target = Path(folder).resolve()
     check_target(target, overwrite=overwrite)
     try:
@@ -47,7 +49,8 @@ def write_scene(
 def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
     """The same files as a ZIP archive, made in memory; without the .blend file, which needs a disk.
 
-    The same scene makes the same bytes. Raises SceneError for a tool that is not one of TOOLS.
+    The same scene makes the same bytes. Raises SceneError for another tool, and for what is no
+    Scene.
     """
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -90,6 +93,8 @@ def check_target(target: Path, *, overwrite: bool) -> None:
 def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> None:
     if tool not in TOOLS:
         raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(TOOLS)}.")
+    if not isinstance(scene, Scene):
+        raise SceneError(f"A Scene is needed, not {type(scene).__name__}; make_scene makes one.")
     _module(tool).write(scene, folder, **options)
 
 

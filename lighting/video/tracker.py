@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import luminance
+from lighting.colour import checked_pixels, luminance
 from lighting.envmap import brighten
 from lighting.errors import ParameterError
 from lighting.evidence import Given, Known, check_given, estimate_of
 from lighting.geometry import Floats
 from lighting.model import Model, model_or_packaged
-from lighting.photo import checked_pixels
 from lighting.records import Lighting
 from lighting.sizes import shrunk
 from lighting.strength import with_ground

@@ -1,9 +1,63 @@
 """Errors as sentences."""
 
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
 
 from lighting import errors
+from lighting.envmap import Place, change, known_place, lit_ground, place_factors, place_of, surround, turn, view
 from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooLargeError, reason
+from lighting.files import write_envmap, write_exr
+from lighting.model import Model
+from lighting.photo import photo_of, read_offset, read_time
+from lighting.preview import draw_preview, preview_png
+from lighting.records import Lighting
+from lighting.scene import make_scene, write_scene, zip_scene
+from tests.previews import estimate, outdoors, photo, small_map
+
+LIGHT = outdoors(30.0, 40.0)
+ESTIMATE = estimate(LIGHT)
+PIXELS = photo(64, 48)
+PLACE = Place(PIXELS)
+MAP = small_map(LIGHT)
+WRONG = [
+    "x",
+    float("nan"),
+    [1, 2],
+    {},
+    b"abc",
+    LIGHT.sun_direction,
+    object(),
+    np.zeros(3),
+    np.zeros((4, 4, 3)),
+    np.zeros((0, 0, 3), np.uint8),
+]
+TAKERS: dict[str, Callable[[Any], object]] = {
+    "surround: light": lambda thing: surround(thing, PLACE, 16),
+    "surround: place": lambda thing: surround(LIGHT, thing, 16),
+    "place_factors: place": lambda thing: place_factors(LIGHT, thing),
+    "known_place: estimate": lambda thing: known_place(thing, PIXELS, wanted=True),
+    "known_place: photo": lambda thing: known_place(ESTIMATE, thing, wanted=True),
+    "place_of: height": lambda thing: place_of(ESTIMATE, PIXELS, thing, lambda _: PIXELS, wanted=True),
+    "lit_ground: photo": lambda thing: lit_ground(thing, LIGHT),
+    "lit_ground: light": lambda thing: lit_ground(PIXELS, thing),
+    "turn: light": lambda thing: turn(thing, 10.0),
+    "turn: yaw": lambda thing: turn(LIGHT, thing),
+    "change: light": lambda thing: change(thing, {"sun_azimuth": 3.0}),
+    "preview_png: photo": lambda thing: preview_png(thing, ESTIMATE),
+    "preview_png: estimate": lambda thing: preview_png(PIXELS, thing),
+    "draw_preview: photo": lambda thing: draw_preview(thing, ESTIMATE, MAP),
+    "draw_preview: map": lambda thing: draw_preview(PIXELS, ESTIMATE, thing),
+    "read_time: text": read_time,
+    "read_offset: text": read_offset,
+    "make_scene: photo": lambda thing: make_scene(thing, LIGHT, map_height=16),
+    "write_scene: scene": lambda thing: write_scene(thing, "usd", "never"),
+    "zip_scene: scene": lambda thing: zip_scene(thing, "usd"),
+    "Lighting: sky": lambda thing: Lighting(0.0, 30.0, 3.0, 1.0, sky_model=thing),
+}
 
 
 @pytest.mark.parametrize(
@@ -16,6 +70,33 @@ from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooL
 )
 def test_a_reason_is_one_sentence_without_the_file(error: Exception, sentence: str) -> None:
     assert reason(error) == sentence
+
+
+@pytest.mark.parametrize("name", TAKERS)
+def test_public_functions_refuse_what_they_cannot_take_in_one_sentence(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for thing in WRONG:
+        with pytest.raises(LightingError) as caught:
+            TAKERS[name](thing)
+        assert str(caught.value).endswith(".")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "take",
+    [
+        lambda: write_exr("never.exr", MAP, LIGHT, "x"),  # type: ignore[arg-type]
+        lambda: write_envmap(5, MAP, LIGHT),  # type: ignore[arg-type]
+        lambda: write_scene(make_scene(photo_of(PIXELS), LIGHT, map_height=16), "usd", 5),  # type: ignore[arg-type]
+        lambda: view(LIGHT, 16, yaw="x"),  # type: ignore[arg-type]
+        lambda: Model.load(5),  # type: ignore[arg-type]
+    ],
+)
+def test_targets_and_options_of_the_wrong_kind_are_refused_in_one_sentence(take: Callable[[], object]) -> None:
+    with pytest.raises(LightingError, match=r"\.$"):
+        take()
 
 
 def test_every_error_of_the_package_has_one_base() -> None:

@@ -36,6 +36,10 @@ def test_estimate_reads_stdin(network: Path, photo_path: Path, expected: Lightin
     assert error_of(run("estimate", "-", "--model", network, stdin=b"")) == "stdin: The photo is empty."
 
 
+def test_stdin_is_one_photo() -> None:
+    assert error_of(run("estimate", "-", "-"), 2) == "Only one of the photos can be stdin."
+
+
 def test_the_only_photo_that_can_be_read_is_answered_though_headings_are_given(
     network: Path, photo_path: Path, tmp_path: Path
 ) -> None:

@@ -63,8 +63,10 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
             "stdin: sun.elevation is -3",
         ),
         ('{"sun": {"azimuth": 1' + "0" * 5000 + "}}", "stdin does not hold one JSON record: Exceeds the limit"),
+        ('{"sun": {"azimuth": 3, "azimuth": 4}}', "stdin: The key 'azimuth' stands twice."),
+        (" " * 1_000_001, "stdin is larger than a lighting record, which has at most 1 MB."),
     ],
-    ids=range(14),
+    ids=range(16),
 )
 def test_a_bad_record_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
     result = run("render", "-", "-o", tmp_path / "a.exr", stdin=text.encode("latin-1"))

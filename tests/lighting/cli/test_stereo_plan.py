@@ -10,6 +10,7 @@ from PIL import Image
 
 from lighting.cli import cli
 from lighting.files.exr import write_exr
+from tests.lighting.cli.runners import terminal
 
 PLACE = ["--lat", "47", "--lon", "10"]
 
@@ -56,9 +57,9 @@ def test_an_overcast_day_is_called_useless() -> None:
     [
         (["--lat", "80", "--lon", "10", "--date", "2026-12-21"], 1, "it is night all day."),
         ([*PLACE, "--date", "2026-06-21", "--until", "2026-06-20"], 2, "is before the first"),
-        ([*PLACE, "--date", "2026-06-21", "--shots", "2"], 2, "shots is 2"),
-        ([*PLACE, "--date", "2026-06-21", "--noise", "nan"], 2, "noise"),
-        (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 2, "latitude is 91"),
+        ([*PLACE, "--date", "2026-06-21", "--shots", "2"], 2, "--shots is 2"),
+        ([*PLACE, "--date", "2026-06-21", "--noise", "nan"], 2, "--noise must be a finite number, not nan."),
+        (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 2, "--lat is 91"),
         ([*PLACE, "--date", "2200-06-21"], 2, "year"),
         ([*PLACE, "--date", "2026-02-30"], 2, "'2026-02-30' is not a day such as 2026-06-21."),
         ([*PLACE, "--date", "21 June"], 2, "'21 June' is not a day"),
@@ -89,3 +90,23 @@ def test_probes_are_read_and_their_folder_named(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert f"2026-06-21, measured skies of {tmp_path.name}" in result.stdout
     assert "1 h  10:00 to 11:00" in result.stdout
+
+
+def test_of_a_probe_whose_pixels_are_damaged_nothing_else_is_said(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    files = [tmp_path / "20260621" / hour / "envmap.exr" for hour in ("100000", "110000")]
+    for file in files:
+        file.parent.mkdir(parents=True)
+        write_exr(file, np.random.default_rng(0).random((64, 128, 3), dtype=np.float32))
+    data = bytearray(files[1].read_bytes())
+    data[-3000:-2900] = bytes(100)
+    files[1].write_bytes(data)
+    result = run("--probes", tmp_path)
+    assert result.stderr == f"Error: {files[1]}: The EXR file cannot be read: it is damaged or of an unknown kind.\n"
+    assert tuple(capfd.readouterr()) == ("", "")  # OpenEXR's own words
+
+
+def test_the_days_of_a_range_pass_on_a_terminal() -> None:
+    days = ("--date", "2026-06-21", "--until", "2026-06-22")
+    assert b"2/2" in terminal("stereo", "plan", *PLACE, *days, stdout_too=True)[1]

@@ -53,7 +53,12 @@ def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
     assert "elevation at this time and place, 5°" in warnings[0]
     assert "heading of 280°" in warnings[1]
     assert "12°" in warnings[2]
-    assert "cropped" in warnings[2]
+    assert warnings[2].endswith("by the pixels: check the focal length, unless the lens is a long one.")
+
+
+def test_only_a_lens_that_sees_more_than_the_picture_makes_it_a_crop() -> None:
+    (warning,) = contradictions(lobe(0.0, 60.0, 150.0), np.empty((0, 2)), np.empty((0, 360)), None, 120.0, "clip")
+    assert warning.endswith("by the pixels: the clip may be cropped.")
 
 
 def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:

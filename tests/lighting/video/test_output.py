@@ -88,7 +88,7 @@ def test_a_lens_that_is_given_tells_how_the_camera_was_held(network: Path, tmp_p
 
 def test_warnings_speak_of_the_clip(network: Path, tmp_path: Path) -> None:
     clip = write_clip(tmp_path / "pan.mp4", pan(6, 3.0))
-    said = ("--time", "2024-06-01T12:00:00Z", "--fov", 5)
+    said = ("--time", "2024-06-01T12:00:00Z", "--fov", 150)
     done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, *said)
     assert done.exit_code == 0, done.output
     assert "The time was not used, because the clip does not say where it was taken." in done.output
