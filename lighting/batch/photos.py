@@ -72,9 +72,19 @@ def _would_wait(path: Path) -> bool:
 
 
 def _matches(pattern: str, source: Path) -> Iterator[str]:
-    """Names of the files that a glob matches, each once."""
-    matches = glob.iglob(pattern, recursive=True)  # noqa: PTH207, a pattern may be absolute
-    yield from (Path(path).relative_to(source).as_posix() for path in set(matches) if Path(path).is_file())
+    """Names of the files that a glob matches, each once; hidden ones only where the glob names a dot.
+
+    No link to a folder is followed by `**`, for it may lead back to where it stands. Raises BatchError for a name that
+    holds `**` beside other letters.
+    """
+    parts = Path(pattern).parts[len(source.parts) :]
+    if any("**" in part and part != "**" for part in parts):
+        raise BatchError(f"{pattern} is no pattern: ** stands for folders, between slashes alone.")
+    if parts[-1] == "**":
+        parts = (*parts, "*")
+    dotted = any(part.startswith(".") for part in parts)
+    names = {path.relative_to(source) for path in source.glob(str(Path(*parts))) if path.is_file()}
+    yield from (name.as_posix() for name in names if dotted or not any(part.startswith(".") for part in name.parts))
 
 
 def _fixed_part(pattern: str) -> str:

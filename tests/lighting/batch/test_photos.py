@@ -35,6 +35,27 @@ def test_a_glob_may_be_relative(photos: Path, monkeypatch: pytest.MonkeyPatch) -
     assert find_photos("a.*") == (".", ["a.jpg"])
 
 
+def test_a_glob_of_any_depth_follows_no_link_to_a_folder(photos: Path) -> None:
+    for name in ("up", "round"):
+        (photos / "below" / name).symlink_to(photos)  # each way round would be another photo
+    assert find_photos(f"{photos}/**/*.jpg")[1] == ["a.jpg", "bad.jpg", "below/a.jpg"]
+    assert find_photos(f"{photos}/below/up/a.*")[1] == ["a.jpg"]
+
+
+def test_hidden_photos_match_where_the_glob_names_a_dot(photos: Path) -> None:
+    (photos / ".thumbs").mkdir()
+    for name in (".thumbs/a.jpg", "below/.b.jpg"):
+        (photos / name).touch()
+    assert find_photos(f"{photos}/**/a.jpg")[1] == ["a.jpg", "below/a.jpg"]
+    assert find_photos(f"{photos}/*/.b.jpg")[1] == ["below/.b.jpg"]
+    assert find_photos(f"{photos}/.thumbs/*")[1] == ["a.jpg"]
+
+
+def test_two_stars_within_a_name_are_no_pattern(photos: Path) -> None:
+    with pytest.raises(BatchError, match=r"a\*\*\.jpg is no pattern: "):
+        find_photos(f"{photos}/a**.jpg")
+
+
 def test_pictures_that_are_not_read_are_counted_by_kind(photos: Path) -> None:
     for name in ("a.gif", "below/b.GIF", "c.jxl", ".d.gif", "e.dng", "f.tif", "g.avif", "h.heics", "i.SRW"):
         (photos / name).touch()
