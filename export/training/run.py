@@ -97,7 +97,8 @@ class Run:
         return losses(said, batch) | {f"taught {name}": loss for name, loss in losses(said, answers).items()}
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """One step of the optimiser."""
+        """One step of the optimiser; what it leaves out by chance depends on the step, so runs resume as they were."""
+        torch.manual_seed(self.step)
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * learning_rate(self.step, self.steps, self.config.warmup)
         learnt = self.taught(self.teachers, batch) if self.teachers else self.forward(self.network, batch)
