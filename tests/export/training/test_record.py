@@ -70,6 +70,23 @@ def test_a_damaged_checkpoint_is_one_sentence(config: TrainConfig, trained: Path
                 work()
 
 
+def test_what_belongs_to_another_network_or_time_is_one_sentence(
+    config: TrainConfig, trained: Path, tmp_path: Path
+) -> None:
+    train(replace(config, out=str(tmp_path / "cvpr2017"), network="cvpr2017", crops=4))
+    with pytest.raises(DataError, match="are of another network than this one"):
+        train(replace(config, out=str(tmp_path / "later"), start=str(tmp_path / "cvpr2017")))
+    assert not (tmp_path / "later").exists()
+    mixed = shutil.copytree(trained, tmp_path / "mixed")
+    shutil.copy(tmp_path / "cvpr2017" / CHECKPOINT, mixed / CHECKPOINT)
+    with pytest.raises(DataError, match=r"checkpoint\.pt is of another network than the run's\.$"):
+        train(replace(config, out=str(mixed)))
+    record = json.loads((mixed / RECORD).read_text())
+    (mixed / RECORD).write_text(json.dumps({**record, "config": {**record["config"], "older": 1}}))
+    with pytest.raises(DataError, match="holds a run with a setting that is unknown here, older; choose another --out"):
+        train(replace(config, out=str(mixed)))
+
+
 def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
     config: TrainConfig, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
