@@ -30,7 +30,9 @@ def test_a_run_leaves_what_reproduces_it(trained: Path, config: TrainConfig) -> 
     assert np.isfinite(last["sun"])
 
 
-def test_a_run_is_resumed_with_its_own_settings_alone(config: TrainConfig, tmp_path: Path) -> None:
+def test_a_run_is_resumed_with_its_own_settings_alone(
+    config: TrainConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     own = replace(config, out=str(tmp_path), crops=8, batch=4)
     train(own)
     record = json.loads((tmp_path / RECORD).read_text())
@@ -40,6 +42,7 @@ def test_a_run_is_resumed_with_its_own_settings_alone(config: TrainConfig, tmp_p
     again = json.loads((tmp_path / RECORD).read_text())
     assert again["commit"] == record["commit"]
     assert again["config"] == {**record["config"], "workers": 0, "checkpoint_minutes": 9.0}
+    monkeypatch.setitem(train.__globals__, "commit", lambda: "one that trained nothing")
     moved = shutil.copytree(tmp_path, tmp_path / "moved")
     train(replace(own, out=str(moved)))
     assert json.loads((moved / RECORD).read_text())["commit"] == record["commit"]
