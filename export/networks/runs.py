@@ -19,7 +19,7 @@ def read_record(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise DataError(f"{folder} is not the folder of a training run: {RECORD}: {why}.") from error
-    if not isinstance(record, dict) or not record.keys() >= {"spec", "panoramas"}:
+    if not isinstance(record, dict) or "spec" not in record:
         raise DataError(f"{folder} is not the folder of a training run: {RECORD} is of another kind.")
     return record
 
