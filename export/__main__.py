@@ -107,6 +107,8 @@ def train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ..
     if network != "outdoor" and (given["only_seen"] or given["only_camera"] or given["surroundings"] or teacher):
         options = "--only-seen, --only-camera, --surroundings and --teacher"
         raise click.UsageError(f"{options} are for the network outdoor, not for {network}.")
+    if given["start"] and scratch:
+        raise click.UsageError("Choose one of --start and --scratch.")
     if given["only_seen"] and given["only_camera"]:
         raise click.UsageError("Choose one of --only-seen and --only-camera.")
     if teacher and (given["only_seen"] or given["only_camera"]):

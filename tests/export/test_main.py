@@ -27,6 +27,9 @@ def test_a_run_learns_one_thing_alone(data: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 2
     assert "Choose one" in result.output
+    result = CliRunner().invoke(cli, [*arguments[:-2], "--start", str(tmp_path), "--scratch"])
+    assert result.exit_code == 2
+    assert "Choose one of --start and --scratch" in result.output
     result = CliRunner().invoke(cli, [*arguments[:-1], "--teacher", str(tmp_path)])
     assert result.exit_code == 2
     assert "--teacher answers for all heads" in result.output
