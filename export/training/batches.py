@@ -174,12 +174,13 @@ class TrainingCrops(Dataset[Batch]):
         return np.asarray(np.mean(maps, axis=0, dtype=np.float32))
 
     def _light(self, shown: Sequence[Source], gains: Floats) -> Floats:
-        """Log irradiance of sun and sky in the photo's values, and the cover; unknown if two places share it."""
+        """Log irradiance of sun and sky in the photo's values, and the cover; unknown of two or of stretched places."""
         if not self.light:
             return np.zeros(0, np.float32)
         known = self.light[shown[0].panorama.path]
         values = np.concatenate([np.log(known.sun * gains), np.log(known.sky * gains), [known.cover]])
-        return np.where(len(shown) == 1, values, math.nan).astype(np.float32)
+        known_here = len(shown) == 1 and shown[0].stretch == NOT_STRETCHED
+        return np.where(known_here, values, math.nan).astype(np.float32)
 
     def _camera(self, source: Source, rng: np.random.Generator) -> Camera:
         label = source.label
