@@ -107,6 +107,8 @@ def train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ..
     if network != "outdoor" and (given["only_seen"] or given["only_camera"] or given["surroundings"] or teacher):
         options = "--only-seen, --only-camera, --surroundings and --teacher"
         raise click.UsageError(f"{options} are for the network outdoor, not for {network}.")
+    if given["start"] and scratch:
+        raise click.UsageError("Choose one of --start and --scratch.")
     if given["only_seen"] and given["only_camera"]:
         raise click.UsageError("Choose one of --only-seen and --only-camera.")
     if teacher and (given["only_seen"] or given["only_camera"]):
@@ -200,20 +202,15 @@ def onnx(
 @flag("--suncompass", "Also score that peer: pip install --no-deps suncompass==0.0.1.")
 @flag("--relight", "Also relight objects with the estimated environment maps, and judge their light by weather.")
 @flag("--failures", "Also write the worst crops; they show pictures of the data, so do not publish them.")
-@flag("--card", "Also write the model card and figures into lighting/data, the reliability diagram into docs.")
-def evaluate(model: Path | None, compare: tuple[Path, ...], relight: bool, card: bool, **given: Any) -> None:
+@flag("--card", "Also write the model card and figures beside the network, the reliability diagram into docs.")
+def evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **given: Any) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.evaluation import Options, write_card
     from export.evaluation import evaluate as run
-    from export.evaluation.light import light_report
-    from export.evaluation.relight import relight as run_relight
     from lighting.model import packaged_model
 
     options = Options(**given, models=(model or packaged_model(), *compare))
     evaluation = run(options)
-    if relight:
-        evaluation = evaluation.with_section(run_relight(options.data, options.labels, options.models, options.out))
-        evaluation = evaluation.with_section(light_report(options.data, options.labels, options.models))
     click.echo(evaluation.report)
     if card:
         write_card(evaluation, options)

@@ -44,8 +44,10 @@ def load_source(panorama: Panorama, label: Label) -> Source:
 
 
 def stretched(source: Source, stretch: Stretch) -> Source:
-    """A panorama whose world is stretched, and its sun with it."""
-    label = source.label
+    """A panorama whose world is stretched, and its sun with it; the sky fitted around its own sun is unknown."""
+    if stretch == NOT_STRETCHED:
+        return source
+    label = replace(source.label, fit_ok=False)
     if math.isfinite(label.sun_azimuth):
         azimuth, elevation = angles(stretch.applied(direction(label.sun_azimuth, label.sun_elevation)))
         label = replace(label, sun_azimuth=float(azimuth), sun_elevation=float(elevation))

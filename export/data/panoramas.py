@@ -63,7 +63,7 @@ class Panorama:
 def read_index(folder: str | Path, split: str | None = None, *, licensed_only: bool = False) -> list[Panorama]:
     """The folder's panoramas, in the index's order; DataError if the folder or a row cannot be used.
 
-    `split` keeps one split; `licensed_only` keeps the rows that `is_permissive` accepts.
+    `split` keeps one split, which must not be empty; `licensed_only` keeps the rows that `is_permissive` accepts.
     """
     root = Path(folder).resolve()
     patch = read_patch(PATCH)
@@ -73,7 +73,9 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
     ]
     _check_unique(panoramas)
     _check_places(panoramas)
-    kept = (p for p in panoramas if split in (None, p.split))
+    kept = [p for p in panoramas if split in (None, p.split)]
+    if split and not kept:
+        raise DataError(f"No row of {root / INDEX} is of the split {split}.")
     return [p for p in kept if not licensed_only or is_permissive(p.licence)]
 
 

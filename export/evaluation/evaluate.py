@@ -1,7 +1,7 @@
 """Accuracy of ONNX networks on crops of panoramas that training never saw, compared with answers without a network."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,12 @@ from export.evaluation.diagnostics import Judged, diagnostic_sections
 from export.evaluation.evidence import evidence_report, in_view_evidence
 from export.evaluation.figures import Figures, stated_figures
 from export.evaluation.groups import groups_report
+from export.evaluation.light import light_report
 from export.evaluation.metrics import median, sun_error
 from export.evaluation.models import load_models
 from export.evaluation.photos import photo_methods, photo_report
 from export.evaluation.records import answers, select
+from export.evaluation.relight import relight
 from export.evaluation.report import in_view_report, report
 from export.evaluation.simulated_metadata import take_metadata
 from export.evaluation.views import CROPS_EACH, aimed, cameras, interpret, look
@@ -40,6 +42,7 @@ class Options:
     with_metadata: bool = False  # also our answers with simulated metadata and with several views of a panorama
     suncompass: bool = False  # also the outside peer, whose package must be installed
     failures: bool = False  # also write our worst crops as failures.csv and failures.png
+    relight: bool = False  # also relight objects, and judge the light by weather; writes relight.png
 
 
 @dataclass(frozen=True)
@@ -48,10 +51,6 @@ class Evaluation:
 
     report: str
     figures: dict[str, Figures]
-
-    def with_section(self, section: str) -> "Evaluation":
-        """The same evaluation with a further section at the report's end."""
-        return replace(self, report=f"{self.report}\n{section}\n")
 
 
 @dataclass(frozen=True)
@@ -78,10 +77,14 @@ def evaluate(options: Options) -> Evaluation:
     sources = load_sources(read_index(options.data, "val"), options.labels)
     methods = _Methods(load_models(options.models), training, peer)
     options.out.mkdir(parents=True, exist_ok=True)
+    lit: list[str] = []
+    if options.relight:  # first, for it asks most of the folder
+        lit.append(relight(options.data, options.labels, options.models, options.out))
+        lit.append(light_report(options.data, options.labels, options.models))
     judged = {protocol: _judge(methods, sources, protocol) for protocol in SCORED}
     for protocol, j in judged.items():
         write_crops(options.out / f"crops-{protocol}.csv", j)
-    text = "\n\n".join(_sections(options, methods, sources, judged)) + "\n"
+    text = "\n\n".join([*_sections(options, methods, sources, judged), *lit]) + "\n"
     with replacing(options.out / "report.md") as path:
         path.write_text(text)
     return Evaluation(text, {p: stated_figures(j.truth, j.said[j.ours]) for p, j in judged.items()})

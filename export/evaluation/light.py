@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from export.crops import Crop, Source, load_sources, take
-from export.data import read_index
+from export.data import DataError, read_index
 from export.evaluation.models import load_models
 from export.evaluation.objects import OBJECTS, differences, pictures
 from export.evaluation.records import Names
@@ -63,8 +63,10 @@ class Judged:
 
 
 def judged(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH) -> Judged:
-    """Paper-protocol crops of the HDR panoramas whose weather is clear: an unclipped sun, or no direct light."""
+    """Paper-protocol crops of the HDR panoramas of WEATHER; their suns may be clipped. DataError if there are none."""
     found = [p for p in read_index(data, part) if p.kind == "hdr" and (p.sun, p.direct) in WEATHER]
+    if not found:
+        raise DataError(f"{data} has no HDR panorama in `{part}` that is sunny or overcast.")
     sources = load_sources(found, labels)
     apart = {s.panorama.name: split(s.levels[0], _sun_of(s)) for s in sources}
     views = [view for i, view in enumerate(cameras(sources, "paper")) if i % CROPS_EACH < each]

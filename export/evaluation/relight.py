@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from export.crops import Crop, load_sources, take
-from export.data import Label, labels_of, read_index
+from export.data import DataError, Label, labels_of, read_index
 from export.evaluation.intervals import difference_interval
 from export.evaluation.models import load_models
 from export.evaluation.records import Names
@@ -61,8 +61,10 @@ class LitCrops:
 
 
 def lit_crops(data: Path, labels: Path, spec: ModelSpec) -> LitCrops:
-    """Paper-protocol crops of the `val` HDR panoramas whose sun is not clipped."""
+    """Paper-protocol crops of the `val` HDR panoramas that show their sun; DataError if there are none."""
     panoramas = [p for p in read_index(data, "val") if p.kind == "hdr" and p.sun == "visible"]
+    if not panoramas:
+        raise DataError(f"{data} has no HDR panorama in `val` that shows its sun, so nothing can be relit.")
     views = cameras(load_sources(panoramas, labels), "paper")
     crops = [take(source, camera, spec) for source, camera in views]
     truth = [
@@ -141,9 +143,11 @@ def relight_report(scores: dict[str, Floats], panorama: Names) -> str:
 def draw(shown: LitCrops, truth: Sequence[Floats], pictures: dict[str, list[Floats]], path: Path) -> None:
     """Draw SHOWN rows for panoramas that may be shown: the photo, the sphere under the true light, under each estimate.
 
-    Each row has the exposure that suits the true light.
+    Each row has the exposure that suits the true light. Nothing is drawn if none may be shown.
     """
     first = [i for i, (source, _) in enumerate(shown.views) if "CC0" in source.panorama.licence]
+    if not first:
+        return
     chosen = first[:: max(1, len(first) // SHOWN)][:SHOWN]
     lines = []
     for i in chosen:

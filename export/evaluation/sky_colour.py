@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from export.crops import augment, generator, irradiance_of, load_sources, paper_camera, take, training_camera
-from export.data import read_index
+from export.data import DataError, read_index
 from export.evaluation.light import by_network
 from export.evaluation.tables import table
 from lighting.envmap.sky_colour import sky_ratio
+from lighting.errors import ModelError
 from lighting.geometry import Floats, angle_between
 from lighting.model import Model
 from lighting.photo import Photo
@@ -38,10 +39,14 @@ class Skies:
 
 
 def look(model: Model, data: Path, labels: Path, part: str) -> Skies:
-    """Crops of all panoramas of a split that tell the power of their sky, by the pixels alone."""
-    return Skies(
-        *(np.array(column, dtype=np.float64) for column in zip(*_rows(model, data, labels, part), strict=True))
-    )
+    """Crops of all panoramas of a split that tell the power of their sky, by the pixels alone.
+
+    DataError if there is none, ModelError if the network states no light.
+    """
+    rows = list(_rows(model, data, labels, part))
+    if not rows:
+        raise DataError(f"No panorama of {data} in `{part}` tells the power of its sky.")
+    return Skies(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
 
 
 def _rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[Floats, float, Floats, Floats]]:
@@ -55,6 +60,8 @@ def _rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[F
             pixels, gains, _ = augment(crop, rng)
             height, width = pixels.shape[:2]
             light = by_network(model, Photo(pixels, width, height, "PIXELS")).lighting
+            if light.sky_irradiance is None:
+                raise ModelError("The network states no light.")
             ratio = sky_ratio(pixels, light)
             yield (
                 np.full(3, np.nan) if ratio is None else ratio,

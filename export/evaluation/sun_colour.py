@@ -38,7 +38,7 @@ class Sun:
 
 
 def suns_of(model: Model, shown: Judged) -> list[Sun]:
-    """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states no light."""
+    """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
     found = []
     for (source, _), crop, truth in zip(shown.views, shown.crops, shown.truth, strict=True):
         if truth.sun_direction is None:
@@ -50,6 +50,8 @@ def suns_of(model: Model, shown: Judged) -> list[Sun]:
         said, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
         if light.sun_shines:
             found.append(Sun(source.panorama.place, truth.sun_irradiance, said, level, sky, light.sun_elevation))
+    if not found:
+        raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
     return found
 
 

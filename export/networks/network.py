@@ -5,6 +5,7 @@ All take the normalised canvas (B, 3, H, W) of `lighting.photo` and return `Said
 
 from torch import Tensor, nn
 
+from export.data import DataError
 from export.networks.backbone import load_imagenet
 from export.networks.cvpr2017 import DeepOutdoor
 from export.networks.outdoor import Outdoor
@@ -32,7 +33,7 @@ def build(
 
 
 def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
-    """Load the weights of a run into a network; ValueError if they do not fit.
+    """Load the weights of a run into a network; DataError if they are of another one.
 
     Heads of HEADS keep their own weights if the run has none for them. Weights of heads that the network lacks are
     ignored.
@@ -40,4 +41,5 @@ def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
     missing, unknown = network.load_state_dict(weights, strict=False)
     unknown = [name for name in unknown if not name.startswith(HEADS)]
     if unknown or not all(name.startswith(HEADS) for name in missing):
-        raise ValueError(f"The weights do not fit this network: {[*missing, *unknown][:3]}.")
+        name = [*missing, *unknown][0]
+        raise DataError(f"The weights of the run are of another network than this one, which shows in {name}.")

@@ -13,12 +13,14 @@ RECORD = "config.json"
 
 
 def read_record(folder: Path) -> dict[str, Any]:
-    """The record in a training folder; DataError if there is none."""
+    """The record in a training folder; DataError if there is none or one of another kind."""
     try:
         record: dict[str, Any] = json.loads((folder / RECORD).read_text())
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise DataError(f"{folder} is not the folder of a training run: {RECORD}: {why}.") from error
+    if not isinstance(record, dict) or "spec" not in record:
+        raise DataError(f"{folder} is not the folder of a training run: {RECORD} is of another kind.")
     return record
 
 

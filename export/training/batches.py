@@ -125,10 +125,12 @@ class TrainingCrops(Dataset[Batch]):
         camera = paper_camera(rng) if self.tune else self._camera(source, rng)
         sharpness = rng.uniform(self.config.sharpness, 1.0)
         crop = take(source, camera, self.spec, sharpness)
-        cameras = [camera]
+        taken = [(source, camera, crop.gain)]
         for other in shown[1:]:
-            cameras.append(same_view(camera, source, other, rng))
-            crop = joined(crop, take(other, cameras[-1], self.spec, sharpness), rng)
+            view = same_view(camera, source, other, rng)
+            second = take(other, view, self.spec, sharpness)
+            taken.append((other, view, second.gain))
+            crop = joined(crop, second, rng)
         pixels, gains, hidden = augment(crop, rng)
         resolved = all(is_resolved(s, camera, sharpness * pixels.shape[0]) for s in shown)
         visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
@@ -137,7 +139,7 @@ class TrainingCrops(Dataset[Batch]):
             sun=torch.from_numpy(self._sun(crop)),
             parameters=torch.from_numpy(_parameters(crop, float(gains.mean()), resolved=resolved)),
             seen=torch.from_numpy(where_seen(crop, self.spec, visible)).float(),
-            around=torch.from_numpy(self._around(shown, cameras, gains * crop.gain)),
+            around=torch.from_numpy(self._around(taken, gains)),
             light=torch.from_numpy(self._light(shown, gains * crop.gain)),
             likely=torch.tensor(False),
         )
@@ -161,23 +163,24 @@ class TrainingCrops(Dataset[Batch]):
         width = math.hypot(crop.sun_uncertainty, self.config.target_width)
         return soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid).astype(np.float32)
 
-    def _around(self, shown: Sequence[Source], cameras: Sequence[Camera], gains: Floats) -> Floats:
-        """The light around the camera; its mean if two places share the picture."""
+    def _around(self, taken: Sequence[tuple[Source, Camera, float]], gains: Floats) -> Floats:
+        """The light around the camera, by source, camera and the crop's own gain; its mean if two places share it."""
         if not self.around:
             return np.zeros(0, np.float32)
         maps = [
-            seen_from(self.around[source.panorama.path], camera, gains, source.stretch)
-            for source, camera in zip(shown, cameras, strict=True)
+            seen_from(self.around[source.panorama.path], camera, gains * own, source.stretch)
+            for source, camera, own in taken
         ]
         return np.asarray(np.mean(maps, axis=0, dtype=np.float32))
 
     def _light(self, shown: Sequence[Source], gains: Floats) -> Floats:
-        """Log irradiance of sun and sky in the photo's values, and the cover; unknown if two places share it."""
+        """Log irradiance of sun and sky in the photo's values, and the cover; unknown of two or of stretched places."""
         if not self.light:
             return np.zeros(0, np.float32)
         known = self.light[shown[0].panorama.path]
         values = np.concatenate([np.log(known.sun * gains), np.log(known.sky * gains), [known.cover]])
-        return np.where(len(shown) == 1, values, math.nan).astype(np.float32)
+        known_here = len(shown) == 1 and shown[0].stretch == NOT_STRETCHED
+        return np.where(known_here, values, math.nan).astype(np.float32)
 
     def _camera(self, source: Source, rng: np.random.Generator) -> Camera:
         label = source.label

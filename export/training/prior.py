@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops import load_sources, sampling_weights
-from export.data import needed_photo_rows, read_index
+from export.crops import Source, sampling_weights
+from export.data import labels_of, needed_photo_rows, read_index
 from lighting.geometry import Floats
 
 SCALES = np.arange(20.0, 301.0, 5.0)  # deg, those tried
@@ -18,7 +18,8 @@ SCALES = np.arange(20.0, 301.0, 5.0)  # deg, those tried
 def describe_prior(data: Path, labels: Path) -> str:
     """The fitted scale in words, over places of the photos of `photos_train.csv`; DataError for data without any."""
     rows = needed_photo_rows(data)
-    sources = [s for s in load_sources(read_index(data, "train"), labels) if s.label.sun_elevation is not None]
+    panoramas = read_index(data, "train")
+    sources = [Source(p, (), label) for p, label in zip(panoramas, labels_of(panoramas, labels), strict=True)]
     weights = sampling_weights(sources)
     crops = np.array([s.label.sun_elevation for s in sources], dtype=np.float64)
     seen = np.isfinite(crops)

@@ -41,7 +41,12 @@ def earlier_commits(config: TrainConfig) -> list[str]:
     if "merged" in record:
         made = "was read back from a file" if "file" in record else "is the mean of several runs"
         raise DataError(f"{config.out} holds a network that {made}; give it as --start and choose another --out.")
-    then, now = _settings(TrainConfig(**record["config"])), _settings(config)
+    now = _settings(config)
+    if unknown := record["config"].keys() - now.keys():
+        raise DataError(
+            f"{config.out} holds a run with a setting that is unknown here, {min(unknown)}; choose another --out."
+        )
+    then = _settings(TrainConfig(**record["config"]))
     changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
     if changed:
         raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")

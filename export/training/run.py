@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader
 
+from export.data import DataError
 from export.networks import CHECKPOINT, averaged_weights, build, load_weights, read_checkpoint, specs
 from export.training.batches import Batch, TrainingCrops
 from export.training.config import TrainConfig
@@ -63,7 +64,7 @@ class Run:
             self.network.get_submodule("seen").train()
 
     def resume(self) -> None:
-        """Continue from the folder's checkpoint if it has one; DataError if that is damaged.
+        """Continue from the folder's checkpoint if it has one; DataError if that is damaged or of another network.
 
         What killed processes left of checkpoints is deleted.
         """
@@ -71,10 +72,13 @@ class Run:
             path.unlink(missing_ok=True)
         if self.checkpoint.exists():
             state = read_checkpoint(self.checkpoint.parent, self.device)
-            self.network.load_state_dict(state["network"])
-            self.average.load_state_dict(state["average"])
-            self.optimizer.load_state_dict(state["optimizer"])
-            self.step = state["step"]
+            try:
+                self.network.load_state_dict(state["network"])
+                self.average.load_state_dict(state["average"])
+                self.optimizer.load_state_dict(state["optimizer"])
+                self.step = state["step"]
+            except (KeyError, RuntimeError, ValueError) as error:
+                raise DataError(f"{self.checkpoint} is of another network than the run's.") from error
 
     def save(self) -> None:
         """Write the whole state; if the run is killed meanwhile, the previous one stays."""
@@ -97,7 +101,8 @@ class Run:
         return losses(said, batch) | {f"taught {name}": loss for name, loss in losses(said, answers).items()}
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """One step of the optimiser."""
+        """One step of the optimiser; what it leaves out by chance depends on the step, so runs resume as they were."""
+        torch.manual_seed(self.step)
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * learning_rate(self.step, self.steps, self.config.warmup)
         learnt = self.taught(self.teachers, batch) if self.teachers else self.forward(self.network, batch)

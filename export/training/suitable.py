@@ -194,7 +194,8 @@ def _report(seen: dict[float, Floats], kinds: Names) -> str:
     """What is caught by kind, at each rate of false alarms."""
     rates = " and ".join(f"{100 * rate:g} %" for rate in seen)
     lines = [
-        f"Caught [%], at {rates} false alarms on held-out training places, by heads that saw no picture of its owner:"
+        f"Caught [%], at {rates} false alarms on held-out training places; listed pictures by heads that saw none of "
+        "their owner's, made ones by heads that saw them:"
     ]
     for kind in dict.fromkeys(kinds.tolist()):
         of = kinds == kind

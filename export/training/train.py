@@ -42,7 +42,7 @@ def train(config: TrainConfig) -> Path:
     )
     tune = TrainingCrops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
     Path(config.out).mkdir(parents=True, exist_ok=True)
-    write_record(run, [*before, commit()], kept, held_out)
+    write_record(run, [*before, commit()] if run.step < run.steps else before, kept, held_out)
     print(
         f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out, "
         f"from step {run.step} of {run.steps}",

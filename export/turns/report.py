@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from export.data import Panorama, read_index
+from export.data import DataError, Panorama, read_index
 from export.evaluation.tables import table
 from export.turns import groups, overlap, pairs
 from export.turns.sets import one_each
@@ -33,8 +33,10 @@ class Asked:
 
 
 def report(asked: Asked) -> str:
-    """The tables asked for."""
+    """The tables asked for; DataError if no panorama is left for them."""
     panoramas = _rows(asked.data, asked.split, asked.last)
+    if not panoramas and not {"walks", "days"}.issuperset(asked.parts):  # which are rendered
+        raise DataError(f"No panorama of {asked.data} is left in `{asked.split}`.")
     made = {"pairs": _pairs, "zooms": _zooms, "walks": _walks, "sets": _sets, "overlap": _overlap, "days": _days}
     return "\n\n".join(made[part](asked, panoramas) for part in asked.parts) + "\n"
 

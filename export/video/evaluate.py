@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from export.data import Panorama, read_index
+from export.data import DataError, Panorama, read_index
 from export.evaluation.tables import table
 from export.video.dissolves import dissolve_report
 from export.video.sequences import Sequenced, sequences
@@ -74,8 +74,13 @@ def shown(rows: dict[str, dict[str, float]]) -> str:
 
 
 def chosen(data: Path, count: int) -> list[Panorama]:
-    """`val` panoramas that show their sun, each of another place as long as there are some, in a fixed order."""
+    """`val` panoramas that show their sun, each of another place as long as there are some, in a fixed order.
+
+    DataError if there are none.
+    """
     suited = [p for p in read_index(data, "val") if p.sun == "visible" and p.sun_azimuth is not None]
+    if not suited:
+        raise DataError(f"{data} has no panorama in `val` that shows a given sun.")
     order = np.random.default_rng(21).permutation(len(suited))
     first: dict[str, Panorama] = {}
     for i in order:

@@ -6,7 +6,10 @@ import pytest
 from click.testing import CliRunner
 
 from export.__main__ import cli
+from export.data.panoramas import INDEX
 from export.data.tables import DataError
+from export.evaluation.relight import lit_crops
+from export.networks.specs import specs
 from lighting.errors import LightingError
 
 
@@ -24,6 +27,9 @@ def test_a_run_learns_one_thing_alone(data: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 2
     assert "Choose one" in result.output
+    result = CliRunner().invoke(cli, [*arguments[:-2], "--start", str(tmp_path), "--scratch"])
+    assert result.exit_code == 2
+    assert "Choose one of --start and --scratch" in result.output
     result = CliRunner().invoke(cli, [*arguments[:-1], "--teacher", str(tmp_path)])
     assert result.exit_code == 2
     assert "--teacher answers for all heads" in result.output
@@ -40,6 +46,27 @@ def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path
         result = runner.invoke(cli, arguments)
         assert isinstance(result.exception, DataError | LightingError), (arguments, result.output)
         assert "\n" not in str(result.exception)
+
+
+def test_commands_say_which_panoramas_are_missing_in_one_sentence(
+    data: Path, trained_network: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "panoramas").symlink_to(data / "panoramas")
+    (tmp_path / INDEX).write_text((data / INDEX).read_text().replace(",val,", ",train,"))
+    asked = ["--labels", str(data / "labels.csv"), "--model", str(trained_network)]
+    for command, folder, message in (
+        (["evaluate", *asked, "--out", str(tmp_path / "out")], tmp_path, "is of the split val"),
+        (["sky", *asked], data, "The network states no light"),
+        (["ground", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
+        (["sun-colour", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
+        (["video", "--model", str(trained_network)], tmp_path, "is of the split val"),
+        (["turns", "pairs"], tmp_path, "is left in `val`"),
+    ):
+        result = CliRunner().invoke(cli, [*command, "--data", str(folder)])
+        assert isinstance(result.exception, DataError | LightingError), (command, result.output)
+        assert message in str(result.exception)
+    with pytest.raises(DataError, match="has no HDR panorama in `val` that shows its sun"):
+        lit_crops(data, data / "labels.csv", specs("0")["outdoor"])
 
 
 def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:

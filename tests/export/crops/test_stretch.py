@@ -61,6 +61,14 @@ def test_a_panorama_without_a_sun_has_none_when_it_is_stretched() -> None:
     assert math.isnan(stretched(sunless, TALL).label.sun_elevation)
 
 
+def test_a_sky_that_was_fitted_around_another_sun_is_unknown() -> None:
+    camera = Camera(0.0, 0.0, 0.0, 60.0, 1.0)
+    one, other = (take(stretched(source(), stretch), camera, SPEC) for stretch in (NOT_STRETCHED, TALL))
+    assert math.isfinite(one.turbidity * one.exposure)
+    assert math.isnan(other.turbidity)
+    assert math.isnan(other.exposure)
+
+
 def test_a_stretch_costs_resolution() -> None:
     camera = Camera(0.0, 0.0, 0.0, 60.0, 1.0)
     assert is_resolved(source(), camera, 80)

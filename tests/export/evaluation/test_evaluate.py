@@ -9,8 +9,14 @@ from export.evaluation import Options, evaluate
 
 
 @pytest.mark.slow
-def test_evaluation_reports_every_method_and_group(data: Path, trained_network: Path, tmp_path: Path) -> None:
-    options = Options(data, data / "labels.csv", (trained_network,), tmp_path, with_metadata=True, failures=True)
+def test_evaluation_reports_every_method_and_group(
+    data: Path, trained_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("relight", "light_report"):  # which need HDR panoramas
+        monkeypatch.setitem(evaluate.__globals__, name, lambda *_, name=name: f"## By {name}")
+    options = Options(
+        data, data / "labels.csv", (trained_network,), tmp_path, with_metadata=True, failures=True, relight=True
+    )
     evaluation = evaluate(options)
     report = evaluation.report
     for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |"):
@@ -29,6 +35,7 @@ def test_evaluation_reports_every_method_and_group(data: Path, trained_network: 
     for name in ("reliability.png", "failures.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "failures.csv").read_text().startswith("panorama,azimuth,error,")
+    assert report.endswith("\n\n## By relight\n\n## By light_report\n")
     assert (tmp_path / "report.md").read_text() == report
     lines = (tmp_path / "crops-paper.csv").read_text().splitlines()
     assert len(lines) == 1 + 8 * len(read_index(data, "val"))

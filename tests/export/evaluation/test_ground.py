@@ -39,7 +39,7 @@ def test_errors_are_sizes_in_stops() -> None:
 
 @pytest.mark.slow
 def test_panoramas_without_known_ground_are_named(data: Path, lit_network: Path) -> None:
-    with pytest.raises(DataError, match="No crop of the HDR panoramas of train shows ground"):
+    with pytest.raises(DataError, match="has no HDR panorama in `train` that is sunny or overcast"):
         ground_report(Model.load(lit_network), data, data / "labels.csv")
 
 

@@ -75,3 +75,7 @@ def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError) as refused:
         read_record(tmp_path)
     assert str(refused.value).count(str(tmp_path)) == 1
+    for other in ("[1]", '{"minutes": 70}'):  # the second as of a run of `stereo train`
+        (tmp_path / RECORD).write_text(other)
+        with pytest.raises(DataError, match=r"config\.json is of another kind\.$"):
+            read_spec(tmp_path)

@@ -30,7 +30,9 @@ def test_a_run_leaves_what_reproduces_it(trained: Path, config: TrainConfig) -> 
     assert np.isfinite(last["sun"])
 
 
-def test_a_run_is_resumed_with_its_own_settings_alone(config: TrainConfig, tmp_path: Path) -> None:
+def test_a_run_is_resumed_with_its_own_settings_alone(
+    config: TrainConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     own = replace(config, out=str(tmp_path), crops=8, batch=4)
     train(own)
     record = json.loads((tmp_path / RECORD).read_text())
@@ -40,6 +42,7 @@ def test_a_run_is_resumed_with_its_own_settings_alone(config: TrainConfig, tmp_p
     again = json.loads((tmp_path / RECORD).read_text())
     assert again["commit"] == record["commit"]
     assert again["config"] == {**record["config"], "workers": 0, "checkpoint_minutes": 9.0}
+    monkeypatch.setitem(train.__globals__, "commit", lambda: "one that trained nothing")
     moved = shutil.copytree(tmp_path, tmp_path / "moved")
     train(replace(own, out=str(moved)))
     assert json.loads((moved / RECORD).read_text())["commit"] == record["commit"]
@@ -68,6 +71,23 @@ def test_a_damaged_checkpoint_is_one_sentence(config: TrainConfig, trained: Path
         for work in (partial(train, again), partial(merge, [run, trained], tmp_path / "mean")):
             with pytest.raises(DataError, match=r"checkpoint\.pt is cut short or damaged\.$"):
                 work()
+
+
+def test_what_belongs_to_another_network_or_time_is_one_sentence(
+    config: TrainConfig, trained: Path, tmp_path: Path
+) -> None:
+    train(replace(config, out=str(tmp_path / "cvpr2017"), network="cvpr2017", crops=4))
+    with pytest.raises(DataError, match="are of another network than this one"):
+        train(replace(config, out=str(tmp_path / "later"), start=str(tmp_path / "cvpr2017")))
+    assert not (tmp_path / "later").exists()
+    mixed = shutil.copytree(trained, tmp_path / "mixed")
+    shutil.copy(tmp_path / "cvpr2017" / CHECKPOINT, mixed / CHECKPOINT)
+    with pytest.raises(DataError, match=r"checkpoint\.pt is of another network than the run's\.$"):
+        train(replace(config, out=str(mixed)))
+    record = json.loads((mixed / RECORD).read_text())
+    (mixed / RECORD).write_text(json.dumps({**record, "config": {**record["config"], "older": 1}}))
+    with pytest.raises(DataError, match="holds a run with a setting that is unknown here, older; choose another --out"):
+        train(replace(config, out=str(mixed)))
 
 
 def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
