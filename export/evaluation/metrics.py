@@ -73,9 +73,13 @@ def camera_figures(truth: Truth, said: Answers) -> dict[str, float]:
     }
 
 
-def auc(score: Floats, positive: Bools) -> float:
-    """Area under the ROC curve: the chance that a positive scores above a negative, ties counting half."""
+def auc(score: Floats, positive: Bools, weight: Floats | None = None) -> float:
+    """Area under the ROC curve: the chance that a positive scores above a negative, ties counting half.
+
+    Positives and negatives are drawn by the weights (N,) if there are any.
+    """
     if not positive.any() or positive.all() or not np.isfinite(score).all():
         return float("nan")
-    above = score[positive][:, None] - score[~positive][None, :]
-    return float(np.mean(np.sign(above) + 1) / 2)
+    above = np.sign(score[positive][:, None] - score[~positive][None, :])
+    each = None if weight is None else np.outer(weight[positive], weight[~positive])
+    return float(np.average(above + 1, weights=each) / 2)

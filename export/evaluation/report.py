@@ -5,6 +5,7 @@ import numpy as np
 from export.evaluation.camera_scores import camera_scores
 from export.evaluation.intervals import difference_interval, median_interval
 from export.evaluation.metrics import camera_figures, sun_error, sun_figures
+from export.evaluation.places import place_figures, visibility_by_place
 from export.evaluation.records import Answers, Bools, Truth, select
 from export.evaluation.tables import figures_table, interval, table
 from lighting.geometry import angles
@@ -27,6 +28,8 @@ def report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[st
             figures_table({name: sun_figures(scored, a) for name, a in answered.items()}),
             "Median sun error with 95 % intervals: bootstrap over panoramas and over places",
             intervals_table(scored, answered, ours),
+            "Each place counted alike, however many panoramas it has [deg]",
+            places_table(truth, said),
             f"`{ours}` by true sun elevation, and by what is in view",
             figures_table(breakdown(scored, answered[ours])),
             *[f"`{name}` by the same\n\n{figures_table(breakdown(scored, answered[name]))}" for name in others],
@@ -73,6 +76,17 @@ def intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
             row.append("" if name == ours else interval(difference_interval(errors[ours], error, units)))
         rows.append(row)
     return table(["", "median", "over panoramas", "ours minus this", "over places", "ours minus this"], rows)
+
+
+def places_table(truth: Truth, said: dict[str, Answers]) -> str:
+    """Figures of the sun by place, over the crops that are scored, and of visibility over all."""
+    scored = select(truth, truth.scored)
+    heights = {name: chosen for name, chosen in bins(scored).items() if name not in IN_VIEW}
+    rows = {}
+    for name, answered in said.items():
+        rows[name] = place_figures(scored, select(answered, truth.scored), heights)
+        rows[name]["visibility AUC"] = visibility_by_place(truth, answered)
+    return figures_table(rows)
 
 
 def breakdown(truth: Truth, said: Answers) -> dict[str, dict[str, float]]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 DECIMALS = {  # 1 in all other columns
     "crops": 0,
+    "places": 0,
     "fitted to": 0,
     "temperature": 2,
     "NLL": 2,

@@ -36,7 +36,7 @@ def test_a_protocol_counts_its_crops_and_names_every_method() -> None:
     alone = {"ours": said["ours"]}
     text = report("paper", truth, said, alone, "ours")
     assert "## Protocol `paper`: 32 crops, 32 with a sun to score (4 panoramas of 2 places)" in text
-    assert sum(line.startswith("| other |") for line in text.splitlines()) == 2  # it says nothing of the camera
+    assert sum(line.startswith("| other |") for line in text.splitlines()) == 3  # it says nothing of the camera
     assert sum(line.startswith("| ours |") for line in text.splitlines()) > 4
     assert "by the networks alone, without the straight lines" in text
     assert "32 crops of 4 panoramas" in in_view_report(truth, said, "| what metadata add |")
