@@ -38,7 +38,7 @@ def export(run: Path, target: Path, version: str) -> float:
     """Write the averaged network of a run; returns the largest difference to torch, ModelError over TOLERANCE."""
     import onnx
 
-    network = average(run / "checkpoint.pt")
+    network = average(run)
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as path:
         model = _trace(Served(network).eval())

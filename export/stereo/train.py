@@ -17,6 +17,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from export.data import DataError
+from export.networks import CHECKPOINT, read_checkpoint
 from export.stereo.network import NormalsNetwork
 from export.stereo.samples import Sample, read_meshes, samples
 from lighting.files import replacing
@@ -56,12 +58,13 @@ class _Run:
 
 
 def train(config: Config) -> Path:
-    """Train, or go on with, the run in a folder; returns its checkpoint."""
+    """Train, or go on with, the run in a folder; returns its checkpoint. DataError for a checkpoint of no such run."""
     torch.set_num_threads(config.threads)
     folder = Path(config.out)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "config.json").write_text(json.dumps(asdict(config), indent=2))
     run = _resumed(folder, config)
+    with replacing(folder / "config.json") as path:
+        path.write_text(json.dumps(asdict(config), indent=2))
     fresh = samples(read_meshes(Path(config.meshes)), config.seed + run.step)
     pool = deque(islice(fresh, config.first), maxlen=config.pool)
     rng = np.random.default_rng(config.seed + run.step)
@@ -77,7 +80,7 @@ def train(config: Config) -> Path:
         if run.step % _SAVE == 0:
             _save(folder, run)
     _save(folder, run)
-    return folder / "checkpoint.pt"
+    return folder / CHECKPOINT
 
 
 def _step(run: _Run, chosen: list[Sample], config: Config, *, mirrored: bool) -> dict[str, float]:
@@ -146,18 +149,25 @@ def _resumed(folder: Path, config: Config) -> _Run:
     network = NormalsNetwork()
     optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     run = _Run(network, {k: v.clone() for k, v in network.state_dict().items()}, optimiser)
-    file = folder / "checkpoint.pt"
-    if file.exists():
-        saved: dict[str, Any] = torch.load(file, weights_only=True)
+    if (folder / CHECKPOINT).exists():
+        saved = _saved(folder)
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
         run.average, run.step, run.seconds = saved["average"], saved["step"], saved["seconds"]
     return run
 
 
+def _saved(folder: Path) -> dict[str, Any]:
+    """What the checkpoint of a run of this network holds; DataError for a damaged one and for another network's."""
+    saved = read_checkpoint(folder)
+    if not isinstance(saved.get("average"), dict) or saved["average"].keys() != NormalsNetwork().state_dict().keys():
+        raise DataError(f"{folder / CHECKPOINT} is not of the network of normals.")
+    return saved
+
+
 def _save(folder: Path, run: _Run) -> None:
     state = {"network": run.network.state_dict(), "average": run.average, "optimiser": run.optimiser.state_dict()}
-    with replacing(folder / "checkpoint.pt") as path:
+    with replacing(folder / CHECKPOINT) as path:
         torch.save({**state, "step": run.step, "seconds": run.seconds}, path)
 
 
@@ -174,8 +184,8 @@ def _write_log(folder: Path, run: _Run) -> None:
     run.log.clear()
 
 
-def average(checkpoint: Path) -> NormalsNetwork:
-    """The network with a run's averaged weights, ready to answer."""
+def average(folder: Path) -> NormalsNetwork:
+    """The network with a run's averaged weights, ready to answer; DataError for what is no such run."""
     network = NormalsNetwork()
-    network.load_state_dict(torch.load(checkpoint, weights_only=True)["average"])
+    network.load_state_dict(_saved(folder)["average"])
     return network.eval()
