@@ -72,7 +72,8 @@ def test_the_peer_is_in_every_table_and_its_note_in_the_report(
     options = Options(tmp_path, tmp_path / "labels.csv", (network,), tmp_path / "out", suncompass=True)
     report = evaluate(options).report
     rows = [line.split(" | ") for line in report.splitlines() if line.startswith(f"| {suncompass.NAME} |")]
-    assert [len(row) for row in rows] == [14, 6, 14, 6, 5]  # sun and intervals of both protocols, then real photos
+    # of both protocols sun, intervals and figures by place, then real photos
+    assert [len(row) for row in rows] == [14, 6, 10, 14, 6, 10, 5]
     assert all(row[11:] == ["-", "-", "- |"] for row in rows if len(row) == 14)
     assert "-" not in rows[-1]
     assert suncompass.NOTE in report
