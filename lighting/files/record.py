@@ -1,6 +1,7 @@
 """The JSON of a lighting, the same in every file, line and HTTP answer."""
 
 import json
+from collections import Counter
 from typing import Any
 
 from lighting.errors import ParameterError
@@ -27,8 +28,7 @@ def named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """The object of JSON with these keys and values, for `json.loads`; ParameterError where a key stands twice."""
     content = dict(pairs)
     if len(content) < len(pairs):
-        keys = [key for key, _ in pairs]
-        often = max(keys, key=keys.count)
+        often = Counter(key for key, _ in pairs).most_common(1)[0][0]
         raise ParameterError(f"The key {often!r} stands twice.", often)
     return content
 
