@@ -27,7 +27,7 @@ from lighting.evidence import (
     tilt_spread,
 )
 from lighting.model import Model, model_or_packaged
-from lighting.photo import Photo, Source, read_photo
+from lighting.photo import Photo, Source, check_photo, read_photo
 from lighting.records import Estimate, Prediction, clipped_colour
 from lighting.strength import with_ground
 
@@ -135,8 +135,8 @@ def _check_asked(photos: object, given: object) -> None:
     """Raise PhotoError for what is no Photo or no list of them, ParameterError for what is no Given."""
     if not isinstance(photos, Sequence):
         raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
-    for kind in (type(photo).__name__ for photo in photos if not isinstance(photo, Photo)):
-        raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
+    for photo in photos:
+        check_photo(photo)
     check_given(given)
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         TARGET,
         Photo,
         Source,
+        check_photo,
         photo_data,
         read_photo,
     )
@@ -43,6 +44,7 @@ __all__ = [
     "Photo",
     "PhotoFacts",
     "Source",
+    "check_photo",
     "develop_raw",
     "facts_of",
     "fit_size",
@@ -86,6 +88,7 @@ __getattr__ = from_homes(
         "Photo": "read",
         "PhotoFacts": "exif",
         "Source": "read",
+        "check_photo": "read",
         "develop_raw": "linear",
         "facts_of": "linear",
         "fit_size": "canvas",

@@ -56,6 +56,13 @@ class Photo:
     facts: PhotoFacts = field(default_factory=PhotoFacts)  # what its EXIF block and XMP packet say
 
 
+def check_photo(thing: object) -> None:
+    """Raise PhotoError for what is no Photo."""
+    if not isinstance(thing, Photo):
+        kind = type(thing).__name__
+        raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
+
+
 def read_photo(
     source: Source, *, max_bytes: int = MAX_BYTES, max_pixels: int = MAX_PIXELS, target: int | None = TARGET
 ) -> Photo:

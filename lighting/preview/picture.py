@@ -26,8 +26,6 @@ def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: b
     `surroundings` says whether the map shows the place; by default it does where the network predicted it. Raises
     ParameterError for what is no Estimate, and PhotoError for what is no photo's pixels.
     """
-    check_estimate(estimate)
-    photo = checked_pixels(photo)
     return encode_png(draw_preview(photo, estimate, _map(photo, estimate, surroundings)))
 
 

@@ -24,9 +24,8 @@ from lighting.envmap import (
     sun_irradiance,
     surround,
 )
-from lighting.errors import PhotoError
 from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, camera_axes, focal_length
-from lighting.photo import Photo
+from lighting.photo import Photo, check_photo
 from lighting.records import Lighting, check_lighting
 
 SUN_ANGLE = 2 * SUN_RADIUS  # deg
@@ -149,8 +148,7 @@ def make_scene(
     Lighting or Place; PhotoError for what is no Photo.
     """
     check_lighting(lighting)
-    if not isinstance(photo, Photo):
-        raise PhotoError(f"A Photo is needed, not {type(photo).__name__}.")
+    check_photo(photo)
     shines = lighting.sun_painted if sun is None else sun
     if place is None:
         environment = render(lighting, map_height, sun=shines, disc=False)
