@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from schemathesis.engine import from_schema
 from schemathesis.engine.events import FatalError, NonFatalError, ScenarioFinished
 from schemathesis.engine.recorder import ScenarioRecorder
+from schemathesis.generation.case import Case
+from schemathesis.hooks import HookContext
 from starlette.testclient import TestClient
 
 from lighting.envmap import view
@@ -22,7 +24,7 @@ from server.app import create_app
 from server.plans import PlanQuery
 from server.schemas import Problem
 from server.settings import Settings
-from server.uploads import PHOTO_TYPES
+from server.uploads import FORM, PHOTO_TYPES
 from tests.conftest import encode, scene
 
 OPERATIONS = {
@@ -140,6 +142,7 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
         }
     )
     schema = schemathesis.openapi.from_asgi("/openapi.json", quick_app, config=config)
+    schema.hook("filter_case")(is_sent_whole)
     calls: Counter[str] = Counter()
     failures: dict[str, str] = {}
     for event in from_schema(schema).execute():
@@ -149,6 +152,11 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
             failures |= failed_checks(event.recorder)
     assert not failures, "\n\n".join(failures.values())
     assert calls.total() > 3000, calls
+
+
+def is_sent_whole(_: HookContext, case: Case[Any]) -> bool:
+    """Whether every field of a form reaches the service: an empty list sends nothing, whatever its name is."""
+    return case.media_type != FORM or not isinstance(case.body, dict) or [] not in case.body.values()
 
 
 def failed_checks(recorder: ScenarioRecorder) -> dict[str, str]:
