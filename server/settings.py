@@ -49,8 +49,14 @@ def _keys(value: object) -> object:
     return words
 
 
+def _small(value: object) -> object:
+    """A text in small letters."""
+    return value.lower() if isinstance(value, str) else value
+
+
 Words = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_words)]
 Keys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_keys)]
+Level = Annotated[Literal["debug", "info", "warning", "error"], BeforeValidator(_small)]
 
 
 class Settings(BaseSettings):
@@ -107,7 +113,7 @@ class Settings(BaseSettings):
     trusted_proxies: str = Field(
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
-    log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="lowest level that is logged")
+    log_level: Level = Field("info", description="lowest level that is logged: debug, info, warning or error")
 
     @field_validator("rate_limit")
     @classmethod

@@ -10,21 +10,21 @@ from export.stereo.commands import stereo
 __all__ = ["evaluate", "onnx", "speed", "stereo", "train"]
 
 _FOLDER = click.Path(path_type=Path)
-_DATA = "../shared/stereo-data"
 
 
 @stereo.command()
 @click.option("--out", type=_FOLDER, default="runs/normals", show_default=True, help="Resumed if it has a checkpoint.")
-@click.option("--meshes", type=_FOLDER, default=f"{_DATA}/meshes", show_default=True, help="Folder of OBJ files.")
+@click.option("--meshes", type=_FOLDER, default=None, help="Folder of OBJ files to learn from as well. [reliefs alone]")
 @click.option("--minutes", type=click.FloatRange(0), default=70.0, show_default=True, help="Of training in all.")
 @click.option("--seed", type=int, default=1, show_default=True)
 @click.option("--threads", type=click.IntRange(1), default=1, show_default=True)
-def train(out: Path, meshes: Path, minutes: float, seed: int, threads: int) -> None:
+def train(out: Path, meshes: Path | None, minutes: float, seed: int, threads: int) -> None:
     """Train the network of normals on simulated days, or go on where a run stopped."""
     from export.stereo.train import Config
     from export.stereo.train import train as run
 
-    checkpoint = run(Config(out=str(out), meshes=str(meshes), minutes=minutes, seed=seed, threads=threads))
+    folder = str(meshes) if meshes else ""
+    checkpoint = run(Config(out=str(out), meshes=folder, minutes=minutes, seed=seed, threads=threads))
     click.echo(f"{checkpoint}")
 
 
@@ -42,7 +42,7 @@ def onnx(run: Path, version: str, out: Path | None) -> None:
 
 
 @stereo.command()
-@click.option("--data", type=_FOLDER, default=_DATA, show_default=True, help="Has scanned_objects and meshes.")
+@click.option("--data", type=_FOLDER, required=True, help="Folder with scanned_objects and meshes.")
 @click.option("--network", type=_FOLDER, default=None, help="Network to score. [the one in the package]")
 @click.option("--quick", is_flag=True, help="Thin the shapes of the first tables like those of the others.")
 @click.option("--table", "tables", multiple=True, metavar="NAME", help="Print only this table, or these. [all]")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from export.data import DataError
 from export.stereo.days import IMAGES, Day, believed, random_day
 from export.stereo.relief import relief
 from export.stereo.shading import Material, cast_shadows, shade
@@ -43,9 +44,11 @@ class Sample:
 
 
 def read_meshes(folder: Path) -> list[Mesh]:
-    """The meshes to train on in a folder; none where it does not exist."""
-    files = sorted(folder.glob("*.obj")) if folder.is_dir() else []
-    return [read_mesh(file) for file in files if not is_held_out(file)]
+    """The meshes to train on in a folder; DataError if it holds none."""
+    files = [file for file in sorted(folder.glob("*.obj")) if not is_held_out(file)]
+    if not files:
+        raise DataError(f"{folder} holds no OBJ files to learn from.")
+    return [read_mesh(file) for file in files]
 
 
 def samples(meshes: list[Mesh], seed: int) -> Iterator[Sample]:

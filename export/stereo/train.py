@@ -34,7 +34,7 @@ class Config:
     """How a run trains."""
 
     out: str
-    meshes: str = "../shared/stereo-data/meshes"  # folder of OBJ files; relief alone where it is missing
+    meshes: str = ""  # folder of OBJ files; without one, reliefs alone
     minutes: float = 70.0  # of training in all, over resumptions
     batch: int = 8
     pool: int = 5000  # samples kept; the oldest leave
@@ -58,14 +58,18 @@ class _Run:
 
 
 def train(config: Config) -> Path:
-    """Train, or go on with, the run in a folder; returns its checkpoint. DataError for a checkpoint of no such run."""
+    """Train, or go on with, the run in a folder; returns its checkpoint.
+
+    DataError for a folder without meshes to learn from, and for a checkpoint of no such run.
+    """
     torch.set_num_threads(config.threads)
+    meshes = read_meshes(Path(config.meshes)) if config.meshes else []
     folder = Path(config.out)
     folder.mkdir(parents=True, exist_ok=True)
     run = _resumed(folder, config)
     with replacing(folder / "config.json") as path:
         path.write_text(json.dumps(asdict(config), indent=2))
-    fresh = samples(read_meshes(Path(config.meshes)), config.seed + run.step)
+    fresh = samples(meshes, config.seed + run.step)
     pool = deque(islice(fresh, config.first), maxlen=config.pool)
     rng = np.random.default_rng(config.seed + run.step)
     last = time.monotonic()

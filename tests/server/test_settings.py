@@ -91,6 +91,11 @@ def test_a_setting_that_makes_no_sense_is_refused(monkeypatch: pytest.MonkeyPatc
     assert caught.value.errors()[0]["loc"] == (name.lower(),)
 
 
+def test_a_level_of_the_log_may_be_in_capitals(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PREFIX + "LOG_LEVEL", "WARNING")
+    assert Settings().log_level == "warning"
+
+
 @pytest.mark.parametrize("origin", ["example.org", "https://example.org/", "https://", "https://a/b", "//a"])
 def test_an_origin_that_no_browser_sends_is_refused(origin: str) -> None:
     with pytest.raises(ValidationError, match="is not an origin"):

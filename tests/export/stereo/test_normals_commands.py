@@ -9,7 +9,7 @@ from export.stereo.normals_commands import stereo
 
 
 def test_tables_are_checked_and_listed() -> None:
-    result = CliRunner().invoke(stereo, ["evaluate", "--table", "seasonal"])
+    result = CliRunner().invoke(stereo, ["evaluate", "--data", "shapes", "--table", "seasonal"])
     assert result.exit_code == 2
     assert "seasonal is none of seasons, wrong" in result.stderr
     listed = CliRunner().invoke(stereo, ["evaluate", "--help"]).stdout
