@@ -13,6 +13,7 @@ from export.video import KINDS
 from lighting.errors import LightingError
 
 FOLDER = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)  # to write
 Command = Callable[..., Any]
 
 
@@ -49,7 +50,7 @@ cli.add_command(stereo)
 
 @cli.command()
 @data
-@option("--out", "CSV file to write.", default="runs/labels.csv")
+@option("--out", "CSV file to write.", FILE, "runs/labels.csv")
 @option("--workers", "Processes.", click.IntRange(1), 2)
 def label(data: Path, out: Path, workers: int) -> None:
     """Find suns and fit skies; print how well both agree with what is known."""
@@ -62,7 +63,7 @@ def label(data: Path, out: Path, workers: int) -> None:
 @option("--out", "Folder to fill; places that it holds are kept.", default="runs/towns")
 @option("--count", "Places in all.", click.IntRange(1), 1000)
 @option("--height", "Rows of each panorama.", click.IntRange(32), 256)
-@option("--samples", "JPEG file to write: one crop of each of the first 48 places.")
+@option("--samples", "JPEG file to write: one crop of each of the first 48 places.", FILE)
 def synthesize(out: Path, count: int, height: int, samples: Path | None) -> None:
     """Render places with exact labels to train on; each takes two to three seconds on two cores."""
     from export.towns import synthesize as run
@@ -168,7 +169,7 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 
 @cli.command()
 @click.argument("runs", type=FOLDER, nargs=-1, required=True)
-@option("--out", "File to write. [default: RUN/NAME-VERSION.onnx]")
+@option("--out", "File to write. [default: RUN/NAME-VERSION.onnx]", FILE)
 @option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
 @option("--camera", "Run of a further network, which answers for the camera instead of the others.", multiple=True)

@@ -10,6 +10,7 @@ from export.stereo.commands import stereo
 __all__ = ["evaluate", "onnx", "speed", "stereo", "train"]
 
 _FOLDER = click.Path(path_type=Path)
+_FILE = click.Path(path_type=Path, dir_okay=False)  # to write
 
 
 @stereo.command()
@@ -31,7 +32,7 @@ def train(out: Path, meshes: Path | None, minutes: float, seed: int, threads: in
 @stereo.command()
 @click.argument("run", type=_FOLDER)
 @click.option("--version", default="1.0.0", show_default=True)
-@click.option("--out", type=_FOLDER, default=None, help="File to write. [RUN/normals-VERSION.onnx]")
+@click.option("--out", type=_FILE, default=None, help="File to write. [RUN/normals-VERSION.onnx]")
 def onnx(run: Path, version: str, out: Path | None) -> None:
     """Write the averaged network of a run as ONNX; compare it with torch."""
     from export.stereo.onnx import export

@@ -73,3 +73,13 @@ def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:
     result = CliRunner().invoke(cli, ["video", "--data", str(data), "--kind", "nosuch"])
     assert result.exit_code == 2
     assert "'nosuch' is not one of 'pan', 'tilt'" in result.output
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["label", "--data", "none", "--out"], ["synthesize", "--samples"], ["onnx", "run", "--out"]],
+)
+def test_a_folder_is_no_file_to_write_which_is_said_before_the_work(tmp_path: Path, arguments: list[str]) -> None:
+    result = CliRunner().invoke(cli, [*arguments, str(tmp_path)])
+    assert result.exit_code == 2
+    assert "is a directory" in result.output
