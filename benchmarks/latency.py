@@ -8,7 +8,8 @@ the coarse panorama to the map's scale, OpenEXR's writing of the same array into
 replacing one costs the file system milliseconds.
 The whole is what `lighting envmap` does: the photo's own sky and ground in the answer, and a map with the place. The
 map stands beside Mitsuba's `sunsky` in the same directions as well, where mitsuba is installed, in LLVM mode where
-LLVM 15 or newer is found. Then the command as a process of its own, its peak memory, and what it imports.
+LLVM 15 or newer is found, and the lines beside OpenCV's line segments, where that is installed. Then the command as a
+process of its own, its peak memory, and what it imports.
 """
 
 import argparse
@@ -20,6 +21,7 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -66,11 +68,26 @@ def decode_alone(path: Path) -> Image.Image:
     return image
 
 
-def gradient_alone(pixels: NDArray[np.uint8]) -> None:
-    """Pillow's small grey picture of pixels (h, w, 3), and numpy's gradient of it."""
+def small_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Pillow's small grey picture (H, W) of pixels (h, w, 3)."""
     grey = Image.fromarray(pixels).convert("L")
     grey.thumbnail((MOST_SIDE, MOST_SIDE), Image.Resampling.BOX, reducing_gap=None)
-    np.gradient(np.asarray(grey, dtype=np.float32))
+    return np.asarray(grey)
+
+
+def gradient_alone(pixels: NDArray[np.uint8]) -> None:
+    """The small grey picture of pixels (h, w, 3), and numpy's gradient of it."""
+    np.gradient(small_grey(pixels).astype(np.float32))
+
+
+def opencv_segments(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
+    """The small grey picture of pixels (h, w, 3), and OpenCV's line segments in it; None without OpenCV."""
+    if find_spec("cv2") is None:
+        return None
+    import cv2
+
+    detector = cv2.createLineSegmentDetector()
+    return lambda: detector.detect(small_grey(pixels))
 
 
 def write_alone(image: NDArray[np.float32]) -> None:
@@ -183,6 +200,8 @@ def measure_parts(
         "EXR": lambda: write_exr(next(exr), image, light),
         "EXR floor": lambda: write_alone(image),
     }
+    if segments := opencv_segments(photo.pixels):
+        work["opencv"] = segments
     if mitsuba and above:
         work |= {"mitsuba": mitsuba[1], "mitsuba above": above[1]}
     took = milliseconds(work, runs, clock)
@@ -200,6 +219,8 @@ def print_parts(took: dict[str, float], variant: str | None) -> None:
     print(f"{'whole':<14}{took['whole']:9.1f}{floors:9.1f}   {took['whole'] / floors:.2f} times the floors")
     apart = took["decode apart"] - took["decode here"]
     print(f"decoding in a process of its own, as the service does: {apart:+.1f} ms")
+    if "opencv" in took:
+        print(f"OpenCV's line segments of the same picture, without a camera by them: {took['opencv']:.1f} ms")
     if variant:
         for name, which in (("mitsuba", "all directions of the map"), ("mitsuba above", "those above the horizon")):
             ratio = took[name] / took["sky and sun"]
