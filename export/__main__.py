@@ -8,12 +8,11 @@ from typing import Any
 
 import click
 
+from export.arguments import FILE, FOLDER
 from export.stereo.normals_commands import stereo
 from export.video import KINDS
 from lighting.errors import LightingError
 
-FOLDER = click.Path(path_type=Path)
-FILE = click.Path(path_type=Path, dir_okay=False)  # to write
 Command = Callable[..., Any]
 
 

@@ -5,17 +5,15 @@ from typing import Any
 
 import click
 
+from export.arguments import FILE, FOLDER
 from export.stereo.commands import stereo
 
 __all__ = ["evaluate", "onnx", "speed", "stereo", "train"]
 
-_FOLDER = click.Path(path_type=Path)
-_FILE = click.Path(path_type=Path, dir_okay=False)  # to write
-
 
 @stereo.command()
-@click.option("--out", type=_FOLDER, default="runs/normals", show_default=True, help="Resumed if it has a checkpoint.")
-@click.option("--meshes", type=_FOLDER, default=None, help="Folder of OBJ files to learn from as well. [reliefs alone]")
+@click.option("--out", type=FOLDER, default="runs/normals", show_default=True, help="Resumed if it has a checkpoint.")
+@click.option("--meshes", type=FOLDER, default=None, help="Folder of OBJ files to learn from as well. [reliefs alone]")
 @click.option("--minutes", type=click.FloatRange(0), default=70.0, show_default=True, help="Of training in all.")
 @click.option("--seed", type=int, default=1, show_default=True)
 @click.option("--threads", type=click.IntRange(1), default=1, show_default=True)
@@ -24,15 +22,14 @@ def train(out: Path, meshes: Path | None, minutes: float, seed: int, threads: in
     from export.stereo.train import Config
     from export.stereo.train import train as run
 
-    folder = str(meshes) if meshes else ""
-    checkpoint = run(Config(out=str(out), meshes=folder, minutes=minutes, seed=seed, threads=threads))
+    checkpoint = run(Config(out=str(out), meshes=str(meshes or ""), minutes=minutes, seed=seed, threads=threads))
     click.echo(f"{checkpoint}")
 
 
 @stereo.command()
-@click.argument("run", type=_FOLDER)
+@click.argument("run", type=FOLDER)
 @click.option("--version", default="1.0.0", show_default=True)
-@click.option("--out", type=_FILE, default=None, help="File to write. [RUN/normals-VERSION.onnx]")
+@click.option("--out", type=FILE, default=None, help="File to write. [RUN/normals-VERSION.onnx]")
 def onnx(run: Path, version: str, out: Path | None) -> None:
     """Write the averaged network of a run as ONNX; compare it with torch."""
     from export.stereo.onnx import export
@@ -43,8 +40,8 @@ def onnx(run: Path, version: str, out: Path | None) -> None:
 
 
 @stereo.command()
-@click.option("--data", type=_FOLDER, required=True, help="Folder with scanned_objects and meshes.")
-@click.option("--network", type=_FOLDER, default=None, help="Network to score. [the one in the package]")
+@click.option("--data", type=FOLDER, required=True, help="Folder with scanned_objects and meshes.")
+@click.option("--network", type=FOLDER, default=None, help="Network to score. [the one in the package]")
 @click.option("--quick", is_flag=True, help="Thin the shapes of the first tables like those of the others.")
 @click.option("--table", "tables", multiple=True, metavar="NAME", help="Print only this table, or these. [all]")
 def evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, ...]) -> None:
