@@ -11,7 +11,6 @@ import tomllib
 import zipfile
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from importlib.util import find_spec
 from pathlib import Path
 from socket import create_server
 from threading import Thread
@@ -25,9 +24,9 @@ from lighting.envmap import change, render, sun_irradiance
 from lighting.records import Lighting
 from lighting.scene import zip_scene
 from scripts.blender_extension import ROOT, build, relative
+from tests.blender import PYTHON, needs_blender
 from tests.scenes import known_scene
 
-BLENDER_PYTHON = sys.executable if find_spec("bpy") else os.environ.get("BLENDER_PYTHON")
 NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
 
 
@@ -289,16 +288,14 @@ def test_the_photos_that_are_offered_are_those_that_the_command_reads(answers: A
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(BLENDER_PYTHON is None, reason="no Python with Blender's module bpy; BLENDER_PYTHON names one")
+@needs_blender
 def test_in_blender(package: Path, tmp_path: Path) -> None:
     program = tmp_path / "lighting"
     program.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m lighting "$@"\n')
     program.chmod(0o755)
     arguments = [ROOT / "tests" / "blender" / "try_extension.py", package, program, ROOT / "examples/wide_street.jpg"]
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "user")}
-    done = subprocess.run(
-        [str(BLENDER_PYTHON), *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300
-    )
+    done = subprocess.run([PYTHON, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300)
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")] or [done.stderr]
     found = json.loads(line.removeprefix("FOUND "))
     assert found["estimate"] == ["FINISHED"]

@@ -5,7 +5,6 @@ import json
 import subprocess
 import sys
 from importlib.machinery import ModuleSpec
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from lighting.errors import SceneError
 from lighting.geometry import direction
 from lighting.scene import blender, write_scene
 from lighting.scene.axes import to_z_up
+from tests.blender import PYTHON, needs_blender
 from tests.scenes import half_shaded_scene, known_scene
 
 
@@ -93,25 +93,25 @@ def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(find_spec("bpy") is None, reason="Blender's module bpy is not installed")
-def test_blender_builds_its_file(tmp_path: Path) -> None:
+@needs_blender
+def test_blender_builds_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
+    monkeypatch.setattr(sys, "executable", PYTHON)
     write_scene(known_scene(), "blender", tmp_path / "out")
     look = (
         "import bpy; bpy.ops.wm.open_mainfile(filepath='scene.blend'); print(sorted(o.name for o in bpy.data.objects))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([PYTHON, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True)
     assert "['Ball', 'Camera', 'Ground', 'Stick', 'Sun', 'Your object here']" in done.stdout
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(find_spec("bpy") is None, reason="Blender's module bpy is not installed")
+@needs_blender
 def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
     """The ball's shadow begins on lit ground, in the picture's left half, and goes on in the shade at its right."""
     blender.write(half_shaded_scene(), folder)
     (folder / "scene.json").write_text(json.dumps(numbers | {"samples": 4}))
-    subprocess.run([sys.executable, "scene.py", "--render"], cwd=folder, capture_output=True, check=True)
+    subprocess.run([PYTHON, "scene.py", "--render"], cwd=folder, capture_output=True, check=True)
     plate = srgb_decode(half_shaded_scene().plate / 255.0)
     ratio = srgb_decode(np.asarray(Image.open(folder / "render.png").convert("RGB")) / 255.0) / plate
     assert np.median(ratio[297:305, 230:235]) < 0.3
