@@ -6,8 +6,9 @@ import numpy as np
 
 from lighting.geometry import Floats
 from lighting.scene.common import Scene
+from lighting.spheres import DIFFUSE_REFLECTANCE
 
-PLACEHOLDER_ALBEDO = 0.5  # of ball and stick
+PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' grey ball
 _BALL_IN_PICTURE = 0.16  # the ball's radius / half the picture's height
 
 

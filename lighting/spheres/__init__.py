@@ -3,10 +3,11 @@
 from lighting.spheres.bounces import lit_stage
 from lighting.spheres.in_photo import ball_centres, with_balls
 from lighting.spheres.render import PITCH, VERTICAL_FOV, pitch_of, render_spheres, render_stage, sphere_centres
-from lighting.spheres.shading import DIFFUSE, Stage
+from lighting.spheres.shading import DIFFUSE, DIFFUSE_REFLECTANCE, Stage
 
 __all__ = [
     "DIFFUSE",
+    "DIFFUSE_REFLECTANCE",
     "PITCH",
     "VERTICAL_FOV",
     "Stage",

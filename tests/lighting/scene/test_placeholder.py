@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lighting.scene.placeholder import placeholder_of
+from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
+from lighting.spheres import DIFFUSE_REFLECTANCE
 from tests.scenes import plain_scene
 
 
@@ -22,3 +23,8 @@ def test_both_stand_on_the_ground_apart_from_each_other(elevation: float) -> Non
     assert placeholder.stick_foot[1] == 0.0
     assert placeholder.stick_foot[0] - placeholder.stick_radius > placeholder.ball_radius
     assert placeholder.stick_height > 2 * placeholder.ball_radius
+
+
+def test_it_is_as_grey_as_the_ball_of_previews() -> None:
+    """So pictures of both can be compared, and less sunlight burns out."""
+    assert PLACEHOLDER_ALBEDO == DIFFUSE_REFLECTANCE
