@@ -92,7 +92,7 @@ def scene(**options: Any) -> None:
     write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
     if not asked.quiet:
         click.echo(in_words(asked.photo, lighting))
-    report_warnings(asked.photo, lighting.warnings, asked.quiet)
+    report_warnings(asked.photo, made.warnings, asked.quiet)
 
 
 def _check(asked: _Options) -> None:

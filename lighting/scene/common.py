@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lighting.envmap import (
     Place,
+    camera_of,
     ground_reflectance,
     lit_ground,
     render,
@@ -24,7 +25,7 @@ from lighting.envmap import (
     sun_irradiance,
     surround,
 )
-from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, camera_axes, focal_length
+from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, camera_axes, camera_pixel, focal_length
 from lighting.photo import Photo, check_photo
 from lighting.records import Lighting, check_lighting
 
@@ -37,6 +38,9 @@ MAP_HEIGHT = 512  # rows of the environment map
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
 _LEAST_DESCENT = 0.05  # least slope of the line from camera to spot, for cameras that are level or look up
+_HIDDEN_SPOT = (
+    "The picture shows no ground where an object could stand: it would stand {:.0f} m ahead, below the picture's edge."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +135,15 @@ class Scene:
         ahead = np.array([sight[0], 0.0, sight[2]])
         slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _LEAST_DESCENT)
         return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * EYE_HEIGHT / slope)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Those of the light and, where the spot lies out of the picture, one that says so."""
+        camera = camera_of(self.lighting, self.width, self.height)
+        x, y = camera_pixel(self.spot - self.camera_position, camera)
+        if 0 <= x <= self.width and 0 <= y <= self.height:
+            return self.lighting.warnings
+        return (*self.lighting.warnings, _HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))))
 
 
 def make_scene(

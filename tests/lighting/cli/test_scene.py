@@ -59,6 +59,12 @@ def test_warnings_of_the_light_are_on_stderr(photo_path: Path, tmp_path: Path) -
     assert run(*arguments, "-o", tmp_path / "b", "-q").stderr == ""
 
 
+def test_an_object_that_the_picture_does_not_show_has_a_warning(photo_path: Path, tmp_path: Path) -> None:
+    (tmp_path / "l.json").write_text(json.dumps(replace(LIGHT, camera_elevation=40.0).to_dict()))
+    result = run("scene", photo_path, "--for", "usd", "--lighting", tmp_path / "l.json", "-o", tmp_path / "a")
+    assert result.stderr.startswith(f"Warning: {photo_path}: The picture shows no ground where an object could stand")
+
+
 @pytest.mark.parametrize(
     ("output", "sentence"),
     [

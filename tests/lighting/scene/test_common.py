@@ -72,6 +72,19 @@ def test_the_spot_exists_wherever_the_camera_looks(elevation: float) -> None:
     assert np.linalg.norm(scene.spot) < 40
 
 
+@pytest.mark.parametrize(("elevation", "fov"), [(-90.0, 50.0), (-12.0, 50.0), (10.0, 50.0), (25.0, 84.0)])
+def test_a_spot_in_the_picture_has_no_warning(elevation: float, fov: float) -> None:
+    assert plain_scene(camera_elevation=elevation, vertical_fov=fov).warnings == ()
+
+
+@pytest.mark.parametrize(("elevation", "fov"), [(4.5, 7.0), (40.0, 50.0), (90.0, 50.0)])
+def test_a_spot_that_the_picture_does_not_show_has_a_warning(elevation: float, fov: float) -> None:
+    scene = plain_scene(camera_elevation=elevation, vertical_fov=fov, warnings=("It was night.",))
+    night, hidden = scene.warnings
+    assert night == "It was night."
+    assert hidden.endswith("it would stand 32 m ahead, below the picture's edge.")
+
+
 # Light
 
 
