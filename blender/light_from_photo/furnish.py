@@ -31,7 +31,9 @@ def furnish(scene: Any, folder: Path) -> dict[str, Any]:
 
 
 def _make_way(scene: Any) -> None:
-    """Stop the sliders, and remove the compositor that an earlier photo brought; one of the user's own stays."""
+    """Stop the sliders, and remove the compositor that an earlier photo brought; what is the user's own stays."""
+    if scene.world is not None and scene.world != scene.light_from_photo.world:
+        scene.world.use_fake_user = True  # else the file, once saved, has lost the world that the photo's replaces
     scene.light_from_photo.world = None
     if scene.light_from_photo_compositor:
         if hasattr(scene, "compositing_node_group"):
@@ -92,6 +94,12 @@ def _remember(settings: Any, record: dict[str, Any], numbers: dict[str, Any], wo
     settings.sun_azimuth, settings.sun_elevation, settings.turbidity = estimate
     settings.exposure = record["sky"]["exposure"]
     settings.world = world
+
+
+def other_lights(scene: Any) -> list[str]:
+    """The names of the lights that shine in the scene's renders beside the photo's."""
+    lights = [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
+    return sorted(thing.name for thing in lights if thing != scene.light_from_photo.sun)
 
 
 def environment_node(world: Any) -> Any:

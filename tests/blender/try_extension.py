@@ -49,6 +49,7 @@ def main() -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(saved))
     bpy.ops.wm.open_mainfile(filepath=str(saved))
     found["reopened"] = state(bpy.context.scene)
+    found["worlds"] = [world.name for world in bpy.data.worlds]
     bpy.ops.preferences.addon_disable(module=NAME)
     sys.stdout.write("FOUND " + json.dumps(found) + "\n")
 
