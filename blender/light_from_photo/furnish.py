@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy_extras.object_utils import world_to_camera_view
 
 from . import scene as script
 
@@ -100,6 +101,14 @@ def other_lights(scene: Any) -> list[str]:
     """The names of the lights that shine in the scene's renders beside the photo's."""
     lights = [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
     return sorted(thing.name for thing in lights if thing != scene.light_from_photo.sun)
+
+
+def spot_is_seen(scene: Any) -> bool:
+    """Whether the photo's camera sees the spot of "Your object here"."""
+    settings = scene.light_from_photo
+    scene.view_layers[0].update()
+    x, y, depth = world_to_camera_view(scene, settings.camera, settings.spot.matrix_world.translation)
+    return bool(depth > 0 and 0 <= x <= 1 and 0 <= y <= 1)
 
 
 def environment_node(world: Any) -> Any:

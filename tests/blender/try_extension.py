@@ -30,6 +30,7 @@ def main() -> None:
     found["made"] = sorted({thing.name for thing in scene.objects} - kept)
     found["kept"] = kept <= {thing.name for thing in scene.objects}
     found["first"], found["record"] = state(scene), json.loads(settings.record)
+    found["seen"] = [seen(scene, 0.0), seen(scene, 1.0)]
     settings.sun_azimuth, settings.sun_elevation = -90.0, 40.0
     settings.turbidity, settings.exposure = 2.0, 2 * settings.exposure
     found["moved"] = state(scene)
@@ -52,6 +53,15 @@ def main() -> None:
     found["worlds"] = [world.name for world in bpy.data.worlds]
     bpy.ops.preferences.addon_disable(module=NAME)
     sys.stdout.write("FOUND " + json.dumps(found) + "\n")
+
+
+def seen(scene: Any, higher: float) -> bool:
+    """Whether the camera, turned up by an angle [rad], sees the spot."""
+    camera = scene.light_from_photo.camera
+    camera.rotation_euler.x += higher
+    answer = bool(sys.modules[f"{NAME}.furnish"].spot_is_seen(scene))
+    camera.rotation_euler.x -= higher
+    return answer
 
 
 def own(scene: Any, photo: str) -> list[Any]:
