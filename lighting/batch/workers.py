@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -124,16 +125,37 @@ def _start(prepare: Callable[[], Work[Result]]) -> _Worker:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Ctrl-C waits while a process starts, which inherits that: one that imports would end with a traceback."""
+    """Ctrl-C waits while a process starts, which inherits that: one that imports would end with a traceback.
+
+    The mask is inherited but holds for one thread alone: Ctrl-C that reaches another, one of numpy's, is kept back.
+    """
     if sys.platform == "win32":
         yield
         return
-    ensure_running()  # the first process would start it, and with that let Ctrl-C through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    with _interrupts_kept_back():
+        ensure_running()  # the first process would start it, and with that let Ctrl-C through again
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _interrupts_kept_back() -> Iterator[None]:
+    """Ctrl-C in the block, whichever thread gets it, comes after the block; only the main thread can do that."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before is None:
+        yield
+        return
+    caught: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: caught.append(number))
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, before)
+    if caught:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _dismiss(team: list[_Worker]) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lighting.batch.workers import _dismiss, _start, work_through
+from lighting.batch.workers import _dismiss, _interrupts_held, _start, work_through
 from lighting.errors import BatchError, ModelError
 
 pytestmark = pytest.mark.slow
@@ -118,3 +119,24 @@ def test_workers_are_other_processes_with_one_thread_each() -> None:
     threads, pid = str(answer).split()
     assert threads == "1"
     assert int(pid) != os.getpid()
+
+
+def test_a_process_that_starts_is_not_left_half_told() -> None:
+    """Ctrl-C reached a thread of numpy's, cut the start short, and the new process printed a traceback."""
+    leave, ended = threading.Event(), threading.Event()
+    other = threading.Thread(target=leave.wait)
+
+    def start() -> None:
+        with _interrupts_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.2)
+            ended.set()
+
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            start()
+    finally:
+        leave.set()
+        other.join()
+    assert ended.is_set()
