@@ -10,6 +10,9 @@ from lighting.photo import PhotoFacts, in_utc
 
 # Hours from UTC that clocks follow somewhere, summer times included.
 ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
+# Those that clocks followed since there are digital cameras, and no longer: Pitcairn to 1998, Venezuela 2007 to 2016,
+# North Korea 2015 to 2018, Eucla in the summers to 2009, Norfolk Island to 2015.
+FORMER_ZONES = (-8.5, -4.5, 8.5, 9.75, 11.5)
 CLOCK_ERROR = 0.1  # h that a camera's clock may be off GPS time and still identify the zone
 ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
 
@@ -55,7 +58,7 @@ def _zone_of(facts: PhotoFacts) -> float | None:
         return facts.utc_offset
     ahead = (facts.local_time - facts.utc_time.replace(tzinfo=None)).total_seconds() / 3600
     nearest = round(4 * ahead) / 4
-    return nearest if nearest in ZONES and abs(ahead - nearest) < CLOCK_ERROR else None
+    return nearest if nearest in (*ZONES, *FORMER_ZONES) and abs(ahead - nearest) < CLOCK_ERROR else None
 
 
 def _in_zone(facts: PhotoFacts, utc_offset: float) -> PhotoFacts:

@@ -69,6 +69,15 @@ def test_a_clock_beside_the_satellites_time_tells_the_zone() -> None:
     ]
 
 
+@pytest.mark.parametrize("hours", [-4.5, 8.5, 11.5])
+def test_a_clock_of_a_former_zone_tells_it(hours: float) -> None:
+    """Venezuela's to 2016, North Korea's to 2018, Norfolk Island's to 2015: the other photos were left without time."""
+    local = MORNING.replace(tzinfo=None) + timedelta(hours=hours)
+    by_satellite = replace(FACTS, local_time=local, utc_offset=None, utc_time=MORNING)
+    later = replace(ZONELESS, local_time=local + timedelta(hours=1))
+    assert of_one_place([by_satellite, later])[1].utc_time == MORNING + timedelta(hours=1)
+
+
 def test_a_clock_that_runs_wrong_tells_no_zone_and_refuses_nothing() -> None:
     by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(minutes=23))
     sure, unsure = (k.evidence for k in known_together([by_satellite, ZONELESS], Given()))
