@@ -16,6 +16,7 @@ MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large,
 _FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 _STRIP = 1 << 22  # pixels converted at once
 _MID_GREY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
+_LINEAR = ("linear", "g10")  # in the names of profiles with the primaries of sRGB and without its curve
 _TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
     2: lambda pixels: pixels[:, ::-1],
     3: lambda pixels: pixels[::-1, ::-1],
@@ -94,9 +95,15 @@ def _eight_bits(image: Image.Image) -> Image.Image:
 def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
     """The picture as sRGB by its ICC profile, or as it stands where that is absent, unfit or damaged."""
     try:
-        if profile and "sRGB" not in ImageCms.getProfileDescription(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):
+        if profile and not _is_srgb(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):
             converted = ImageCms.profileToProfile(image, icc, ImageCms.createProfile("sRGB"), outputMode="RGB")
             return converted or image.convert("RGB")
     except Exception:  # a bad profile must not reject a photo either
         pass
     return image if image.mode == "RGB" else image.convert("RGB")
+
+
+def _is_srgb(icc: ImageCms.ImageCmsProfile) -> bool:
+    """Whether a profile is sRGB by its name; "Linear sRGB", as GIMP and others call theirs, is not."""
+    name = ImageCms.getProfileDescription(icc)
+    return "sRGB" in name and not any(word in name.lower() for word in _LINEAR)

@@ -276,6 +276,25 @@ def test_a_colour_profile_is_converted_to_srgb(file_format: str) -> None:
     assert pixels.reshape(-1, 3).mean(axis=0) == pytest.approx([0, 255, 0], abs=8)
 
 
+def linear_profile(name: str) -> bytes:
+    """The profile of sRGB without its curve, under a name as long as "sRGB built-in"."""
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    curve, line = b"para" + bytes(5) + b"\3", b"para" + bytes(8) + b"\0\1\0\0"  # value^1.0
+    start = profile.index(curve)
+    straight = profile[:start] + line + profile[start + len(line) :]
+    renamed = straight.replace("sRGB built-in".encode("utf-16-be"), name.encode("utf-16-be"))
+    assert renamed != straight
+    return renamed
+
+
+@pytest.mark.parametrize("name", ["Linear sRGB  ", "sRGB-V4-g10  "])
+def test_linear_values_with_the_primaries_of_srgb_get_its_curve(name: str) -> None:
+    """GIMP and darktable write such files; their name holds "sRGB", and they were read far too dark."""
+    grey = Image.new("RGB", (64, 48), (55, 55, 55))
+    pixels = read_photo(encode(grey, "PNG", icc_profile=linear_profile(name))).pixels
+    assert pixels.reshape(-1, 3).mean(axis=0) == pytest.approx(128, abs=1)
+
+
 def test_a_grey_photo_ignores_a_profile_of_rgb() -> None:
     grey = np.full((48, 64), 77, dtype=np.uint8)
     photo = read_photo(encode(grey, "PNG", icc_profile=swapped_profile()))
