@@ -1,5 +1,6 @@
 """The command that writes scenes."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +20,18 @@ from lighting.cli.options import (
     surroundings_option,
     unwarned_option,
 )
-from lighting.cli.words import in_words, report_warnings
-from lighting.scene import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
+from lighting.cli.words import in_words, report_warnings, shown
+from lighting.scene import (
+    PLATE,
+    TOOL_OF_OPTION,
+    TOOLS,
+    TOOLS_WITH_PLATE,
+    TOOLS_WITHOUT_MAP,
+    UP_AXES,
+    Tool,
+    UpAxis,
+    misplaced,
+)
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
@@ -96,7 +107,7 @@ def scene(**options: Any) -> None:
 
 
 def _check(asked: _Options) -> None:
-    """Raise UsageError for an option that would do nothing, and where stdin would be read twice."""
+    """Raise UsageError for an option that would do nothing, and where the photo would be lost or stdin read twice."""
     for name, tool in misplaced(asked.of_tool, asked.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
     height = click.get_current_context().get_parameter_source("height")
@@ -104,6 +115,8 @@ def _check(asked: _Options) -> None:
         raise click.UsageError(f"--height is the map's, and a scene for {asked.tool} holds no map.")
     if asked.surroundings is not None and asked.tool in TOOLS_WITHOUT_MAP:
         raise click.UsageError(f"--surroundings is the map's, and a scene for {asked.tool} holds no map.")
+    if asked.tool in TOOLS_WITH_PLATE and os.path.realpath(asked.photo) == os.path.realpath(Path(asked.output, PLATE)):
+        raise click.UsageError(f"The scene's plate would replace {shown(asked.photo)}; choose another folder.")
     if asked.record:
         _check_record(asked)
 

@@ -6,7 +6,17 @@
 from typing import TYPE_CHECKING
 
 from lighting.lazy import from_homes
-from lighting.scene.tools import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced
+from lighting.scene.tools import (
+    PLATE,
+    TOOL_OF_OPTION,
+    TOOLS,
+    TOOLS_WITH_PLATE,
+    TOOLS_WITHOUT_MAP,
+    UP_AXES,
+    Tool,
+    UpAxis,
+    misplaced,
+)
 
 if TYPE_CHECKING:
     from lighting.scene.axes import to_z_up
@@ -16,9 +26,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APERTURE_UNIT",
+    "PLATE",
     "PLATE_SIDE",
     "TOOLS",
     "TOOLS_WITHOUT_MAP",
+    "TOOLS_WITH_PLATE",
     "TOOL_OF_OPTION",
     "UP_AXES",
     "Scene",

@@ -17,12 +17,12 @@ from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_A
 from lighting.scene.parts import (
     ENVIRONMENT,
     LIT_GROUND,
-    PLATE,
     Folder,
     data_text,
     write_shared_files,
 )
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
+from lighting.scene.tools import PLATE
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 MAIN = SCRIPT  # needs the files of `write_shared_files` beside it

@@ -9,8 +9,9 @@ import numpy as np
 
 from lighting.files import encode_envmap, encode_png, full_record
 from lighting.scene.common import Scene
+from lighting.scene.tools import PLATE
 
-PLATE, ENVIRONMENT, RECORD, LIT_GROUND = "plate.png", "environment.exr", "lighting.json", "lit_ground.png"
+ENVIRONMENT, RECORD, LIT_GROUND = "environment.exr", "lighting.json", "lit_ground.png"
 
 
 class File(Protocol):

@@ -18,13 +18,12 @@ from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, Scene
 from lighting.scene.parts import (
     ENVIRONMENT,
-    PLATE,
     Folder,
     filled,
     write_shared_files,
 )
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from lighting.scene.tools import UP_AXES
+from lighting.scene.tools import PLATE, UP_AXES
 
 STAGE = "scene.usda"
 MAIN = STAGE  # needs the files of `write_shared_files` beside it

@@ -108,6 +108,21 @@ def test_wrong_usage_is_one_sentence(photo_path: Path, tmp_path: Path, arguments
     assert not (tmp_path / "out").exists()
 
 
+def test_the_plate_never_replaces_the_photo(photo_path: Path, record_path: Path, tmp_path: Path) -> None:
+    """A plate of 16 bits became one of 8, without its metadata."""
+    shot = tmp_path / "shot"
+    shot.mkdir()
+    plate = photo_path.rename(shot / "plate.png")
+    before = plate.read_bytes()
+    arguments: list[str | Path] = ["scene", plate, "--lighting", record_path, "-o", shot, "--overwrite", "-q"]
+    assert error_of(run(*arguments, "--for", "usd"), 2) == (
+        f"The scene's plate would replace {plate}; choose another folder."
+    )
+    assert run(*arguments, "--for", "gltf").exit_code == 0
+    assert sorted(path.name for path in shot.iterdir()) == ["plate.png", "scene.glb"]
+    assert plate.read_bytes() == before
+
+
 def test_a_bad_photo_is_one_sentence(tmp_path: Path, record_path: Path) -> None:
     (tmp_path / "bad.jpg").write_bytes(b"no photo")
     result = run("scene", tmp_path / "bad.jpg", "--for", "usd", "--lighting", record_path, "-o", tmp_path / "out")
