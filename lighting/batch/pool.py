@@ -27,7 +27,7 @@ from lighting.batch.journal import JOURNAL, Journal, has_lights, open_journal
 from lighting.batch.table import TABLE, check_table
 from lighting.batch.workers import work_through
 from lighting.errors import BatchError, EnvironmentMapError
-from lighting.files import json_line, replacing
+from lighting.files import json_line, leftovers, replacing
 
 LOST = "The process that worked on this photo ended, twice."
 NO_MAP = {  # why the system takes no map of a photo's name, where that is so of this photo alone
@@ -76,10 +76,20 @@ def _has_results(out: Path) -> bool:
 def run_pool(job: Job, names: Sequence[str], journal: Journal, workers: int) -> Iterator[str]:
     """Process the photos that are not in the journal, in `workers` processes; yields the name of each finished one."""
     missing = [name for name in names if name not in journal.done]
+    _tidy(job, missing)
     for name, result in work_through(missing, partial(prepare, job), min(workers, len(missing))):
         line, failed = result or (json_line(name, LOST), True)
         journal.append(name, line, failed=failed)
         yield name
+
+
+def _tidy(job: Job, names: Sequence[str]) -> None:
+    """Remove what killed runs left unfinished under temporary names: the batch that holds the journal is alone here."""
+    files = {Path(job.out, name) for name in (SETTINGS, JOURNAL, TABLE)}
+    folders = {name.rpartition("/")[0] for name in names} if job.maps else set()
+    maps = {Path(job.out, folder, "map.exr") for folder in folders}
+    for path in (left for file in files | maps for left in leftovers(file)):
+        path.unlink(missing_ok=True)
 
 
 def prepare(job: Job) -> Callable[[str], tuple[str, bool]]:

@@ -218,6 +218,16 @@ def test_a_stopped_batch_goes_on(many: Path, tmp_path: Path, network: Path, sign
     assert all(read_exr(out / f"{number:04}.jpg.exr")[0].shape == (16, 32, 3) for number in range(MANY))
 
 
+def test_what_killed_runs_left_under_temporary_names_is_removed(photos: Path, tmp_path: Path, network: Path) -> None:
+    out = tmp_path / "out"
+    (out / "below").mkdir(parents=True)
+    left = [out / f".0123456789abcdef{end}" for end in (".exr", ".json", ".jsonl")]
+    for path in (*left, out / "below" / ".fedcba9876543210.exr", out / ".own.exr"):
+        path.touch()
+    run(photos, out, "--envmap", "--height", 16, "--model", network)
+    assert [path.name for path in out.rglob(".*")] == [".own.exr"]
+
+
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds the workers in Linux's /proc")
 def test_a_killed_worker_costs_nothing(many: Path, tmp_path: Path, network: Path) -> None:
     out = tmp_path / "out"
