@@ -88,7 +88,7 @@ def batch(ctx: click.Context, /, **options: Any) -> None:
     found = _run_ray(asked) if asked.engine == "ray" else _run_pool(asked)
     if found.failed:
         out = shown(asked.out)
-        click.echo(f"Photos that could not be read: {found.failed}; the reasons are in {out}.", err=True)
+        click.echo(f"Photos that failed: {found.failed}; the reasons are in {out}.", err=True)
     if not asked.quiet:
         click.echo(str(found), err=True)
     ctx.exit(1 if found.failed else 0)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import ExifTags, Image
 
 from lighting.batch import find_photos
 from lighting.cli import cli
@@ -32,7 +33,7 @@ def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path
     result = run(photos, tmp_path / "out", "--model", network)
     assert (result.exit_code, result.stdout) == (1, "")
     failures, summary = result.stderr.splitlines()
-    assert failures == f"Photos that could not be read: 1; the reasons are in {tmp_path / 'out'}."
+    assert failures == f"Photos that failed: 1; the reasons are in {tmp_path / 'out'}."
     assert re.fullmatch(r"4 done, 1 failed, 2 skipped \(1 \.gif, 1 \.jxl\); [\d.]+ photos a second\.", summary)
     found = {record.pop("file"): record for record in records(tmp_path / "out")}
     assert sorted(found) == find_photos(str(photos))[1]
@@ -184,6 +185,19 @@ def test_what_ray_did_is_refused(photos: Path, tmp_path: Path, network: Path) ->
     result = run(photos / "a.jpg", tmp_path, "--model", network)
     assert result.exit_code == 1
     assert "holds results of other settings (engine, " in result.stderr
+
+
+def test_a_photo_of_night_failed_and_could_be_read(tmp_path: Path, network: Path) -> None:
+    exif = Image.Exif()
+    exif[ExifTags.IFD.Exif] = {
+        ExifTags.Base.DateTimeOriginal: "2024:06:01 23:00:00",
+        ExifTags.Base.OffsetTimeOriginal: "+02:00",
+    }
+    (tmp_path / "night.jpg").write_bytes(encode(scene(160, 120), exif=exif.tobytes()))
+    out = tmp_path / "out"
+    result = run(tmp_path / "night.jpg", out, "--lat", 48, "--lon", 11, "--model", network)
+    assert result.stderr.splitlines()[0] == f"Photos that failed: 1; the reasons are in {out}."
+    assert "too dark for these skies" in records(out)[0]["error"]
 
 
 def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, network: Path) -> None:

@@ -65,7 +65,7 @@ def test_ray_and_the_pool_agree(cluster: Any, photos: Path, tmp_path: Path, netw
     assert cluster.list_all_nodes()
     result = on_ray(photos / "*.jpg", tmp_path / "ray", "--model", network)
     assert result.exit_code == 1
-    assert f"Photos that could not be read: 1; the reasons are in {tmp_path / 'ray'}.\n" in result.stderr
+    assert f"Photos that failed: 1; the reasons are in {tmp_path / 'ray'}.\n" in result.stderr
     assert f"\n{MANY // 2} done, 1 failed, 0 skipped; " in result.stderr
     assert run(photos / "*.jpg", tmp_path / "pool", "--model", network, "--parquet", "--workers", 1).exit_code == 1
     assert len(rows(tmp_path / "ray")) == MANY // 2 + 1
