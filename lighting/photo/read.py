@@ -41,6 +41,11 @@ MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of more than 4 GB too
+_UNREAD = "The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
+_UNREAD_TIFF = (
+    "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
+)
 _CHUNK = 1 << 22  # bytes read at once, so that small files need no buffer of the limit's size
 _FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")
 
@@ -140,7 +145,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)
     except UnidentifiedImageError as error:
-        raise PhotoError("The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read.") from error
+        raise PhotoError(_UNREAD_TIFF if data.startswith(_TIFF) else _UNREAD) from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
     check_bits(image)

@@ -351,6 +351,16 @@ def test_a_tiff_of_32_bits_is_refused_since_its_white_is_unknown(mode: str) -> N
     assert "32 bits per colour" in refusal(encode(Image.fromarray(SCENE).convert("L").convert(mode), "TIFF"))
 
 
+def test_a_tiff_of_floats_in_colour_is_called_a_tiff() -> None:
+    """It was said to be none, though renderers and photo editors write it."""
+    eight, floats = b"\x08\x00" * 3, b"\x20\x00" * 3
+    data = encode(SCENE, "TIFF")
+    assert data.count(eight) == 1
+    assert refusal(data.replace(eight, floats)) == (
+        "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
+    )
+
+
 @pytest.mark.parametrize("compression", ["tiff_lzw", "tiff_adobe_deflate", "packbits", "jpeg"])
 def test_tiffs_are_read_however_they_are_packed(compression: str) -> None:
     options = {"quality": 98} if compression == "jpeg" else {}
