@@ -21,11 +21,13 @@ class Journal:
         self.done: set[str] = set()
         self.failed = 0
         self._file = file
-        whole = 0
+        kept = end = 0
         for record, line in _whole_lines(file):
             self._count(record["file"], "error" in record)
-            whole += len(line)
-        file.truncate(whole)
+            kept += len(line)
+            end = file.tell()
+        file.truncate(end)
+        self.ragged = kept < end  # whether there is something else between the lines
 
     def append(self, name: str, line: str, *, failed: bool) -> None:
         """Add a photo's line and flush it to the operating system, so that killing this process does not lose it."""
@@ -48,13 +50,13 @@ class Journal:
 def open_journal(path: Path) -> Iterator[Journal]:
     """The journal in a file, which is created if it does not exist. Raises BatchError if another process holds it open.
 
-    The lines of photos that failed are removed, so that these photos are tried again.
+    The lines of photos that failed are removed, so that these photos are tried again, and so is what is no line.
     """
     with path.open("a+b") as file:
         _lock(file, path)
         file.seek(0)
         journal = Journal(file)
-        if not journal.failed:
+        if not journal.failed and not journal.ragged:
             yield journal
             return
         with _without_failures(file, path) as rest:
@@ -63,7 +65,7 @@ def open_journal(path: Path) -> Iterator[Journal]:
 
 @contextmanager
 def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
-    """A locked file without the lines of failed photos, which has replaced the first one."""
+    """A locked file with the lines of photos that did not fail alone, which has replaced the first one."""
     file.seek(0)
     with ExitStack() as stack:
         with replacing(path) as temporary:
@@ -81,11 +83,12 @@ def has_lights(lines: Iterable[bytes]) -> bool:
 
 
 def _whole_lines(lines: Iterable[bytes]) -> Iterator[tuple[dict[str, Any], bytes]]:
-    """The records in lines with these, up to the first incomplete line."""
+    """The records in whole lines with these, the first of each photo."""
+    seen: set[str] = set()
     for line in lines:
-        if (record := _record(line)) is None:
-            return
-        yield record, line
+        if (record := _record(line)) is not None and record["file"] not in seen:
+            seen.add(record["file"])
+            yield record, line
 
 
 def read_records(path: Path) -> Iterator[dict[str, Any]]:

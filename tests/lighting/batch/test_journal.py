@@ -79,6 +79,18 @@ def test_a_damaged_tail_is_cut_off(path: Path, tail: bytes) -> None:
     assert path.read_bytes() == whole
 
 
+@pytest.mark.parametrize("damage", [b"\n", b"\0\0\n", b'{"file": "a.j\n', b"\xff\n"])
+def test_what_stands_behind_a_damaged_line_is_not_lost(path: Path, damage: bytes) -> None:
+    """A blank line from an editor, or a block of zeros after a power cut, cost all results behind it."""
+    first, second = fill(path).splitlines(keepends=True)
+    path.write_bytes(first + damage + second)
+    with open_journal(path) as journal:
+        assert journal.done == {"a.jpg", "b/ä.jpg"}
+        assert path.read_bytes() == first + second
+        journal.append("c.jpg", LINES[0].replace("a.jpg", "c.jpg"), failed=False)
+    assert [record["file"] for record in read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+
+
 def test_clear_forgets_everything(path: Path) -> None:
     fill(path)
     with open_journal(path) as journal:
