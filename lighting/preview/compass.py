@@ -24,6 +24,7 @@ from lighting.preview.sphere_lines import frame_directions, regions
 from lighting.records import Estimate, SunDistribution
 from lighting.sun_grid import grid_directions
 
+_RINGS = (30, 60)  # degrees of elevation
 _HEAT_SIZE = 112  # pixels of the density before enlargement
 
 
@@ -36,11 +37,12 @@ def compass_panel(estimate: Estimate, aspect: float, size: int) -> Image.Image:
     corner = (round(size / 2 - radius),) * 2
     panel.paste(heat, corner, rounded(heat.size, heat.width // 2))
     sideways, _, along = np.abs(lighting.sun_direction)
-    _rings(panel, radius, across=bool(sideways < along))
+    _rings(panel, radius)
     view = _on_dome(frame_directions(lighting, aspect), size, radius)
     polygon(panel, view, WHITE, 0.10)
     stroke(panel, [view], WHITE, 1.5, 0.6)
     regions(panel, lighting, lambda d: _on_dome(d, size, radius))
+    _write_degrees(panel, radius, across=bool(sideways < along))
     sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), sun_colour(lighting), 8)
     return panel
 
@@ -67,25 +69,30 @@ def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats
     return np.asarray(kernel @ probability[likely] * concentration / np.float32(2 * np.pi))
 
 
-def _rings(panel: Image.Image, radius: float, across: bool) -> None:
-    """Draw elevation rings with their degrees, and a cross labelled front, right, behind and left.
-
-    The degrees stand behind the zenith, or on its right where `across`: the regions' shares stand in line with the sun.
-    """
+def _rings(panel: Image.Image, radius: float) -> None:
+    """Draw elevation rings and a cross labelled front, right, behind and left, clear of a sun on the horizon."""
     centre = panel.width / 2
     spokes = [np.array([[centre - radius, centre], [centre + radius, centre]])]
     spokes.append(spokes[0][:, ::-1])
-    rings = [_circle(centre, radius * (90 - elevation) / 90) for elevation in (30, 60)]
+    rings = [_circle(centre, radius * (90 - elevation) / 90) for elevation in _RINGS]
     stroke(panel, spokes + rings, WHITE, 1, 0.22)
     stroke(panel, [_circle(centre, radius)], LINE, 2, 1.0)
-    for elevation in (30, 60):
+    write(panel, (centre, 16), "front", Style(18, TEXT, anchor="mm"))
+    write(panel, (centre, panel.height - 16), "behind", Style(18, MUTED, anchor="mm"))
+    for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
+        write(panel, (x, centre), word, Style(18, MUTED, anchor="mm"))
+
+
+def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
+    """Write the rings' degrees, on what is drawn: behind the zenith, or on its right where `across`.
+
+    The regions' shares stand in line with the sun.
+    """
+    centre = panel.width / 2
+    for elevation in _RINGS:
         out = centre + radius * (90 - elevation) / 90
         spot = (out + 6, centre - 3) if across else (centre + 6, out - 3)
         write(panel, spot, f"{elevation}°", Style(15, TEXT, anchor="ls", shaded=True))
-    write(panel, (centre, 24), "front", Style(18, TEXT, anchor="mm"))
-    write(panel, (centre, panel.height - 22), "behind", Style(18, MUTED, anchor="mm"))
-    for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
-        write(panel, (x, centre), word, Style(18, MUTED, anchor="mm"))
 
 
 def _circle(centre: float, radius: float) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.drawing import TEXT
+from lighting.drawing import MUTED, TEXT
 from lighting.geometry import direction
 from lighting.preview.compass import _density, _heat, compass_panel
 from lighting.sun_grid import grid_directions, soft_label
@@ -53,3 +53,30 @@ def test_the_rings_degrees_are_not_where_the_regions_have_their_shares(azimuth: 
     assert len(letters) > 20
     off = letters @ (np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth)))
     assert np.abs(off).min() > 20
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 180.0])
+def test_a_sun_on_the_horizon_does_not_touch_the_word_beside_it(azimuth: float) -> None:
+    size = 500
+    low, high = (
+        np.asarray(compass_panel(estimate(outdoors(azimuth, elevation)), 4 / 3, size)).astype(np.int64)
+        for elevation in (0.0, 60.0)
+    )
+    words = np.array([MUTED if azimuth else TEXT])
+    beyond = slice(size - 42, size) if azimuth else slice(42, 0, -1)  # from the circle outwards
+    rays = np.flatnonzero((low != high)[beyond].any(axis=(1, 2)))
+    letters = np.flatnonzero((np.abs(high - words).max(axis=-1) < 60)[beyond].any(axis=1))
+    assert 10 < rays.max() < letters.min()
+
+
+def test_no_region_strikes_the_degrees_out() -> None:
+    """The second region passes through the degrees of the upper ring."""
+    size, radius = 500, 500 / 2 - 44
+    counts = []
+    for radius_90 in (25.0, 54.0):
+        lighting = outdoors(0.0, 45.0, radius_50=10.0, radius_90=radius_90)
+        panel = np.asarray(compass_panel(estimate(lighting), 4 / 3, size)).astype(np.int64)
+        columns = slice(round(size / 2 + radius / 3 + 4), round(size / 2 + radius / 3 + 40))
+        degrees = panel[size // 2 - 18 : size // 2 - 2, columns]
+        counts.append(int((np.abs(degrees - np.array(TEXT)).max(axis=-1) < 8).sum()))
+    assert counts[0] == counts[1] > 20
