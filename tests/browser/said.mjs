@@ -78,7 +78,14 @@ async function soften(page, url, seen, photo) {
   while (parts.length) {
     await relit(page, () => page.setInputFiles("#file", photo));
     seen.titles.push(await page.textContent("#title"));
+    seen.pale ??= await page.evaluate(palenessOfRegions);
     seen.warnings ??= await page.locator("#warnings li").allTextContents();
     parts.shift();
   }
+}
+
+/** The colours on the dome of a region's line and share, and of what is said in grey. */
+function palenessOfRegions() {
+  const style = (name) => getComputedStyle(document.querySelector(name));
+  return [style(".dome .region").stroke, style(".dome .share").fill, style("#readout").color];
 }

@@ -344,6 +344,8 @@ class TestWhatThePhotoSays:
             "This does not look like an outdoor daylight photo",
         ]
         assert visit["warnings"] == ["The clock and the pixels disagree."]
+        line, share, grey = visit["pale"]
+        assert line == share == grey
 
 
 @pytest.mark.slow

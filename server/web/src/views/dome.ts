@@ -5,9 +5,10 @@ import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from 
 import type { Point } from "../pure/camera";
 import { between, type Rgb, rgbOf } from "../pure/colour";
 import { type Cell, cellsOf, densityOf, within } from "../pure/distribution";
+import { regions, shareSpots } from "../pure/regions";
 import { frameOf, fromDome, rim, toDome } from "../pure/sphere";
 import { azimuthWords, percent } from "../pure/words";
-import { regions } from "./marks";
+import { shareWords } from "./marks";
 import { path, sunSign, svg, text } from "./svg";
 
 const RADIUS = 100; // of the horizon in the drawing's units
@@ -15,6 +16,8 @@ const MARGIN = 20;
 const HEAT_SIZE = 160; // pixels of the density before enlargement
 const READ_RADIUS = 10; // degrees around the pointer whose probability is read
 const KEY_STEP = 5; // degrees
+const SHARE = 8; // units of the drawing, the letters of a region's share
+const CORNERS: [Point, Point] = [[-RADIUS, -RADIUS], [RADIUS, RADIUS]]; // biome-ignore format: two corners
 const HINT = "Rings hold 50 and 90 % of the probability. Point to read it, click to move the sun.";
 
 export class Dome {
@@ -46,10 +49,14 @@ export class Dome {
     this.at = { azimuth: Math.round(estimate.sun.azimuth), elevation: Math.round(estimate.sun.elevation) };
     this.paint();
     const view = frameOf(estimate.camera, aspect).map(onDrawing);
-    const around = regions(estimate, direction(estimate.sun.azimuth, estimate.sun.elevation));
-    const rings = around.map(({ line, kind }) => path(line.map(onDrawing), kind));
+    const around = regions(estimate);
+    const rings = around.flatMap(({ lines, kind }) => lines.map((line) => path(line.map(onDrawing), kind)));
+    const words = [
+      ...degrees(estimate.sun.azimuth),
+      ...shareWords(shareSpots(around, onDrawing, SHARE, CORNERS), SHARE),
+    ];
     this.drawing.querySelector(".estimate")?.remove();
-    this.marks.before(svg("g", { class: "estimate" }, path(view, "view"), ...rings));
+    this.marks.before(svg("g", { class: "estimate" }, path(view, "view"), ...rings, ...words));
     this.leave();
   }
 
@@ -129,17 +136,26 @@ function onDrawing(towards: Vector): Point {
 function compass(): SVGElement[] {
   const ring = (elevation: number): SVGElement =>
     svg("circle", { r: (RADIUS * (90 - elevation)) / 90, class: elevation ? "ring" : "ring outer" });
-  const out = RADIUS + 11;
+  const out = RADIUS + 11.5; // beyond the rays of a sun on the horizon
   return [
     ...[0, 30, 60].map(ring),
     path([[-RADIUS, 0], [RADIUS, 0]], "ring"), // biome-ignore format: a line
     path([[0, -RADIUS], [0, RADIUS]], "ring"), // biome-ignore format: a line
-    ...[30, 60].map((elevation) => text([3, (RADIUS * (90 - elevation)) / 90 - 2.5], `${elevation}°`, "degrees")),
-    text([0, -RADIUS - 8], "front", "side middle"),
-    text([0, RADIUS + 14], "behind", "side middle"),
-    svg("text", { class: "side middle", transform: `translate(${-out + 3} 0) rotate(-90)` }, "left"),
-    svg("text", { class: "side middle", transform: `translate(${out - 3} 0) rotate(90)` }, "right"),
+    text([0, -RADIUS - 11.5], "front", "side middle"),
+    text([0, RADIUS + 18], "behind", "side middle"),
+    svg("text", { class: "side middle", transform: `translate(${-out} 0) rotate(-90)` }, "left"),
+    svg("text", { class: "side middle", transform: `translate(${out} 0) rotate(90)` }, "right"),
   ];
+}
+
+/** The rings' degrees: behind the zenith, or on its right where the regions' shares stand in that line. */
+function degrees(sunAzimuth: number): SVGElement[] {
+  const [x, , z] = direction(sunAzimuth, 0);
+  const across = Math.abs(x) < Math.abs(z);
+  return [30, 60].map((elevation) => {
+    const out = (RADIUS * (90 - elevation)) / 90;
+    return text(across ? [out + 2.5, -2.5] : [3, out - 2.5], `${elevation}°`, "degrees");
+  });
 }
 
 function heatImage(density: (towards: Vector) => number, palette: Rgb[]): ImageData {

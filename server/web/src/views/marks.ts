@@ -3,10 +3,11 @@
 import type { Lighting, Parameters } from "../api";
 import { clamp, direction, type Vector } from "../pure/angles";
 import { type Camera, horizon, type Point, type SunMark, sunMark } from "../pure/camera";
-import { frameOf, inSky, pieces, rim, toMap } from "../pure/sphere";
-import { isSunny } from "../pure/words";
+import { regions, type Spot, shareSpots } from "../pure/regions";
+import { frameOf, pieces, toMap } from "../pure/sphere";
 import { path, sunSign, svg, text } from "./svg";
 
+const SHARE = 12; // px, the letters of a region's share
 const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its words can meet the horizon's name
 const SUN_HEIGHT = 52; // px, so for the distance in height
 
@@ -65,7 +66,7 @@ export function mapMarks(
   };
   const curve = (line: Vector[], kind: string): Node[] =>
     pieces(line.map(place), width / 2).flatMap((piece) => [path(piece, "rim"), path(piece, kind)]);
-  const estimated = direction(lighting.sun.azimuth, lighting.sun.elevation);
+  const around = regions(lighting);
   const words = [
     [0.25, "90° left"],
     [0.5, "front"],
@@ -73,18 +74,13 @@ export function mapMarks(
   ] as const;
   return [
     ...curve(frameOf(lighting.camera, aspect), "line"),
-    ...regions(lighting, estimated).flatMap(({ line, kind }) => curve(line, kind)),
+    ...around.flatMap(({ lines, kind }) => lines.flatMap((line) => curve(line, kind))),
     ...words.map(([share, word]) => text([width * share, height - 10], word, "label middle")),
+    ...shareWords(shareSpots(around, place, SHARE, [[0, 0], [width, height]]), SHARE), // biome-ignore format: corners
     sunSign(place(direction(parameters.sun_azimuth, parameters.sun_elevation)), 6, sunKind(parameters)),
   ];
 }
 
-/** The circles that hold 50 % and 90 % of the sun's probability, as far as they lie in the sky; pale where none shines. */
-export function regions(lighting: Lighting, around: Vector): { line: Vector[]; kind: string }[] {
-  const kind = isSunny(lighting) ? "region" : "region pale";
-  const circles = [
-    { radius: lighting.sun.radius_90, kind: `${kind} wide` },
-    { radius: lighting.sun.radius_50, kind },
-  ];
-  return circles.flatMap(({ radius, kind }) => inSky(rim(around, radius)).map((line) => ({ line, kind })));
-}
+/** The shares of the sun's regions in words, with letters of that size. */
+export const shareWords = (spots: Spot[], size: number): SVGElement[] =>
+  spots.map(({ at: [x, y], share, pale }) => text([x, y + 0.36 * size], share, `share middle${pale ? " pale" : ""}`));

@@ -1,0 +1,57 @@
+import { describe, expect, it } from "vitest";
+import type { Lighting } from "../src/api";
+import type { Vector } from "../src/pure/angles";
+import type { Point } from "../src/pure/camera";
+import { regions, type Spot, shareSpots } from "../src/pure/regions";
+import { toDome, toMap } from "../src/pure/sphere";
+
+const lit = (sun: Partial<Lighting["sun"]>): Lighting =>
+  ({ sun: { azimuth: 120, elevation: 20, visibility: 1, radius_50: 13, radius_90: 27, ...sun } }) as Lighting;
+
+const dome = (towards: Vector): Point => {
+  const [x, y] = toDome(towards);
+  return [100 * x, 100 * y];
+};
+
+const onDome = (sun: Partial<Lighting["sun"]>): Spot[] =>
+  shareSpots(regions(lit(sun)), dome, 8, [[-100, -100], [100, 100]]); // biome-ignore format: two corners
+
+const apart = ([a, b]: Spot[]): boolean =>
+  !!a && !!b && (Math.abs(a.at[0] - b.at[0]) >= 23.9 || Math.abs(a.at[1] - b.at[1]) >= 9.5);
+
+describe("the sun's regions", () => {
+  it("are pale where no sun shines, and their shares too", () => {
+    expect(regions(lit({})).map(({ kind }) => kind)).toEqual(["region wide", "region"]);
+    expect(regions(lit({ visibility: 0.2 })).map(({ kind }) => kind)).toEqual(["region wide pale", "region pale"]);
+    expect(onDome({ visibility: 0.2 }).map(({ pale }) => pale)).toEqual([true, true]);
+  });
+
+  it("that no longer reach the sky are left out", () => {
+    expect(regions(lit({ elevation: 60, radius_90: 130 })).map(({ share }) => share)).toEqual(["50\u00a0%"]);
+  });
+
+  it("have their shares beside them, clear of each other", () => {
+    expect(onDome({}).map(({ share }) => share)).toEqual(["50\u00a0%", "90\u00a0%"]);
+    for (const azimuth of [-170, -90, -60, -10, 0, 45, 90, 120, 180]) {
+      for (const [radius_50, radius_90] of [
+        [3, 5],
+        [13, 27],
+        [40, 90],
+      ] as const) {
+        expect(apart(onDome({ azimuth, radius_50, radius_90 })), `${azimuth} ${radius_50}`).toBe(true);
+      }
+    }
+  });
+
+  it("keep their shares in the map", () => {
+    const place = (towards: Vector): Point => {
+      const [x, y] = toMap(towards);
+      return [150 * x, 150 * y];
+    };
+    const spots = shareSpots(regions(lit({ azimuth: 179, elevation: 70 })), place, 12, [[0, 0], [300, 150]]); // biome-ignore format: two corners
+    for (const { at } of spots) {
+      expect(at[0]).toBeLessThanOrEqual(300 - 18);
+      expect(at[1]).toBeGreaterThanOrEqual(7);
+    }
+  });
+});
