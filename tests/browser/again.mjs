@@ -10,6 +10,7 @@ export async function visitAgain(browser, url, seen, { photo, textFile, model })
   await page.setInputFiles("#model-file", model);
   await page.waitForSelector('#shapes input[value="own"]:checked');
   seen.errorAfterModel = await page.isVisible("#error");
+  await bringNoFile(page, seen);
   seen.complaints = seen.complaints.filter((words) => !/Failed to load resource/.test(words)); // the refusals
   await page.context().close();
 }
@@ -69,4 +70,29 @@ async function estimateAgain(page, seen, textFile) {
     await page.waitForFunction(() => !document.body.hasAttribute("data-busy"));
     seen.again.push([await page.getAttribute("#photo", "alt"), await page.isVisible("#error")]);
   }
+}
+
+/** Text that is dropped on the page, on a field for text, and pasted; and an example that is dragged to where photos go. */
+async function bringNoFile(page, seen) {
+  const drop = (target) => page.evaluate(dropText, target);
+  seen.noFile = [await refused(page, () => drop("body"))];
+  await relit(page, () => page.locator("#turbidity").press("ArrowRight"));
+  seen.textInField = [await drop("#given-lat"), await page.isVisible("#error")];
+  seen.noFile.push(await refused(page, () => page.evaluate(pasteText)));
+  await relit(page, () => page.locator("#examples img").nth(1).dragTo(page.locator("#drop")));
+  seen.dragged = await page.getAttribute("#photo", "alt");
+}
+
+/** Returns whether the browser is left to put the text there. */
+function dropText(target) {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.setData("text/plain", "48.1");
+  const event = new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true });
+  return document.querySelector(target).dispatchEvent(event);
+}
+
+function pasteText() {
+  const clipboardData = new DataTransfer();
+  clipboardData.setData("text/plain", "https://example.com/photo.jpg");
+  document.body.dispatchEvent(new ClipboardEvent("paste", { clipboardData, bubbles: true }));
 }

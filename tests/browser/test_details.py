@@ -155,11 +155,19 @@ class TestRefusals:
 
     def test_a_missing_example_is_told_as_a_missing_answer(self, visit: dict[str, Any]) -> None:
         down, busy = visit["missing"]
-        assert down == "The service did not answer. Check that it is still running, then try again."
+        assert down.startswith("The service did not answer. Check your connection")
         assert busy.startswith("The service answered 503.")
 
     def test_an_error_goes_with_the_next_success(self, visit: dict[str, Any]) -> None:
         assert not visit["errorAfterModel"]
+
+    def test_text_that_is_dropped_or_pasted_is_refused_in_words(self, visit: dict[str, Any]) -> None:
+        after = "is no file. Save the photo, then choose its file or drop it here."
+        assert visit["noFile"] == [f"That did not work. What you {did} {after}" for did in ("dropped", "pasted")]
+        assert visit["textInField"] == [True, False]
+
+    def test_an_example_may_be_dragged(self, visit: dict[str, Any]) -> None:
+        assert visit["dragged"] == "garden_noon.jpg"
 
 
 class TestWhatGoesMissing:

@@ -229,7 +229,7 @@ class TestTheLight:
 
     def test_a_text_file_is_refused_in_words(self, visit: dict[str, Any]) -> None:
         assert visit["error"].startswith("The photo cannot be read. notes.txt: The file is not a ")
-        assert visit["kept"] == visit["title"]
+        assert visit["kept"] == [visit["title"], f"Below is still the answer for {PHOTO.name}."]
         assert "Photo 2 of 2, notes.txt: " in visit["errorOfOne"]
 
     def test_more_photos_than_are_taken_are_refused_in_words(self, visit: dict[str, Any]) -> None:

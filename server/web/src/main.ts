@@ -69,7 +69,7 @@ const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) =>
   return view ? mapMarks(view.answer, lookOf(view).parameters, aspectOf(view.photo), width, height) : [];
 });
 
-listenForPhotos((sources) => take(sources, NOTHING), withPhoto);
+listenForPhotos((sources) => take(sources, NOTHING), withPhoto, fail);
 listenForGestures();
 listenForDownloads(settled, fail);
 listenForUndo(() => current()?.history, refresh);
@@ -217,6 +217,7 @@ function fail(error: unknown): void {
   box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: `${title}.` }), ` ${message}`);
   box.hidden = false;
   byId("key-form").hidden = !(error instanceof Refusal && [401, 403].includes(error.status));
-  status.textContent = "";
+  const names = shown && filesOf(shown).map(({ name }) => name);
+  status.textContent = names ? `Below is still the answer for ${names.join(", ")}.` : ""; // not for what was refused
   setBusy(false);
 }

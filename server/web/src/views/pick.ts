@@ -8,10 +8,12 @@ import { chosen, example, type Source } from "../source";
 
 const MODEL = /\.(glb|gltf)$/i;
 
+const FIELDS = "input:not([type=file]), textarea"; // which take text of their own
+
 type Take = (photos: Source[]) => void;
 
-/** `take` gets photos, `model` an object of the user's own. */
-export function listenForPhotos(take: Take, model: (file: File) => void): void {
+/** `take` gets photos, `model` an object of the user's own, `fail` what is wrong with the rest. */
+export function listenForPhotos(take: Take, model: (file: File) => void, fail: (error: Error) => void): void {
   const give = (files: Iterable<File> | null | undefined): void => {
     const all = [...(files ?? [])];
     const own = all.find(({ name }) => MODEL.test(name));
@@ -26,8 +28,16 @@ export function listenForPhotos(take: Take, model: (file: File) => void): void {
       chooser.value = ""; // so that the same file can be chosen again
     });
   }
-  document.addEventListener("paste", (event) => give(event.clipboardData?.files));
-  listenForDrops(give);
+  const brought = (data: DataTransfer | null, how: string): void => {
+    const dragged = EXAMPLES.find(({ thumb }) => new URL(thumb, location.href).href === data?.getData("text/uri-list"));
+    if (data?.files.length) give(data.files);
+    else if (dragged) take([example(dragged.name, dragged.url)]);
+    else fail(new Error(`What you ${how} is no file. Save the photo, then choose its file or drop it here.`));
+  };
+  document.addEventListener("paste", (event) => {
+    if (!takesText(event)) brought(event.clipboardData, "pasted");
+  });
+  listenForDrops((data) => brought(data, "dropped"));
   byId("examples").append(...EXAMPLES.map((one) => make("li", {}, exampleButton(one, take))));
 }
 
@@ -38,9 +48,10 @@ export async function showMatching(): Promise<void> {
 }
 
 /** The whole page takes drops, so that a photo that misses the field does not replace the page. */
-function listenForDrops(give: (files: Iterable<File> | undefined) => void): void {
+function listenForDrops(give: (data: DataTransfer | null) => void): void {
   const field = byId("drop");
   const over = (on: boolean) => (event: DragEvent) => {
+    if (isText(event)) return;
     event.preventDefault();
     field.classList.toggle("over", on);
   };
@@ -48,9 +59,14 @@ function listenForDrops(give: (files: Iterable<File> | undefined) => void): void
   document.addEventListener("dragleave", over(false));
   document.addEventListener("drop", (event) => {
     over(false)(event);
-    give(event.dataTransfer?.files);
+    if (!isText(event)) give(event.dataTransfer);
   });
 }
+
+const takesText = ({ target }: Event): boolean => target instanceof Element && target.matches(FIELDS);
+
+/** Whether what is dragged is text over a field for text, which the browser puts there. */
+const isText = (event: DragEvent): boolean => takesText(event) && !event.dataTransfer?.types.includes("Files");
 
 function exampleButton({ name, title, url, thumb, credit }: Example, take: Take): HTMLButtonElement {
   const picture = make("img", { src: thumb, alt: "", width: 120, height: 90 });
