@@ -182,7 +182,11 @@ async function ask(url: string, init: RequestInit): Promise<Response> {
   const headers: HeadersInit = key ? keyHeader(key) : {};
   const response = await fetch(url, { ...init, headers }).catch((error: unknown) => {
     if (init.signal?.aborted) throw error;
-    throw new Refusal(0, "The service did not answer", "Check that it is still running, then try again.");
+    throw new Refusal(
+      0,
+      "The service did not answer",
+      "Check your connection, and that it is still running, then try again.",
+    );
   });
   if (!response.ok) throw await refusal(response);
   return response;
