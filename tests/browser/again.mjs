@@ -79,8 +79,23 @@ async function bringNoFile(page, seen) {
   await relit(page, () => page.locator("#turbidity").press("ArrowRight"));
   seen.textInField = [await drop("#given-lat"), await page.isVisible("#error")];
   seen.noFile.push(await refused(page, () => page.evaluate(pasteText)));
-  await relit(page, () => page.locator("#examples img").nth(1).dragTo(page.locator("#drop")));
-  seen.dragged = await page.getAttribute("#photo", "alt");
+  await interrupt(page, seen);
+}
+
+/** An example that is dragged to where photos go, and text that is pasted while it is being looked at. */
+async function interrupt(page, seen) {
+  let answer;
+  const late = new Promise((resolve) => {
+    answer = resolve;
+  });
+  await page.route("**/v1/lighting?*", (route) => late.then(() => route.continue()));
+  await page.locator("#examples img").nth(1).dragTo(page.locator("#drop"));
+  await page.waitForSelector("body[data-busy]");
+  await refused(page, () => page.evaluate(pasteText));
+  seen.meanwhile = [await page.textContent("#status"), await page.getAttribute("body", "data-busy")];
+  await relit(page, answer);
+  seen.dragged = [await page.getAttribute("#photo", "alt"), await page.isVisible("#error")];
+  await page.unroute("**/v1/lighting?*");
 }
 
 /** Returns whether the browser is left to put the text there. */

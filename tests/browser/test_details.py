@@ -166,8 +166,9 @@ class TestRefusals:
         assert visit["noFile"] == [f"That did not work. What you {did} {after}" for did in ("dropped", "pasted")]
         assert visit["textInField"] == [True, False]
 
-    def test_an_example_may_be_dragged(self, visit: dict[str, Any]) -> None:
-        assert visit["dragged"] == "garden_noon.jpg"
+    def test_an_example_may_be_dragged_and_is_looked_at_whatever_else_is_wrong(self, visit: dict[str, Any]) -> None:
+        assert visit["meanwhile"] == ["Looking at garden_noon.jpg…", ""]
+        assert visit["dragged"] == ["garden_noon.jpg", False]
 
 
 class TestWhatGoesMissing:

@@ -63,8 +63,9 @@ def chromium() -> str | None:
 
 @pytest.fixture(scope="module")
 def url() -> Iterator[str]:
-    """The service with the packaged network on a free port."""
-    server = uvicorn.Server(uvicorn.Config(create_app(Settings(), Estimator()), port=0, log_level="error", ws="none"))
+    """The service with the packaged network on a free port; a busy machine may match photos slowly."""
+    settings = Settings(match_seconds=120)
+    server = uvicorn.Server(uvicorn.Config(create_app(settings, Estimator()), port=0, log_level="error", ws="none"))
     thread = threading.Thread(target=server.run)
     thread.start()
     while not server.started and thread.is_alive():

@@ -46,7 +46,7 @@ const dome = new Dome(byId("dome"), byId("readout"), ({ azimuth, elevation }) =>
   light({ sun_azimuth: azimuth, sun_elevation: elevation }, "dome"),
 );
 const sliders = new Sliders(light);
-const object = new ObjectView(change, fail);
+const object = new ObjectView(change, tell);
 const facts = new FactsView((given) => shown && take(filesOf(shown).map(held), given));
 const submit = latest<Wish>(run, 0, fail);
 const sky = new SkyRenderer(({ light, picture }) => {
@@ -57,7 +57,7 @@ const sky = new SkyRenderer(({ light, picture }) => {
   canvas.dataset.lights = String(Number(canvas.dataset.lights ?? 0) + 1); // how often the light has changed, for tests
   view.power = { sun: light.sun, sky: light.sky };
   object.light(light, view);
-}, fail);
+}, tell);
 
 const drawPhotoMarks = fitted(byId<SVGSVGElement>("marks"), (width, height) => {
   const view = current();
@@ -69,9 +69,9 @@ const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) =>
   return view ? mapMarks(view.answer, lookOf(view).parameters, aspectOf(view.photo), width, height) : [];
 });
 
-listenForPhotos((sources) => take(sources, NOTHING), withPhoto, fail);
+listenForPhotos((sources) => take(sources, NOTHING), withPhoto, tell);
 listenForGestures();
-listenForDownloads(settled, fail);
+listenForDownloads(settled, tell);
 listenForUndo(() => current()?.history, refresh);
 listenForCopies(subject);
 void showMatching();
@@ -99,7 +99,7 @@ function take(sources: Source[], given: Given): void {
 function withPhoto(model: File): void {
   forgive();
   if (current()) object.take(model);
-  else fail(new Error("Choose a photo first, then drop your object on it."));
+  else tell(new Error("Choose a photo first, then drop your object on it."));
 }
 
 function setBusy(busy: boolean): void {
@@ -121,6 +121,7 @@ async function run({ sources, given }: Wish, signal: AbortSignal): Promise<void>
   for (const { photo } of shown?.views ?? []) URL.revokeObjectURL(photo.url);
   const views = photos.map((photo, i) => viewOf(photo, answers[i] as (typeof answers)[number]));
   shown = { views, at: 0, given };
+  forgive();
   byId("intro").hidden = true;
   result.hidden = false;
   setBusy(false);
@@ -208,7 +209,14 @@ function forgive(): void {
   for (const id of ["error", "key-form", "key-note"]) byId(id).hidden = true;
 }
 
+/** A question to the service that failed. */
 function fail(error: unknown): void {
+  setBusy(false);
+  tell(error);
+}
+
+/** Says what is wrong; a photo that is being looked at goes on. */
+function tell(error: unknown): void {
   const { title, message } =
     error instanceof Refusal
       ? error
@@ -217,7 +225,7 @@ function fail(error: unknown): void {
   box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: `${title}.` }), ` ${message}`);
   box.hidden = false;
   byId("key-form").hidden = !(error instanceof Refusal && [401, 403].includes(error.status));
+  if (document.body.hasAttribute("data-busy")) return;
   const names = shown && filesOf(shown).map(({ name }) => name);
   status.textContent = names ? `Below is still the answer for ${names.join(", ")}.` : ""; // not for what was refused
-  setBusy(false);
 }
