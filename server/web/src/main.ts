@@ -143,7 +143,7 @@ function open(index: number): void {
   if (!view) return;
   const { answer, photo } = view;
   const { title, text, kind } = headline(answer);
-  byId("title").textContent = title;
+  byId("title").textContent = title.replaceAll("° ", "°\u00a0"); // no line ends inside an angle
   byId("title").className = kind;
   byId("spread").textContent = text;
   byId("model").textContent = `Network ${answer.model.name} ${answer.model.version}`;

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Lighting } from "../src/api";
-import type { Vector } from "../src/pure/angles";
+import { direction, type Vector } from "../src/pure/angles";
 import type { Point } from "../src/pure/camera";
 import { regions, type Spot, shareSpots } from "../src/pure/regions";
 import { toDome, toMap } from "../src/pure/sphere";
@@ -39,6 +39,15 @@ describe("the sun's regions", () => {
         [40, 90],
       ] as const) {
         expect(apart(onDome({ azimuth, radius_50, radius_90 })), `${azimuth} ${radius_50}`).toBe(true);
+      }
+    }
+  });
+
+  it("have their shares off the sun's sign, however small they are", () => {
+    for (const azimuth of [0, 34, 90, -120]) {
+      const [x, y] = dome(direction(azimuth, 13));
+      for (const { at } of onDome({ azimuth, elevation: 13, radius_50: 2, radius_90: 4 })) {
+        expect(Math.hypot(at[0] - x, at[1] - y)).toBeGreaterThan(19);
       }
     }
   });

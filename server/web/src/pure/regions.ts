@@ -11,7 +11,7 @@ export interface Region {
   kind: string; // of the circle's line
   pale: boolean; // where no sun shines
   lines: Vector[][]; // what of the circle lies in the sky
-  tops: [outside: Vector, inside: Vector]; // where the circle is highest, and just inside
+  outwards: [sun: Vector, inside: Vector, top: Vector]; // up to where the circle is highest, by a step just inside
 }
 
 /** The circles that hold 50 % and 90 % of the sun's probability, as far as they reach the sky. */
@@ -21,11 +21,11 @@ export function regions(lighting: Lighting): Region[] {
   const pale = !isSunny(lighting);
   const region = (radius: number, share: string, kind: string): Region => {
     const line = rim(sun, radius);
-    const tops: Region["tops"] = [line[0] as Vector, rim(sun, 0.98 * radius)[0] as Vector];
-    return { share, kind: pale ? `${kind} pale` : kind, pale, lines: inSky(line), tops };
+    const outwards: Region["outwards"] = [sun, rim(sun, 0.98 * radius)[0] as Vector, line[0] as Vector];
+    return { share, kind: pale ? `${kind} pale` : kind, pale, lines: inSky(line), outwards };
   };
   const both = [region(radius_90, "90\u00a0%", "region wide"), region(radius_50, "50\u00a0%", "region")];
-  return both.filter(({ tops: [top] }) => top[1] > 0);
+  return both.filter(({ outwards: [, , top] }) => top[1] > 0);
 }
 
 export interface Spot {
@@ -35,7 +35,7 @@ export interface Spot {
 }
 
 /**
- * Where the shares stand: beyond the highest point of each circle, clear of each other. `size` is that of the letters in
+ * Where the shares stand: beyond the highest point of each circle, clear of the sun's sign and each other. `size` is that of the letters in
  * units of the drawing, and `corners` are those of what they do not leave.
  */
 export function shareSpots(
@@ -46,11 +46,12 @@ export function shareSpots(
 ): Spot[] {
   const room: Point = [3 * size, 1.2 * size];
   const spots: Spot[] = [];
-  for (const { share, pale, tops } of [...around].reverse()) {
-    const [[x, y], [u, v]] = tops.map(place) as [Point, Point];
+  for (const { share, pale, outwards } of [...around].reverse()) {
+    const [sun, [u, v], [x, y]] = outwards.map(place) as [Point, Point, Point];
     const length = Math.hypot(x - u, y - v) || 1;
     const out: Point = [(x - u) / length, (y - v) / length];
-    const beside: Point = [x + 0.9 * size * out[0], y + 0.9 * size * out[1]];
+    const gap = size * Math.max(0.9, 2.5 - Math.hypot(x - sun[0], y - sun[1]) / size);
+    const beside: Point = [x + gap * out[0], y + gap * out[1]];
     const clear = spots.reduce((spot, { at }) => clearOf(at, spot, out, room), beside);
     spots.push({ at: inside(clear, room, corners), share, pale });
   }
