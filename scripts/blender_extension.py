@@ -20,7 +20,7 @@ SKY = (
     "lighting/records.py",
     "lighting/sections.py",
     "lighting/colour.py",
-    *(f"lighting/envmap/{name}.py" for name in ("changing", "clear", "disc", "mixture", "render")),
+    *(f"lighting/envmap/{name}.py" for name in ("changing", "clear", "disc", "maps", "mixture", "render")),
     *(f"lighting/sky/{path.name}" for path in sorted((ROOT / "lighting" / "sky").glob("*.py"))),
     "lighting/scene/axes.py",
 )

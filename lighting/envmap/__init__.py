@@ -1,10 +1,10 @@
 """Environment maps of a light: rendered, turned, and with the place around."""
 
 from lighting.envmap.changing import change
-from lighting.envmap.clear import Image, row_levels
 from lighting.envmap.disc import sun_irradiance
 from lighting.envmap.ground import photo_ground
 from lighting.envmap.lit_ground import lit_ground
+from lighting.envmap.maps import Image, row_levels
 from lighting.envmap.photo_view import camera_of
 from lighting.envmap.render import ground_reflectance, level_irradiance, render, sky_irradiance, with_irradiance
 from lighting.envmap.sky_colour import photo_sky

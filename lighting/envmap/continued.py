@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.clear import Image, brightest, f32
+from lighting.envmap.maps import Image, brightest, f32
 from lighting.envmap.photo_view import CLIPPED, sampled
 from lighting.geometry import angles, latlong_angles, wrap_azimuth
 from lighting.records import Lighting

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.clear import Image, f32
+from lighting.envmap.maps import Image, f32
 from lighting.geometry import SUN_RADIUS, Floats, angles, direction, latlong_solid_angle
 from lighting.records import Lighting
 from lighting.sky import sun_disc_points, sun_disc_radiance

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.envmap.clear import irradiance_of, row_levels
+from lighting.envmap.maps import irradiance_of, row_levels
 from lighting.envmap.photo_view import sampled
 from lighting.envmap.render import level_irradiance
 from lighting.geometry import Floats

@@ -3,17 +3,9 @@
 import numpy as np
 
 from lighting.colour import luminance
-from lighting.envmap.clear import (
-    Image,
-    clear_irradiance,
-    f32,
-    irradiance_of,
-    lobe_table,
-    paint_clear,
-    row_levels,
-    scale,
-)
+from lighting.envmap.clear import clear_irradiance, lobe_table, paint_clear
 from lighting.envmap.disc import sun_irradiance
+from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
 from lighting.records import SKY_MODEL, Lighting
 from lighting.sky import CIE_Y_INTEGRAL, Weather, lalonde_matthews_sun, sky_shape

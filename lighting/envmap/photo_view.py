@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import SRGB_LINEAR
-from lighting.envmap.clear import Image, brightest
+from lighting.envmap.maps import Image, brightest
 from lighting.geometry import (
     Floats,
     Pinhole,

@@ -11,8 +11,9 @@ from numbers import Integral
 
 import numpy as np
 
-from lighting.envmap.clear import Image, clear_irradiance, lobe_table, paint_clear
+from lighting.envmap.clear import clear_irradiance, lobe_table, paint_clear
 from lighting.envmap.disc import disc_power, paint_disc, sun_irradiance
+from lighting.envmap.maps import Image
 from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
 from lighting.errors import ParameterError
 from lighting.geometry import Floats

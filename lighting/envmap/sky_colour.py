@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.envmap.clear import brightest
+from lighting.envmap.maps import brightest
 from lighting.envmap.photo_view import CLIPPED, sampled
 from lighting.envmap.render import render
 from lighting.geometry import Floats, sample_latlong

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import checked_pixels
-from lighting.envmap.clear import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.continued import RATIO, continued
+from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.photo_view import Shown, shown, shown_size
 from lighting.envmap.render import add_sun, check_height, render
 from lighting.errors import ParameterError

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from lighting.colour import luminance
-from lighting.envmap.clear import Image
+from lighting.envmap.maps import Image
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.ranges import RANGES

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from lighting.envmap.clear import Image
+from lighting.envmap.maps import Image
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import Place, surround
 from lighting.envmap.turning import rotate, turn

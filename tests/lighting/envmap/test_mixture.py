@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lighting.envmap import render
-from lighting.envmap.clear import irradiance_of, row_levels
+from lighting.envmap.maps import irradiance_of, row_levels
 from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
 from lighting.geometry import latlong_solid_angle
 from lighting.sky import MODELS

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lighting.envmap import Place, change, known_place, place_factors, place_of, render, surround
-from lighting.envmap.clear import irradiance_of, row_levels
+from lighting.envmap.maps import irradiance_of, row_levels
 from lighting.envmap.surroundings import without_glow
 from lighting.geometry import angle_between, latlong_directions
 from lighting.records import Estimate, Lighting, SunDistribution
