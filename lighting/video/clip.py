@@ -59,6 +59,8 @@ class Clip:
         try:
             self._stream = _video_stream(self._container)
             self._stretch = _stretch(self._stream)
+            self._errors = 0  # packets that could not be decoded
+            self._pictures = self._decode()
             self._first = self._decoded_first()
             self.info = self._describe()
         except BaseException:
@@ -106,8 +108,6 @@ class Clip:
         return 1.0 / self.info.frame_rate if self.info.frame_rate else 1.0 / 30.0
 
     def _decoded_first(self) -> Any:
-        self._errors = 0
-        self._pictures = _pictures(self)
         first = next(self._pictures, None)
         if first is None:
             raise VideoError("The clip has no frame that can be read: it is damaged, cut short or empty.")
@@ -117,6 +117,24 @@ class Clip:
     def _decoded(self) -> Iterator[Any]:
         yield self._first
         yield from self._pictures
+
+    def _decode(self) -> Iterator[Any]:
+        """Pictures as the file has them; packets that cannot be decoded are counted and left out."""
+        import av
+
+        packets = self._container.demux(self._stream)
+        while True:
+            try:
+                packet = next(packets, None)
+            except av.FFmpegError:
+                self._errors += 1
+                return
+            if packet is None:
+                return
+            try:
+                yield from packet.decode()
+            except av.FFmpegError:
+                self._errors += 1
 
     def _describe(self) -> ClipInfo:
         stream, first = self._stream, self._first
@@ -173,25 +191,6 @@ def _duration(container: Any, stream: Any, start: float) -> float:
 def _shown_for(picture: Any) -> float:
     """Seconds that a picture says it is shown; 0 unknown."""
     return float(picture.duration * picture.time_base) if picture.duration and picture.time_base else 0.0
-
-
-def _pictures(clip: Clip) -> Iterator[Any]:
-    """Decoded pictures; packets that cannot be decoded are counted and left out."""
-    import av
-
-    packets = clip._container.demux(clip._stream)
-    while True:
-        try:
-            packet = next(packets, None)
-        except av.FFmpegError:
-            clip._errors += 1
-            return
-        if packet is None:
-            return
-        try:
-            yield from packet.decode()
-        except av.FFmpegError:
-            clip._errors += 1
 
 
 def _check_size(width: int, height: int) -> None:
