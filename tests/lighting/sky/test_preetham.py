@@ -36,11 +36,25 @@ def test_radiance_is_that_of_the_paper(azimuth: float, elevation: float) -> None
 
 
 def test_the_zenith_of_the_paper() -> None:
-    """At turbidity 2 and a sun at 45 deg: (4.0453 T - 4.9710) tan chi - 0.2155 T + 2.4192, chi = 0.6719."""
+    """At turbidity 2 and a sun at 45 deg: (4.0453 T - 4.9710) tan chi - 0.2155 T + 2.4192, chi = 0.6719.
+
+    x and y are the sums over powers of the turbidity of the polynomials in the sun's angle that the paper prints.
+    """
+    theta = math.pi / 4
     luminance, x, y = preetham_zenith(math.pi / 4, 2.0)
     assert luminance == pytest.approx(3.1196 * math.tan((4 / 9 - 2 / 120) * math.pi / 2) + 1.9882, rel=1e-9)
-    assert 0.22 < x < 0.28
-    assert 0.22 < y < 0.29
+    assert x == pytest.approx(
+        4 * (0.00166 * theta**3 - 0.00375 * theta**2 + 0.00209 * theta)
+        + 2 * (-0.02903 * theta**3 + 0.06377 * theta**2 - 0.03202 * theta + 0.00394)
+        + (0.11693 * theta**3 - 0.21196 * theta**2 + 0.06052 * theta + 0.25886),
+        rel=1e-9,
+    )
+    assert y == pytest.approx(
+        4 * (0.00275 * theta**3 - 0.00610 * theta**2 + 0.00317 * theta)
+        + 2 * (-0.04214 * theta**3 + 0.08970 * theta**2 - 0.04153 * theta + 0.00516)
+        + (0.15346 * theta**3 - 0.26756 * theta**2 + 0.06670 * theta + 0.26688),
+        rel=1e-9,
+    )
 
 
 def test_a_clear_sky_is_blue_and_brightest_at_the_sun() -> None:
