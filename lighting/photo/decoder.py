@@ -81,7 +81,3 @@ def _one_thread() -> None:
     except ImportError:
         return
     options.DECODE_THREADS = 1
-
-
-if __name__ == "__main__":
-    main()

@@ -109,7 +109,3 @@ def _shots(requests: BinaryIO) -> Iterator[Shot]:
     with suppress(EOFError):
         while True:
             yield pickle.load(requests).shot()
-
-
-if __name__ == "__main__":
-    main()
