@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from export.arguments import FILE, FOLDER
+from export.arguments import FILE, PATH
 from export.stereo.normals_commands import stereo
 from export.video import KINDS
 from lighting.errors import LightingError
@@ -16,9 +16,7 @@ from lighting.errors import LightingError
 Command = Callable[..., Any]
 
 
-def option(
-    name: str, meaning: str, kind: Any = FOLDER, default: Any = None, **more: Any
-) -> Callable[[Command], Command]:
+def option(name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any) -> Callable[[Command], Command]:
     """An option with its meaning; the default is shown if there is one."""
     shown = default is not None
     return click.option(name, type=kind, default=default, show_default=shown, help=meaning, **more)
@@ -119,7 +117,7 @@ def train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ..
 
 
 @cli.command()
-@click.argument("file", type=FOLDER)
+@click.argument("file", type=PATH)
 @click.argument("number", type=click.IntRange(0))
 @data
 @labels
@@ -133,7 +131,7 @@ def unpack(file: Path, number: int, data: Path, labels: Path, out: Path) -> None
 
 
 @cli.command()
-@click.argument("runs", type=FOLDER, nargs=-1, required=True)
+@click.argument("runs", type=PATH, nargs=-1, required=True)
 @data
 @labels
 def suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
@@ -157,7 +155,7 @@ def prior(data: Path, labels: Path) -> None:
 
 
 @cli.command()
-@click.argument("runs", type=FOLDER, nargs=-1, required=True)
+@click.argument("runs", type=PATH, nargs=-1, required=True)
 @option("--out", "Folder to write; it then holds a run like any other.", required=True)
 def merge(runs: tuple[Path, ...], out: Path) -> None:
     """Average the weights of runs with a common beginning."""
@@ -167,7 +165,7 @@ def merge(runs: tuple[Path, ...], out: Path) -> None:
 
 
 @cli.command()
-@click.argument("runs", type=FOLDER, nargs=-1, required=True)
+@click.argument("runs", type=PATH, nargs=-1, required=True)
 @option("--out", "File to write. [default: RUN/NAME-VERSION.onnx]", FILE)
 @option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
@@ -265,7 +263,7 @@ def sun_colour(data: Path, labels: Path, model: Path | None) -> None:
 
 
 @cli.command()
-@click.option("--stack", type=FOLDER, default=None, help="Folder of a fisheye sky in exposures of unknown length.")
+@click.option("--stack", type=PATH, default=None, help="Folder of a fisheye sky in exposures of unknown length.")
 def probe(stack: Path | None) -> None:
     """Print how exactly skies are merged, aligned and oriented; a few minutes on two cores."""
     from export.probe.report import report

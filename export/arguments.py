@@ -4,5 +4,5 @@ from pathlib import Path
 
 import click
 
-FOLDER = click.Path(path_type=Path)  # or a file to read
+PATH = click.Path(path_type=Path)  # a folder, or a file to read
 FILE = click.Path(path_type=Path, dir_okay=False)  # to write

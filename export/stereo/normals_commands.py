@@ -5,15 +5,15 @@ from typing import Any
 
 import click
 
-from export.arguments import FILE, FOLDER
+from export.arguments import FILE, PATH
 from export.stereo.commands import stereo
 
 __all__ = ["evaluate", "onnx", "speed", "stereo", "train"]
 
 
 @stereo.command()
-@click.option("--out", type=FOLDER, default="runs/normals", show_default=True, help="Resumed if it has a checkpoint.")
-@click.option("--meshes", type=FOLDER, default=None, help="Folder of OBJ files to learn from as well. [reliefs alone]")
+@click.option("--out", type=PATH, default="runs/normals", show_default=True, help="Resumed if it has a checkpoint.")
+@click.option("--meshes", type=PATH, default=None, help="Folder of OBJ files to learn from as well. [reliefs alone]")
 @click.option("--minutes", type=click.FloatRange(0), default=70.0, show_default=True, help="Of training in all.")
 @click.option("--seed", type=int, default=1, show_default=True)
 @click.option("--threads", type=click.IntRange(1), default=1, show_default=True)
@@ -27,7 +27,7 @@ def train(out: Path, meshes: Path | None, minutes: float, seed: int, threads: in
 
 
 @stereo.command()
-@click.argument("run", type=FOLDER)
+@click.argument("run", type=PATH)
 @click.option("--version", default="1.0.0", show_default=True)
 @click.option("--out", type=FILE, default=None, help="File to write. [RUN/normals-VERSION.onnx]")
 def onnx(run: Path, version: str, out: Path | None) -> None:
@@ -40,8 +40,8 @@ def onnx(run: Path, version: str, out: Path | None) -> None:
 
 
 @stereo.command()
-@click.option("--data", type=FOLDER, required=True, help="Folder with scanned_objects and meshes.")
-@click.option("--network", type=FOLDER, default=None, help="Network to score. [the one in the package]")
+@click.option("--data", type=PATH, required=True, help="Folder with scanned_objects and meshes.")
+@click.option("--network", type=PATH, default=None, help="Network to score. [the one in the package]")
 @click.option("--quick", is_flag=True, help="Thin the shapes of the first tables like those of the others.")
 @click.option("--table", "tables", multiple=True, metavar="NAME", help="Print only this table, or these. [all]")
 def evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, ...]) -> None:
