@@ -1,4 +1,4 @@
-"""The five raw values of a network and the parameters they stand for."""
+"""The six raw values of a network, the last a logit, and the parameters they stand for."""
 
 import math
 

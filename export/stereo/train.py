@@ -47,14 +47,14 @@ class Config:
 
 @dataclass
 class _Run:
-    """What a checkpoint holds."""
+    """The state of a run; a checkpoint holds all but the log."""
 
     network: NormalsNetwork
     average: dict[str, Tensor]
     optimiser: torch.optim.Optimizer
     step: int = 0
     seconds: float = 0.0
-    log: list[dict[str, float]] = field(default_factory=list)
+    log: list[dict[str, float]] = field(default_factory=list)  # of the steps since the file's last line
 
 
 def train(config: Config) -> Path:

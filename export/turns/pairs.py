@@ -13,6 +13,7 @@ from export.turns.sets import FOVS, GAINS, HEIGHT, WIDTH, across, exposed, photo
 from export.turns.walk import Standpoint, Walk
 from lighting.geometry import angles, wrap_azimuth
 from lighting.turns import Features, Turn, features, relative_rotation
+from lighting.turns.sets import GUESSED_FOV_SIGMA
 from lighting.turns.upright import own_axes
 
 ZOOMS, ASIDE = (1.2, 3.0), (3.0, 15.0)  # times, and deg between two photos of which one is zoomed
@@ -75,7 +76,7 @@ def zoomed(panoramas: Sequence[Panorama]) -> Iterator[Answer]:
         b = replace(b, azimuth=rng.uniform(*ASIDE) * rng.choice([-1, 1]))
         picture, fov = exposed(panorama), 0.5 * (a.vertical_fov + b.vertical_fov) + rng.normal(0, GUESS)
         first, second = (features(photo(picture, camera, rng.uniform(*GAINS, 3))) for camera in (a, b))
-        yield Answer(relative_rotation(first, second, fov, fov, 7.0), a, b)
+        yield Answer(relative_rotation(first, second, fov, fov, GUESSED_FOV_SIGMA), a, b)
 
 
 def _two_lenses(rng: np.random.Generator) -> tuple[float, float]:
@@ -89,7 +90,7 @@ def walked(count: int) -> Iterator[Answer]:
         (a, first), (b, second) = two_of(number)
         rng = np.random.default_rng([6, number])
         fov = first.vertical_fov + rng.normal(0, GUESS)
-        yield Answer(relative_rotation(a, b, fov, fov, 7.0), first, second)
+        yield Answer(relative_rotation(a, b, fov, fov, GUESSED_FOV_SIGMA), first, second)
 
 
 def two_of(number: int) -> list[tuple[Features, Camera]]:

@@ -1,7 +1,7 @@
 """Dissolves between two places: how many are found, and how many clips without one are divided all the same."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,7 +81,7 @@ def _filmed(panorama: Panorama, rng: np.random.Generator) -> Sequenced:
         return turned(panorama, camera, rng)
     held = turned(panorama, "hand", rng)
     picture = held.picture(0)
-    return Sequenced(**{**vars(held), "picture": lambda _: picture})
+    return replace(held, picture=lambda _: picture)
 
 
 def _measured(panoramas: Sequence[Panorama], seconds: float, model: Model) -> tuple[float, ...]:
