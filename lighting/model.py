@@ -59,10 +59,15 @@ class Model:
         return cls(session, spec)
 
     def predict(self, batch: NDArray[np.float32]) -> list[Prediction]:
-        """The network's prediction for each photo of a batch (N, 3, H, W); N may be 0."""
+        """The network's prediction for each photo of a batch (N, 3, H, W); N may be 0.
+
+        Raises ValueError for a batch of another shape, ModelError where the network fails or its answer is none.
+        """
         expected = (3, self.spec.height, self.spec.width)
         if batch.ndim != 4 or batch.shape[1:] != expected:
-            raise ValueError(f"The network takes a batch of shape (N, {expected}), not {batch.shape}.")
+            raise ValueError(
+                f"The network takes a batch of shape (N, 3, {expected[1]}, {expected[2]}), not {batch.shape}."
+            )
         if len(batch) == 0:
             return []
         outputs = self._run(batch)
@@ -73,10 +78,10 @@ class Model:
             outputs: list[NDArray[np.float32]] = self.session.run(self.outputs, {"photo": batch})
         except Exception as error:  # onnxruntime's errors share no public base class
             raise ModelError(f"The network failed: {reason_of(error)}") from error
-        cells = len(grid_directions(self.spec.sun_grid))
         shapes = _shapes(self.spec)
-        if [o.shape for o in outputs] != [(len(batch), *shapes[name]) for name in self.outputs]:
-            raise ModelError(f"The network answered in shapes {[o.shape for o in outputs]}, not {cells} cells.")
+        found, expected = [o.shape for o in outputs], [(len(batch), *shapes[name]) for name in self.outputs]
+        if found != expected:
+            raise ModelError(f"The network answered in shapes {found}, not {expected}.")
         if not all(np.isfinite(o).all() for o in outputs):
             raise ModelError("The network's answer is not finite.")
         return outputs

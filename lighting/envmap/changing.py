@@ -33,7 +33,7 @@ def change(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lightin
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return changed
     followed: dict[str, Any] = {
-        name: _followed(getattr(lighting, name), power(lighting), power(changed))
+        name: clipped_colour(_followed(getattr(lighting, name), power(lighting), power(changed)), name)
         for name, power in (("sun_irradiance", _sun), ("sky_irradiance", _sky))
         if name not in changes
     }
@@ -56,7 +56,6 @@ def _sky(lighting: Lighting) -> Floats:
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
 
 
-def _followed(stated: Colour, before: Floats, after: Floats) -> Colour:
-    """The stated irradiance times what the model's has changed by."""
-    values = np.array(stated) * after / np.maximum(before, _LEAST)
-    return clipped_colour(values, "sky_irradiance")
+def _followed(stated: Colour, before: Floats, after: Floats) -> Floats:
+    """The stated irradiance (3,) times what the model's has changed by."""
+    return np.asarray(np.array(stated) * after / np.maximum(before, _LEAST))

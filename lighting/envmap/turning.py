@@ -61,8 +61,8 @@ def brighten(lighting: Lighting, gain: Floats) -> Lighting:
     return replace(
         lighting,
         exposure=significant(exposure),
-        sun_irradiance=_times(lighting.sun_irradiance, gain),
-        sky_irradiance=_times(lighting.sky_irradiance, gain),
+        sun_irradiance=_times("sun_irradiance", lighting.sun_irradiance, gain),
+        sky_irradiance=_times("sky_irradiance", lighting.sky_irradiance, gain),
     )
 
 
@@ -79,5 +79,5 @@ def _heading(degrees: float) -> float:
     return round(degrees % 360.0, _DIGITS) % 360.0
 
 
-def _times(irradiance: Colour | None, gain: Floats) -> Colour | None:
-    return None if irradiance is None else clipped_colour(np.array(irradiance) * gain, "sky_irradiance")
+def _times(name: str, irradiance: Colour | None, gain: Floats) -> Colour | None:
+    return None if irradiance is None else clipped_colour(np.array(irradiance) * gain, name)
