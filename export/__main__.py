@@ -10,7 +10,9 @@ import click
 
 from export.arguments import FILE, PATH
 from export.stereo.normals_commands import stereo
+from export.turns import PARTS as TURNS_PARTS
 from export.video import KINDS
+from export.video import PARTS as VIDEO_PARTS
 from lighting.errors import LightingError
 
 Command = Callable[..., Any]
@@ -287,9 +289,7 @@ def shade(count: int, model: Path | None) -> None:
 @data
 @click.option("--count", type=click.IntRange(1), default=8, show_default=True, help="Clips of each kind.")
 @click.option("--kind", "kinds", type=click.Choice(KINDS), multiple=True, help="Only clips of these kinds. [all]")
-@click.option(
-    "--only", type=click.Choice(("clips", "dissolves", "streams", "speed")), help="One part of the report. [all]"
-)
+@click.option("--only", type=click.Choice(VIDEO_PARTS), help="One part of the report. [all]")
 @network
 def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
     """Print how well clips are followed, and how fast, by cameras moved in `val` panoramas and rendered places."""
@@ -306,12 +306,12 @@ def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, mode
 @click.option("--last", type=click.IntRange(1), help="Only the last rows of the index, which a network did not see.")
 @click.option("--count", type=click.IntRange(1), help="At most so many places, walks and days. [all]")
 @network
-@click.argument("parts", nargs=-1, type=click.Choice(["pairs", "zooms", "walks", "sets", "overlap", "days"]))
+@click.argument("parts", nargs=-1, type=click.Choice(TURNS_PARTS))
 def turns(parts: tuple[str, ...], **asked: Any) -> None:
     """Print how well turns between photos are found, and what they are worth."""
-    from export.turns.report import PARTS, Asked, report
+    from export.turns.report import Asked, report
 
-    click.echo(report(Asked(parts=parts or PARTS, **asked)))
+    click.echo(report(Asked(parts=parts or TURNS_PARTS, **asked)))
 
 
 def main() -> None:

@@ -8,11 +8,10 @@ import numpy as np
 
 from export.data import DataError, Panorama, read_index
 from export.evaluation.tables import table
-from export.turns import groups, overlap, pairs
+from export.turns import PARTS, groups, overlap, pairs
 from export.turns.sets import one_each
 from lighting.model import Model
 
-PARTS = ("pairs", "zooms", "walks", "sets", "overlap", "days")
 WALKS, SETS, DAYS = 24, 36, 6  # rendered places walked through, places with a set, rendered days
 
 

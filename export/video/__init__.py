@@ -1,5 +1,6 @@
 """What `python -m export video` measures of clips: accuracy, trembling, drift and speed, with exact truth."""
 
+PARTS = ("clips", "dissolves", "streams", "speed")  # of the report
 KINDS = (
     "pan",
     "tilt",

@@ -23,7 +23,6 @@ from lighting.video.watch import EVERY, see, shots_watched
 from lighting.video.watched import Circumstances
 from lighting.video.zoom import zoomed_fov
 
-PARTS = ("clips", "dissolves", "streams", "speed")
 SMOOTH = 1.0  # s of the smooth curve that trembling is measured against
 EXPLAINED = (
     "Medians over the clips, angles in deg. `heading`: error of the camera's heading against the first frame, in the "
