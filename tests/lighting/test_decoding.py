@@ -67,6 +67,13 @@ def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
     assert angle_between(best_guess(p, FINE), modes[0]) < 35.0
 
 
+def test_errors_beyond_sixty_degrees_count_alike() -> None:
+    """By the mean error the strongest mode would lose to two far away from it, either of which is weaker."""
+    modes = [direction(az, 20.0) for az in (0.0, 110.0, 155.0)]
+    p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.42, 0.29, 0.29))
+    assert angle_between(best_guess(p, FINE), modes[0]) < 6.0
+
+
 @pytest.mark.parametrize("apart", [34.0, 38.0, 60.0])
 def test_the_best_guess_is_not_in_the_gap_between_two_sharp_modes(apart: float) -> None:
     modes = direction(np.array([-apart / 2, apart / 2]), 20.0)
