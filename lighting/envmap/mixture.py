@@ -10,7 +10,6 @@ from lighting.geometry import Floats, latlong_angles, latlong_directions, latlon
 from lighting.records import SKY_MODEL, Lighting
 from lighting.sky import CIE_Y_INTEGRAL, Weather, lalonde_matthews_sun, sky_shape
 
-_DARK = 0.02  # of the brightest channel's irradiance, below which a channel of the model has no shape of its own
 _LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 _EFFICACY = 120.0  # lm / W of skylight
 _LEAST = 1e-12  # irradiance that stands for none
@@ -27,9 +26,6 @@ def paint_mixture(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
         return
     _paint_shape(upper, lighting)
     level = irradiance_of(row_levels(2 * len(upper))[: len(upper)], upper)
-    brightest = int(np.argmax(level))
-    for channel in np.flatnonzero(level < _DARK * level[brightest]):  # the blue of a setting sun, say
-        upper[..., channel], level[channel] = upper[..., brightest], level[brightest]
     scale(upper, (1 - cover) * irradiance / np.maximum(level, _LEAST))
     if cover > 0:
         _add_rows(upper, _overcast_rows(len(upper)), cover * irradiance)

@@ -9,8 +9,8 @@ import pytest
 from lighting.envmap import render
 from lighting.envmap.maps import irradiance_of, row_levels
 from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
-from lighting.geometry import latlong_solid_angle
-from lighting.sky import MODELS
+from lighting.geometry import direction, latlong_directions, latlong_solid_angle
+from lighting.sky import MODELS, Weather, sky_shape
 from tests.lighting.envmap.test_render import SKY, given_light, lighting
 
 HEIGHT = 32
@@ -40,8 +40,15 @@ def test_cover_blends_the_two_skies() -> None:
     np.testing.assert_allclose(upper(sky_cover=0.25), 0.75 * upper() + 0.25 * upper(sky_cover=1.0), rtol=1e-5)
 
 
-def test_a_channel_that_the_model_leaves_dark_takes_the_shape_of_the_brightest() -> None:
-    sky = upper(sun_elevation=0.0, turbidity=10.0)
+@pytest.mark.parametrize("model", ["hosek-wilkie", "preetham"])
+@pytest.mark.parametrize(("elevation", "turbidity"), [(0.0, 1.0), (0.0, 10.0), (2.0, 10.0), (90.0, 1.0), (90.0, 10.0)])
+def test_no_model_leaves_a_channel_dark(model: str, elevation: float, turbidity: float) -> None:
+    """Each channel keeps the shape that the model gives it, however its irradiance is scaled."""
+    weather = Weather(turbidity, ground_albedo=0.0, beam=1.0, diffuse=100.0)
+    shape = sky_shape(model, latlong_directions(HEIGHT), direction(0.0, elevation), weather)
+    level = irradiance_of(row_levels(HEIGHT)[: HEIGHT // 2], shape[: HEIGHT // 2])
+    assert level.min() > 0.2 * level.max()
+    sky = upper(sky_model=model, sun_elevation=elevation, turbidity=turbidity)
     assert np.isfinite(sky).all()
     assert sky.max() < 100
 
