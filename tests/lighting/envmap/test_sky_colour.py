@@ -8,6 +8,7 @@ import pytest
 
 from lighting.colour import luminance, tone_map
 from lighting.envmap import photo_sky
+from lighting.envmap.sky_colour import sky_ratio
 from lighting.records import Lighting
 from tests.lighting.envmap.test_render import given_light
 
@@ -43,6 +44,15 @@ def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
     trust = 0.11 + 0.51
     expected = colour_of(SAID) * (colour_of(SUNSET) / colour_of(SAID)).clip(0.5, 2.0) ** trust
     assert colour_of(found) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(("cover", "trust"), [(0.0, 0.11), (0.5, 0.11 + 0.51 / 4), (1.0, 0.11 + 0.51)])
+def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust: float) -> None:
+    light = given_light(sky_cover=cover)
+    off = sky_ratio(photo(SUNSET), light)
+    assert off is not None
+    assert np.ptp(off) > 0.3
+    assert colour_of(seen_sky(photo(SUNSET), light)) == pytest.approx(colour_of(SAID) * off**trust, rel=1e-6)
 
 
 def test_its_brightness_stays() -> None:
