@@ -34,6 +34,7 @@ SOFTWARE = f"outdoor-lighting {__version__}"
 MAGIC = b"v/1\x01"
 _BUFFER = 1 << 20  # bytes written at once; OpenEXR writes each 16 rows, with their place and size, by themselves
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
+_MOST_CHUNKS = 1 << 16  # of a file, each of a row or more: a map of more rows would hold 100 GB
 
 
 def write_exr(
@@ -237,13 +238,26 @@ def _is_whole(data: bytes) -> bool:
         (version,) = struct.unpack_from("<I", data, 4)
         if version & _NOT_PLAIN:
             return True
-        table = _end_of_header(data)
-        (first,) = struct.unpack_from("<Q", data, table)
-        offsets = np.frombuffer(data, "<u8", (first - table) // 8, table)
-        _, size = struct.unpack_from("<ii", data, int(offsets.max()))
-        return bool(offsets.min() >= first and offsets.max() + 8 + size <= len(data))
+        last = int(_chunks(data, _end_of_header(data)).max())
+        _, size = struct.unpack_from("<ii", data, last)
+        return bool(last + 8 + size <= len(data))
     except (struct.error, ValueError, OverflowError):
         return False
+
+
+def _chunks(data: bytes, table: int) -> NDArray[np.uint64]:
+    """Where the chunks lie (N,), by the table at this position; ValueError where it lacks one.
+
+    The table ends where the chunk begins that is stored first: that of the top rows, or of the lowest ones where the
+    rows are stored from the bottom up.
+    """
+    offsets = np.frombuffer(data, "<u8", min(_MOST_CHUNKS, (len(data) - table) // 8), table)
+    ends = table + 8 * np.arange(1, len(offsets) + 1, dtype=np.uint64)
+    lowest = np.minimum.accumulate(offsets)
+    count = int(np.argmax(lowest <= ends)) + 1
+    if lowest[count - 1] != ends[count - 1]:
+        raise ValueError("missing chunk")
+    return offsets[:count]
 
 
 def _end_of_header(data: bytes) -> int:

@@ -202,6 +202,29 @@ def test_cut_files_are_refused_quietly(data: bytes, share: float, capfd: pytest.
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("packing", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION, OpenEXR.PIZ_COMPRESSION])
+def test_rows_may_be_stored_from_the_bottom_up(image: NDArray[np.float32], packing: Any) -> None:
+    data = encoded({"RGB": image}, compression=packing, lineOrder=OpenEXR.DECREASING_Y)
+    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0], image)
+    with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
+        read_exr(io.BytesIO(data[:-1]))
+
+
+@pytest.mark.parametrize("order", [OpenEXR.INCREASING_Y, OpenEXR.DECREASING_Y])
+@pytest.mark.parametrize("missing", [0, 7, 31])
+def test_a_chunk_that_was_never_written_is_noticed(
+    image: NDArray[np.float32], order: Any, missing: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Its place in the table is 0, as programs leave it that were stopped while they wrote."""
+    data = bytearray(encoded({"RGB": image}, compression=OpenEXR.NO_COMPRESSION, lineOrder=order))
+    row = 8 + 12 * image.shape[1]
+    table = len(data) - (row + 8) * len(image)
+    data[table + 8 * missing : table + 8 * missing + 8] = bytes(8)
+    with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
+        read_exr(io.BytesIO(data))
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_damaged_header_is_refused_in_plain_words(data: bytes) -> None:
     spoilt = bytearray(data)
     spoilt[data.index(b"channels") + 12] = 0xFF
