@@ -24,6 +24,7 @@ from lighting.geometry import (
     ray_sphere,
     sample_latlong,
     up_in_camera,
+    window_of,
     wrap_azimuth,
 )
 
@@ -312,3 +313,12 @@ def test_origins_rays_and_centres_broadcast_and_keep_their_precision() -> None:
     assert found.shape == (5, 4)
     assert found.dtype == np.float32
     np.testing.assert_allclose(found, 2.0, rtol=1e-6)
+
+
+def test_a_window_holds_the_true_cells_and_one_more_on_each_side() -> None:
+    cells = np.zeros((6, 8), dtype=bool)
+    assert window_of(cells, 60, 100) is None
+    cells[2, 3] = True
+    assert window_of(cells, 60, 100) == (slice(10, 40), slice(25, 63))
+    cells[0, 7] = True
+    assert window_of(cells, 60, 100) == (slice(0, 40), slice(25, 100))
