@@ -48,18 +48,16 @@ def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path
         assert "\n" not in str(result.exception)
 
 
-def test_commands_say_which_panoramas_are_missing_in_one_sentence(
-    data: Path, trained_network: Path, tmp_path: Path
-) -> None:
+def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, network: Path, tmp_path: Path) -> None:
     (tmp_path / "panoramas").symlink_to(data / "panoramas")
     (tmp_path / INDEX).write_text((data / INDEX).read_text().replace(",val,", ",train,"))
-    asked = ["--labels", str(data / "labels.csv"), "--model", str(trained_network)]
+    asked = ["--labels", str(data / "labels.csv"), "--model", str(network)]
     for command, folder, message in (
         (["evaluate", *asked, "--out", str(tmp_path / "out")], tmp_path, "is of the split val"),
         (["sky", *asked], data, "The network states no light"),
         (["ground", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
         (["sun-colour", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
-        (["video", "--model", str(trained_network)], tmp_path, "is of the split val"),
+        (["video", "--model", str(network)], tmp_path, "is of the split val"),
         (["turns", "pairs"], tmp_path, "is left in `val`"),
     ):
         result = CliRunner().invoke(cli, [*command, "--data", str(folder)])
