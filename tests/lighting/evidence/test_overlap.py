@@ -26,6 +26,12 @@ def test_one_view_twice_counts_once() -> None:
     assert found == pytest.approx([0.5, 0.5, 1.0])
 
 
+def test_the_errors_of_views_correlate_by_the_square_of_what_they_share() -> None:
+    """Two views with half in common correlate by a quarter, on top of what views without overlap do."""
+    found = counts(ahead(0.0, 31.25), FOV[:2], Correlation(0.2, 0.0))
+    assert found == pytest.approx([1 / (1 + 0.2 + 0.8 / 4)] * 2)
+
+
 def test_the_same_view_under_another_sun_counts_more() -> None:
     same = counts(ahead(0.0, 0.0, 0.0), FOV, SUN)
     other = counts(ahead(0.0, 0.0, 0.0), FOV, SUN, np.full((3, 3), 0.2))
