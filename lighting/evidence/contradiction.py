@@ -52,10 +52,14 @@ def contradictions(
 
 
 def elevation_tail(prediction: Prediction, elevation: Floats) -> float:
-    """Two-sided tail probability (0 to 1) of the likeliest of elevations (K,) [deg] under the pixels' distribution."""
+    """Two-sided tail probability (0 to 1) of the likeliest of elevations (K,) [deg] under the pixels' distribution.
+
+    A sun on the horizon stands for those of twilight: it is as likely as that the sun is there or below.
+    """
     cells = angles(grid_directions(prediction.spec.sun_grid))[1]
     below = _logistic(elevation[:, None] - cells) - _logistic(-elevation[:, None] - cells)  # cells end at the horizon
-    lower = below @ np.asarray(prediction.sun_probability, dtype=np.float64)
+    probability = np.asarray(prediction.sun_probability, dtype=np.float64)
+    lower = np.maximum(below @ probability, _logistic(-cells) @ probability)
     return float(np.max(2.0 * np.minimum(lower, 1.0 - lower)))
 
 

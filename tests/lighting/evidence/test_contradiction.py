@@ -70,6 +70,15 @@ def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:
     )
 
 
+@pytest.mark.parametrize("seen", [0.0, 3.0, 8.0, 15.0])
+def test_a_sun_of_twilight_agrees_with_pixels_that_see_it_low(seen: float) -> None:
+    assert fuse(lobe(0.0, seen, 80.0), Evidence(((0.0, 100.0),))).warnings == ()
+
+
+def test_what_smoothing_puts_below_the_horizon_counts_as_above_it() -> None:
+    assert elevation_tail(lobe(0.0, 0.0, 80.0), np.array([5.0])) == pytest.approx(0.98, abs=0.02)
+
+
 def test_several_zones_are_named_as_a_range() -> None:
     said = lobe(0.0, 80.0, 150.0)
     assert "3 to 12°" in fuse(said, Evidence(((3.0, 80.0), (12.0, 95.0)))).warnings[0]
