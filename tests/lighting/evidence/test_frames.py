@@ -37,6 +37,7 @@ def test_the_compass_joins_groups_that_matches_leave_apart() -> None:
     assert found.turn - found.turn[0] == pytest.approx([0.0, 10.0, 90.0], abs=10.0)
     assert found.turn[1] - found.turn[0] == pytest.approx(10.0)
     assert found.noise[2] == pytest.approx(np.hypot(0.3, TURN_NOISE))
+    assert found.noise[:2] == pytest.approx([np.hypot(0.3, TURN_NOISE / np.sqrt(2))] * 2)
 
 
 def test_without_any_each_photo_is_alone() -> None:
