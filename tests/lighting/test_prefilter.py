@@ -28,6 +28,18 @@ def test_map_without_disc_gives_almost_no_sun() -> None:
     assert powers[1].max() < 0.01 * powers[0].max()
 
 
+def test_only_what_a_disc_has_over_the_sky_around_it_is_the_suns() -> None:
+    sun = direction(40.0, 30.0)
+    bright = np.full((64, 128, 3), 5.0, np.float32)
+    rest, power = without_sun(bright, sun)
+    assert power == pytest.approx([0.0] * 3)
+    row, column = np.unravel_index(np.argmax(latlong_directions(64) @ sun), (64, 128))
+    bright[row, column] = 105.0
+    rest, power = without_sun(bright, sun)
+    assert power == pytest.approx([100.0 * latlong_solid_angle(64)[row]] * 3, rel=1e-4)
+    assert rest[row, column] == pytest.approx(5.0)
+
+
 @pytest.mark.parametrize(("a", "b"), [(0, 1), (1, 2), (0, 2)])
 def test_irradiance_of_a_product_map(a: int, b: int) -> None:
     d = latlong_directions(64)
