@@ -30,14 +30,21 @@ def page_router(bundle: Path = BUNDLE) -> APIRouter:
     async def page(request: Request) -> Response:
         if not (bundle / "index.html").is_file():
             return HTMLResponse(NOT_BUILT)
-        response = await whole.get_response("index.html", request.scope)
-        response.headers["Cache-Control"] = "no-cache"
-        return response
+        return await _served(whole, "index.html", request, "no-cache")
 
     @router.get("/assets/{path:path}")
     async def asset(request: Request, path: str) -> Response:
-        response = await files.get_response(path, request.scope)
-        response.headers["Cache-Control"] = FOREVER
-        return response
+        return await _served(files, path, request, FOREVER)
 
     return router
+
+
+async def _served(files: StaticFiles, path: str, request: Request, kept: str) -> Response:
+    """A whole file, which caches keep as `kept` says.
+
+    A `Range` is ignored, as the other routes ignore it: one that cannot be given would be answered in plain text.
+    """
+    request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
+    response = await files.get_response(path, request.scope)
+    response.headers.update({"Accept-Ranges": "none", "Cache-Control": kept})
+    return response

@@ -394,3 +394,14 @@ def test_the_bundle_is_served(tmp_path: Path) -> None:
     script = site(tmp_path).get("/assets/main-1.js")
     assert "immutable" in script.headers["Cache-Control"]
     assert script.headers["Content-Type"].startswith("text/javascript")
+
+
+@pytest.mark.parametrize("asked", ["bytes=0-1", "bytes=9-", "bytes=0-1,9-", "bytes=a-b", "lines=0-1"])
+def test_a_file_of_the_page_comes_whole_whatever_range_is_asked_for(tmp_path: Path, asked: str) -> None:
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "index.html").write_text("page")
+    (tmp_path / "assets" / "main-1.js").write_text("true")
+    for path, text in (("/", "page"), ("/assets/main-1.js", "true")):
+        answer = site(tmp_path).get(path, headers={"Range": asked})
+        assert (answer.status_code, answer.text) == (200, text)
+        assert answer.headers["Accept-Ranges"] == "none"
