@@ -72,6 +72,7 @@ def serve() -> None:
         app,
         host=settings.host,
         port=settings.port,
+        workers=1,  # whatever WEB_CONCURRENCY says, which many hosts set: one process works on several photos
         log_config=_logging(settings.log_level.upper()),
         access_log=False,
         server_header=False,

@@ -344,6 +344,15 @@ def test_a_start_that_fails_says_why_in_a_sentence(settings: dict[str, str], wor
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("workers", ["2", "auto"])
+def test_it_starts_where_a_host_says_how_many_processes_a_service_may_have(
+    network: Path, monkeypatch: pytest.MonkeyPatch, workers: str
+) -> None:
+    monkeypatch.setenv("WEB_CONCURRENCY", workers)
+    with started(network, concurrency=1) as server:
+        assert server.request("GET", "/livez")[0] == 200
+
+
 def test_a_port_that_is_taken_is_told_in_a_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
