@@ -86,6 +86,9 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
             reason = str(error or msg).partition(": bytearray")[0]  # without the bytes, which may hold a key
             self._refuse(problems.MALFORMED, f"The request cannot be read: {reason}.")
 
+    def _unsupported_upgrade_warning(self) -> None:
+        """Say nothing: an upgrade may be ignored, and some clients ask for HTTP/2 on every connection."""
+
     def pause_writing(self) -> None:
         super().pause_writing()
         self._unsent.add(self.transport)

@@ -1,6 +1,7 @@
 """What ends a connection, on a real socket: heads, bodies in crumbs, answers that are not taken."""
 
 import json
+import logging
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -132,6 +133,18 @@ def test_what_is_wrong_with_headers_is_said_and_the_headers_are_not(port: int, h
     refused(answer, 400, "malformed-request")
     assert b"The request cannot be read: " + reason + b"." in answer
     assert b"secret" not in answer
+
+
+@pytest.mark.parametrize("protocol", [b"h2c", b"websocket"])
+def test_an_upgrade_that_is_not_made_is_no_news(
+    port: int, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, protocol: bytes
+) -> None:
+    monkeypatch.setattr(logging.getLogger("uvicorn.error"), "handlers", [caplog.handler])
+    head = b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 3\r\nConnection: Upgrade\r\nUpgrade: %b\r\n\r\n" % protocol
+    with connected(port) as connection, caplog.at_level("WARNING", "uvicorn.error"):
+        connection.sendall(head + b"abc")
+        assert answered(connection) == b"3"
+    assert not caplog.records
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: x\r\nX-A: "])
