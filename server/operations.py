@@ -62,7 +62,10 @@ async def metrics(service: Services) -> Response:
 
 
 class Observed:
-    """Gives each request an id, counts and logs it. The log holds its route, never its query, body or file names."""
+    """Gives each request an id, counts and logs it.
+
+    The log holds its route and the name of its problem, never its query, body or file names.
+    """
 
     def __init__(self, app: ASGIApp, service: Service) -> None:
         self.app = app
@@ -91,14 +94,21 @@ class Observed:
             self._count(scope, status, time.perf_counter() - start)
 
     def _count(self, scope: Scope, status: int, seconds: float) -> None:
-        route = getattr(scope.get("route"), "path", UNMATCHED)
+        route = _route(scope)
         if route in UNCOUNTED:
             return
         method = scope["method"] if scope["method"] in METHODS else "other"
-        method = "any" if route == UNMATCHED else method
-        self.service.metrics.requests.labels(method, route, status).inc()
+        counted = "any" if route == UNMATCHED else method
+        self.service.metrics.requests.labels(counted, route, status).inc()
         self.service.metrics.latency.labels(route).observe(seconds)
-        access.info("%s %s %s %.0f ms id=%s", method, route, status, 1000 * seconds, scope["request_id"])
+        end = f"{status} {scope['problem']}" if scope.get("problem") else status
+        access.info("%s %s %s %.0f ms id=%s", method, route, end, 1000 * seconds, scope["request_id"])
+
+
+def _route(scope: Scope) -> str:
+    """The template of a request's path; FastAPI's own route of the OpenAPI document names none, but an endpoint."""
+    template: str = getattr(scope.get("route"), "path", scope["path"] if scope.get("endpoint") else UNMATCHED)
+    return template
 
 
 def _request_id(headers: Headers) -> str:
@@ -157,4 +167,4 @@ class HeadAsGet:
         try:
             await self.app(inner, receive, without_body)
         finally:
-            scope["route"] = inner.get("route")
+            scope.update({name: inner.get(name) for name in ("route", "endpoint", "problem")})

@@ -114,6 +114,8 @@ def all_invalid(errors: list[dict[str, Any]]) -> ProblemError:
 
 
 def response(request: Request, error: ProblemError) -> Response:
+    """The answer with a problem, whose name the scope then holds for the log."""
+    request.scope["problem"] = error.kind.name
     body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
     return Response(_json({**body, **error.more}), error.kind.status, error.headers, MEDIA_TYPE)
 

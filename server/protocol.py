@@ -5,6 +5,7 @@ much at once as the socket held: of a head sixteen times what h11 is told to tak
 """
 
 import asyncio
+import logging
 import sys
 from typing import Any
 
@@ -18,6 +19,8 @@ from server.unsent import Unsent
 
 HEADER_BYTES = 16384  # of a request line and its headers
 ANSWER_GRACE = 30.0  # seconds in which an answer may be taken more slowly than at its least rate
+
+access = logging.getLogger("server.access")
 
 _PIECE = 4096  # bytes of heads and of chunks that h11 sees in one turn of the event loop
 _LARGE_PIECE = 65536  # of a body of a known length, which costs little
@@ -146,6 +149,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._linger()
 
     def _send(self, kind: Kind, detail: str) -> None:
+        access.info("refused %d %s", kind.status, kind.name)
         body = problems.plain(kind, detail)
         headers = [
             (b"content-type", problems.MEDIA_TYPE.encode()),

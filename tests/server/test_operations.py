@@ -67,6 +67,26 @@ def test_health_is_neither_counted_nor_logged(client: TestClient, caplog: pytest
     assert not caplog.records
 
 
+def test_the_line_of_a_request_says_how_it_ended(
+    client: TestClient, jpeg: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "server.access"):
+        client.post("/v1/lighting?exif=false", content=jpeg, headers=JPEG)
+        client.post("/v1/lighting", content=b"text", headers=JPEG)
+        client.get("/openapi.json")
+        client.head("/openapi.json")
+        client.head("/v1/envmap")
+        client.delete("/secret/path")
+    assert [re.sub(r"\d+ ms id=\w+$", "", record.getMessage()) for record in caplog.records] == [
+        "POST /v1/lighting 200 ",
+        "POST /v1/lighting 400 unreadable-photo ",
+        "GET /openapi.json 200 ",
+        "HEAD /openapi.json 200 ",
+        "HEAD /v1/envmap 422 invalid ",
+        "DELETE unmatched 404 not-found ",
+    ]
+
+
 def test_a_request_id_is_echoed_or_made(client: TestClient) -> None:
     assert client.get("/livez", headers={"X-Request-ID": "trace-1.2_3"}).headers["x-request-id"] == "trace-1.2_3"
     made = client.get("/livez").headers["x-request-id"]

@@ -135,6 +135,16 @@ def test_what_is_wrong_with_headers_is_said_and_the_headers_are_not(port: int, h
     assert b"secret" not in answer
 
 
+def test_what_never_became_a_request_is_logged(port: int, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", "server.access"):
+        for sent in (b"hello\r\n\r\n", b"GET / HTTP/1.1\r\nHost: x\r\nX-A: "):
+            connection = connected(port)
+            connection.sendall(sent)
+            rest(connection)
+    said = [record.getMessage() for record in caplog.records if record.name == "server.access"]
+    assert said == ["refused 400 malformed-request", "refused 408 too-slow"]
+
+
 @pytest.mark.parametrize("protocol", [b"h2c", b"websocket"])
 def test_an_upgrade_that_is_not_made_is_no_news(
     port: int, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, protocol: bytes
