@@ -78,6 +78,7 @@ def serve() -> None:
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=settings.trusted_proxies,
+        root_path=settings.root_path,
         timeout_graceful_shutdown=settings.shutdown_seconds,
         ws="none",
         http=_protocol(app.state.service),

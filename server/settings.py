@@ -21,6 +21,7 @@ PREFIX = "LIGHTING_"
 
 _DAY = 86_400.0  # seconds; timers take no infinite ones
 
+_ROOT_PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s]+")  # as browsers send it
 
 
@@ -113,6 +114,9 @@ class Settings(BaseSettings):
     trusted_proxies: str = Field(
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
+    root_path: str = Field(
+        "", description="path that a proxy takes away from its requests, for example `/light`; links name it"
+    )
     log_level: Level = Field("info", description="lowest level that is logged: debug, info, warning or error")
 
     @field_validator("rate_limit")
@@ -148,6 +152,13 @@ class Settings(BaseSettings):
             except ValueError as error:
                 raise ValueError(f"{address} is not an IP address or network; names are not looked up.") from error
         return text
+
+    @field_validator("root_path")
+    @classmethod
+    def _root_can_be_met(cls, path: str) -> str:
+        if not _ROOT_PATH.fullmatch(path):
+            raise ValueError(f"{path} is not a path such as /light, without a slash at its end.")
+        return path
 
     @property
     def places(self) -> int:

@@ -344,6 +344,16 @@ def test_a_start_that_fails_says_why_in_a_sentence(settings: dict[str, str], wor
     assert "Traceback" not in done.stderr
 
 
+def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
+    with started(network, concurrency=1, root_path="/tools/light") as server:
+        link = json.loads(server.request("POST", "/v1/lighting", PHOTO)[1])["links"]["envmap"]
+        assert link.startswith("/tools/light/v1/envmap?")
+        assert server.request("GET", link.removeprefix("/tools/light") + "&height=16")[0] == 200
+        assert json.loads(server.request("GET", "/openapi.json")[1])["servers"] == [{"url": "/tools/light"}]
+        assert json.loads(server.request("GET", "/nowhere")[1])["instance"] == "/tools/light/nowhere"
+        assert server.request("GET", "/")[0] == server.request("GET", "/favicon.ico")[0] == 200
+
+
 @pytest.mark.parametrize("workers", ["2", "auto"])
 def test_it_starts_where_a_host_says_how_many_processes_a_service_may_have(
     network: Path, monkeypatch: pytest.MonkeyPatch, workers: str

@@ -102,6 +102,12 @@ def test_an_origin_that_no_browser_sends_is_refused(origin: str) -> None:
         Settings(cors_origins=("https://a", origin))
 
 
+@pytest.mark.parametrize("path", ["light", "/light/", "/", "//light", "https://example.org/light", "/a?b", "/a\n"])
+def test_a_root_path_that_no_request_has_is_refused(path: str) -> None:
+    with pytest.raises(ValidationError, match="is not a path such as /light"):
+        Settings(root_path=path)
+
+
 @pytest.mark.parametrize("trusted", ["", "*", "127.0.0.1", "10.0.0.0/8, ::1", "fd00::/8,"])
 def test_proxies_are_addresses_or_networks(trusted: str) -> None:
     assert Settings(trusted_proxies=trusted).trusted_proxies == trusted
