@@ -1,5 +1,6 @@
 """Start the service: `python -m server`, or `lighting-server`."""
 
+import errno
 import os
 import socket
 import sys
@@ -94,11 +95,12 @@ def refuse_taken(host: str, port: int) -> None:
     except OSError as error:
         raise SettingsError(f"{PREFIX}HOST: {host} is no address to listen on: {error.strerror}.") from error
     errors = [_error_of_binding(family, address) for family, _, _, _, address in found]
-    if errors and all(errors):
-        raise SettingsError(f"{PREFIX}PORT: {host}:{port} cannot be listened on: {errors[0]}.")
+    if all(errors) and (first := errors[0]):
+        at_fault = "HOST" if first.errno == errno.EADDRNOTAVAIL else "PORT"
+        raise SettingsError(f"{PREFIX}{at_fault}: {host}:{port} cannot be listened on: {first.strerror or first}.")
 
 
-def _error_of_binding(family: int, address: Any) -> str | None:
+def _error_of_binding(family: int, address: Any) -> OSError | None:
     """Why a socket cannot have the address; None if it can."""
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         if os.name == "posix":  # as asyncio does, so that connections that just ended do not count
@@ -106,7 +108,7 @@ def _error_of_binding(family: int, address: Any) -> str | None:
         try:
             probe.bind(address)
         except OSError as error:
-            return error.strerror or str(error)
+            return error
     return None
 
 

@@ -55,7 +55,7 @@ def _small(value: object) -> object:
     return value.lower() if isinstance(value, str) else value
 
 
-Words = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_words)]
+Origins = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_words), BeforeValidator(_small)]  # the last comes first
 Keys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_keys)]
 Level = Annotated[Literal["debug", "info", "warning", "error"], BeforeValidator(_small)]
 
@@ -103,14 +103,16 @@ class Settings(BaseSettings):
         le=_DAY,
         description="time limit for matching a request's photos with each other, in seconds",
     )
-    shutdown_seconds: int = Field(30, ge=1, description="time that running requests have after SIGTERM, in seconds")
+    shutdown_seconds: int = Field(
+        30, ge=1, le=_DAY, description="time that running requests have after SIGTERM, in seconds"
+    )
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
     api_keys: Keys = Field(
         (), description="API keys (`Authorization: Bearer KEY`), separated by commas; without keys everybody may call"
     )
     api_keys_file: Path | None = Field(None, description="file with further keys, one per line; `#` begins a comment")
     rate_limit: str = Field("", description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
-    cors_origins: Words = Field((), description="origins whose web pages may call, separated by commas")
+    cors_origins: Origins = Field((), description="origins whose web pages may call, separated by commas")
     trusted_proxies: str = Field(
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
@@ -122,7 +124,11 @@ class Settings(BaseSettings):
     @field_validator("rate_limit")
     @classmethod
     def _limit_can_be_read(cls, text: str) -> str:
-        for limit in parse_many(text) if text else ():
+        try:
+            limits = parse_many(text) if text else []
+        except ValueError as error:
+            raise ValueError(f"{text} is not a rate limit such as 60/minute or 5/second;1000/day.") from error
+        for limit in limits:
             if limit.amount < 1:
                 raise ValueError(f"{text} lets nobody call; a limit allows at least one request.")
         return text

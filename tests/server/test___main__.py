@@ -327,11 +327,11 @@ def test_help_lists_every_setting() -> None:
     [
         ({"model": "/nowhere/none.onnx"}, "There is no network at /nowhere/none.onnx."),
         ({"port": "http", "queue": "-1"}, "LIGHTING_QUEUE: Input should be greater than or equal to 0"),
-        ({"rate_limit": "often"}, "LIGHTING_RATE_LIMIT: couldn't parse"),
+        ({"rate_limit": "often"}, "LIGHTING_RATE_LIMIT: often is not a rate limit such as 60/minute"),
         ({"cors_origins": "example.org"}, "LIGHTING_CORS_ORIGINS: example.org is not an origin"),
         ({"trusted_proxies": "proxy"}, "LIGHTING_TRUSTED_PROXIES: proxy is not an IP address"),
         ({"host": "no host"}, "LIGHTING_HOST: no host is no address to listen on: "),
-        ({"host": "192.0.2.1"}, "LIGHTING_PORT: 192.0.2.1:8000 cannot be listened on: Cannot assign"),
+        ({"host": "192.0.2.1"}, "LIGHTING_HOST: 192.0.2.1:8000 cannot be listened on: Cannot assign"),
         ({"api_key": "secret"}, "LIGHTING_API_KEY is no setting; did you mean LIGHTING_API_KEYS?"),
         ({"api_keys_file": "/nowhere/keys"}, "LIGHTING_API_KEYS_FILE: /nowhere/keys cannot be read: No such file"),
     ],

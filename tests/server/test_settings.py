@@ -82,6 +82,7 @@ def test_places_are_the_cpus_unless_set(monkeypatch: pytest.MonkeyPatch) -> None
         ("DECODE_SECONDS", "inf"),
         ("MATCH_SECONDS", "1e12"),
         ("MAX_BYTES", "0"),
+        ("SHUTDOWN_SECONDS", "100000000000000000000"),
     ],
 )
 def test_a_setting_that_makes_no_sense_is_refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
@@ -94,6 +95,17 @@ def test_a_setting_that_makes_no_sense_is_refused(monkeypatch: pytest.MonkeyPatc
 def test_a_level_of_the_log_may_be_in_capitals(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PREFIX + "LOG_LEVEL", "WARNING")
     assert Settings().log_level == "warning"
+
+
+def test_an_origin_may_be_written_in_capitals_which_browsers_do_not_send(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PREFIX + "CORS_ORIGINS", "https://Example.org, HTTP://localhost:3000")
+    assert Settings().cors_origins == ("https://example.org", "http://localhost:3000")
+
+
+@pytest.mark.parametrize("limit", ["60", "60/fortnight", "often", "5/second,"])
+def test_a_rate_limit_that_cannot_be_read_is_told_with_an_example(limit: str) -> None:
+    with pytest.raises(ValidationError, match=f"{limit} is not a rate limit such as 60/minute"):
+        Settings(rate_limit=limit)
 
 
 @pytest.mark.parametrize("origin", ["example.org", "https://example.org/", "https://", "https://a/b", "//a"])
