@@ -107,8 +107,7 @@ class Observed:
 
 def _route(scope: Scope) -> str:
     """The template of a request's path; FastAPI's own route of the OpenAPI document names none, but an endpoint."""
-    template: str = getattr(scope.get("route"), "path", scope["path"] if scope.get("endpoint") else UNMATCHED)
-    return template
+    return str(getattr(scope.get("route"), "path", scope["path"] if scope.get("endpoint") else UNMATCHED))
 
 
 def _request_id(headers: Headers) -> str:
