@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 from lighting.stereo import FEWEST_SHOTS, NOISES, ModelledSkies, Question
 from server.queries import Query
 from server.texts import Offset, in_words, misfit
-from server.values import Between, named
+from server.values import Between, Omissible, named
 
 MOST_DAYS = 31  # of a range
 MOST_SHOTS = 64  # of a window; these two bound what a request costs, as does
@@ -35,7 +35,9 @@ class PlanQuery(Query):
     lat: Annotated[float, named("latitude", "deg, positive north", 48.14)]
     lon: Annotated[float, named("longitude", "deg, positive east", 11.58)]
     date: Day = Field(description="the day by the clock of the place")
-    until: Day | None = Field(None, description=f"last of up to {MOST_DAYS} days, whose best is planned")
+    until: Annotated[Day | None, Omissible()] = Field(
+        None, description=f"last of up to {MOST_DAYS} days, whose best is planned"
+    )
     sky: Literal["clear", "overcast", "mixed"] = Field("clear", description="modelled sky; mixed is broken cloud")
     facing: Annotated[
         float | None, Between(-360, 360, description="deg clockwise from north: where the surface faces; else all ways")

@@ -32,6 +32,7 @@ from server.values import (
     Format,
     GroundAlbedo,
     Height,
+    Omissible,
     SkyCover,
     SunAzimuth,
     SunElevation,
@@ -107,7 +108,7 @@ class MapQuery(Query):
     height: Height = 512
     yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
     format: Format = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
-    sky: SkyModel | None = Field(None, description="another shape of the sky than the record's")
+    sky: Annotated[SkyModel | None, Omissible()] = Field(None, description="another shape of the sky than the record's")
     compression: Compression = Field("zip", description="how an EXR is packed; `pxr24` is the fastest")
 
     @model_validator(mode="after")
@@ -122,7 +123,7 @@ class StatedQuery(Query):
 
     sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
     sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
-    sky_cover: SkyCover | None = None
+    sky_cover: Annotated[SkyCover | None, Omissible()] = None
     ground_color: Reflectances = Field(None, description=GROUND_COLOR)
 
     @field_validator("sky_irradiance")

@@ -9,7 +9,6 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationError,
-    WithJsonSchema,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -23,7 +22,15 @@ Format = Literal["exr", "hdr", "png"]
 MEDIA_TYPES: dict[Format, str] = {"exr": "image/x-exr", "hdr": "image/vnd.radiance", "png": "image/png"}
 
 
-class Between:
+class Omissible:
+    """A parameter that may be left out is never null, whatever its type in Python says."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        plain = handler(schema)
+        return {**plain.pop("anyOf", [{}])[0], **plain}
+
+
+class Between(Omissible):
     """A number must lie in [low, high]; the error for any other value states that range."""
 
     def __init__(self, low: float, high: float, **documented: Any) -> None:
@@ -34,9 +41,7 @@ class Between:
         return core_schema.no_info_wrap_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        plain = handler(schema)
-        plain = plain.get("anyOf", [plain])[0]  # a parameter that may be left out is never null
-        return {**plain, **self.limits, **self.documented}
+        return {**super().__get_pydantic_json_schema__(schema, handler), **self.limits, **self.documented}
 
     def _check(self, value: Any, parse: Callable[[Any], float]) -> float:
         try:
@@ -70,7 +75,7 @@ def _flag(value: object) -> object:
 
 
 Flag = Annotated[bool, BeforeValidator(_flag)]
-FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
+FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), Omissible()]
 Height = Annotated[
     int,
     Between(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),

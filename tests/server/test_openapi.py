@@ -90,6 +90,12 @@ def test_every_parameter_and_field_has_its_range_and_an_example(document: dict[s
         assert schema["description"]
 
 
+def test_no_parameter_is_null_since_a_url_holds_texts(document: dict[str, Any]) -> None:
+    for operation in operations(document).values():
+        for parameter in operation.get("parameters", []):
+            assert isinstance(parameter["schema"].get("type"), str), parameter["name"]
+
+
 def test_every_reference_leads_somewhere(document: dict[str, Any]) -> None:
     text = json.dumps(document)
     for name in {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}:
