@@ -107,7 +107,8 @@ class Observed:
 
 def _route(scope: Scope) -> str:
     """The template of a request's path; FastAPI's own route of the OpenAPI document names none, but an endpoint."""
-    return str(getattr(scope.get("route"), "path", scope["path"] if scope.get("endpoint") else UNMATCHED))
+    path = scope["path"].removeprefix(scope.get("root_path", ""))
+    return str(getattr(scope.get("route"), "path", path if scope.get("endpoint") else UNMATCHED))
 
 
 def _request_id(headers: Headers) -> str:
