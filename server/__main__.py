@@ -33,7 +33,9 @@ def refuse(arguments: Sequence[str]) -> NoReturn:
     from server.settings import PREFIX, Settings
 
     fields = Settings.model_fields.items()
-    listed = "\n".join(f"  {PREFIX + name.upper():29}{field.description}" for name, field in fields)
+    listed = "\n".join(
+        f"  {PREFIX + name.upper():29}{field.description}{_default(field.default)}" for name, field in fields
+    )
     parser = ArgumentParser(
         prog="lighting-server",
         description="Estimate the light of outdoor photos over HTTP. Settings are read from environment variables:",
@@ -43,6 +45,11 @@ def refuse(arguments: Sequence[str]) -> NoReturn:
     parser.add_argument("--version", action="version", version=__version__)
     parser.parse_args(arguments)
     parser.error("there are no other arguments; settings are read from the environment")
+
+
+def _default(value: object) -> str:
+    """A setting's default, in the help."""
+    return "" if value in (None, "", ()) else f" [{value}]"
 
 
 def serve() -> None:

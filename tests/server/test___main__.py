@@ -311,15 +311,15 @@ def test_arguments_are_refused_not_ignored(argument: str) -> None:
     assert done.stderr.splitlines()[-1] == f"lighting-server: error: unrecognized arguments: {argument}"
 
 
-def test_help_lists_every_setting() -> None:
+def test_help_lists_every_setting_with_its_default() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "server", "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60
     )
     assert (done.returncode, done.stderr) == (0, "")
     for name, field in Settings.model_fields.items():
-        assert re.search(
-            rf"^  {PREFIX}{name.upper()} +{re.escape(field.description or '?')}$", done.stdout, re.MULTILINE
-        )
+        default = "" if field.default in (None, "", ()) else f" [{field.default}]"
+        meaning = re.escape(f"{field.description}{default}")
+        assert re.search(rf"^  {PREFIX}{name.upper()} +{meaning}$", done.stdout, re.MULTILINE), name
 
 
 @pytest.mark.parametrize(
