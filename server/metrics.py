@@ -6,6 +6,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from server.arrivals import Arrivals
 from server.limiter import Limiter
+from server.unsent import Unsent
 
 SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper ends of the histograms' buckets
 
@@ -13,7 +14,7 @@ SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper
 class Metrics:
     """The service's metrics. Routes are labelled by template, which keeps the number of labels small."""
 
-    def __init__(self, limiter: Limiter, arrivals: Arrivals) -> None:
+    def __init__(self, limiter: Limiter, arrivals: Arrivals, unsent: Unsent) -> None:
         self.registry = registry = CollectorRegistry()
         self.requests = Counter(
             "lighting_requests", "Requests answered.", ["method", "route", "status"], registry=registry
@@ -37,6 +38,7 @@ class Metrics:
         self._gauge("lighting_uploads", "Bodies that are arriving.", lambda: arrivals.count)
         self._gauge("lighting_queue_depth", "Requests that wait.", lambda: limiter.waiting)
         self._gauge("lighting_running", "Requests that are running.", lambda: limiter.running)
+        self._gauge("lighting_unsent_bytes", "Bytes of answers that wait for their clients.", lambda: unsent.size)
 
     def _gauge(self, name: str, meaning: str, value: Callable[[], int]) -> None:
         Gauge(name, meaning, registry=self.registry).set_function(value)

@@ -51,7 +51,7 @@ class Service:
         self.limiter = Limiter(settings.places, settings.queue)
         self.arrivals = Arrivals(settings.uploads, settings.uploads_per_client)
         self.unsent = Unsent(settings.unsent_bytes)
-        self.metrics = Metrics(self.limiter, self.arrivals)
+        self.metrics = Metrics(self.limiter, self.arrivals, self.unsent)
         self.keys = Keys(settings.all_keys())
         self.rate = Rate(settings.rate_limits)
         self.ready = False

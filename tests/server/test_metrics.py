@@ -7,6 +7,7 @@ from lighting.pipeline import Estimator
 from server.arrivals import Arrivals
 from server.limiter import Limiter
 from server.metrics import Metrics
+from server.unsent import Unsent
 from tests.server.conftest import client_of, jpeg_headers, sample
 
 
@@ -45,11 +46,20 @@ def test_two_services_count_apart(estimator: Estimator) -> None:
     assert sample(other, 'lighting_requests_total{method="GET",route="/v1/model",status="200"}') == 0
 
 
-def test_the_gauges_follow_the_limiter() -> None:
-    limiter, arrivals = Limiter(1, 2), Arrivals(3, 2)
-    metrics = Metrics(limiter, arrivals)
+class Waiting:
+    """A connection whose client has not taken 700 bytes yet."""
+
+    def get_write_buffer_size(self) -> int:
+        return 700
+
+
+def test_the_gauges_follow_the_limits() -> None:
+    limiter, arrivals, unsent = Limiter(1, 2), Arrivals(3, 2), Unsent(1000)
+    metrics = Metrics(limiter, arrivals, unsent)
+    unsent.add(Waiting())
     with limiter.admission(), limiter.admission(), arrivals.one_of("me"):
         text = generate_latest(metrics.registry).decode()
     assert "lighting_queue_depth 2.0" in text
     assert "lighting_running 0.0" in text
     assert "lighting_uploads 1.0" in text
+    assert "lighting_unsent_bytes 700.0" in text
