@@ -23,9 +23,7 @@ def parse_record(data: bytes) -> Lighting:
     """
     try:
         text = data.decode(json.detect_encoding(data))
-        from_json(
-            text
-        )  # refuses what is nested too deep and half a surrogate pair; of a key given twice the last counts
+        from_json(text)  # refuses what is nested too deep, and half a surrogate pair
     except ValueError as error:
         raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
     try:
