@@ -110,6 +110,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         taken = size - self.transport.get_write_buffer_size()
         until = began + ANSWER_GRACE + taken / self._answer_rate
         if until <= self.loop.time():
+            access.info("dropped an answer that its client took too slowly")
             self.transport.abort()
         else:
             self._patience = self.loop.call_at(until, self._await_client, size, began)

@@ -271,13 +271,17 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def test_an_answer_that_is_not_taken_is_dropped(port: int, unsent: Unsent, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_answer_that_is_not_taken_is_dropped(
+    port: int, unsent: Unsent, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "server.access")
     monkeypatch.setattr(protocol, "ANSWER_GRACE", 1.0)
     with large(port) as connection:
         until(lambda: unsent.size > 0)
         assert unsent.size > LARGE // 2
         until(lambda: unsent.size == 0)
         assert len(rest(connection)) < LARGE
+    assert "dropped an answer" in caplog.text
 
 
 def test_an_answer_that_is_taken_slowly_but_fast_enough_comes_whole(
