@@ -108,11 +108,12 @@ class Settings(BaseSettings):
     )
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
     api_keys: Keys = Field(
-        (), description="API keys (`Authorization: Bearer KEY`), separated by commas; without keys everybody may call"
+        (),
+        description="API keys (`Authorization: Bearer KEY`) between commas or spaces; without keys everybody may call",
     )
     api_keys_file: Path | None = Field(None, description="file with further keys, one per line; `#` begins a comment")
     rate_limit: str = Field("", description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
-    cors_origins: Origins = Field((), description="origins whose web pages may call, separated by commas")
+    cors_origins: Origins = Field((), description="origins whose web pages may call, separated by commas or spaces")
     trusted_proxies: str = Field(
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
