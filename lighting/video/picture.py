@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from lighting.sizes import shrunk
 from lighting.video.transfer import CURVES, to_srgb
 
-_AREA, _FULL_CHROMA = 0x20, 0x2000  # flags of libswscale; without the latter what is reduced is 2 levels too dark
+_AREA, _FULL_CHROMA = 0x20, 0x2000  # flags of libswscale
+_HOW = {  # by the form that is asked for
+    "rgb24": _AREA | _FULL_CHROMA,  # else what is reduced is 2 levels too dark
+    "rgb48le": _AREA,  # exact; with both flags, 4:2:0 that keeps its width turns blue
+}
 _HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 
 
@@ -54,8 +58,7 @@ def _placed(pixels: NDArray[np.uint8], placing: NDArray[np.int32]) -> NDArray[np
 def _resized(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:
     matrix = int(picture.colorspace)
     named = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _HD else 5
-    how = _AREA | _FULL_CHROMA
     small = picture.reformat(
-        width=width, height=height, format=form, src_colorspace=named, dst_colorspace=named, interpolation=how
+        width=width, height=height, format=form, src_colorspace=named, dst_colorspace=named, interpolation=_HOW[form]
     )
     return np.asarray(small.to_ndarray())

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from lighting.video.picture import upright
+from lighting.video.transfer import to_srgb
 
 CODED = (
     (16, 128, 128),
@@ -43,7 +44,19 @@ def test_diffuse_white_of_hdr_is_white(curve: int, signal: float) -> None:
     assert upright(frame, 64).min() >= 254
 
 
-def decoded(coded: tuple[int, int, int], weights: tuple[float, float]) -> list[float]:
+@pytest.mark.parametrize(("side", "stretch"), [(64, 1.0), (128, 1.0), (128, 0.5)])
+def test_colours_of_hdr_are_its_own_at_every_size(side: int, stretch: float) -> None:
+    coded, frame = (500, 560, 470), av.VideoFrame(128, 128, "yuv420p10le")
+    for plane, value in zip(frame.planes, coded, strict=True):
+        plane.update(np.full(plane.buffer_size // 2, value, np.uint16).tobytes())
+    frame.colorspace, frame.color_range, frame.color_trc, frame.color_primaries = 9, 1, 18, 9
+    signal = np.array(decoded((500 / 4, 560 / 4, 470 / 4), (0.2627, 0.0593))) / 255
+    expected = to_srgb(np.round(signal * 65280).astype(np.uint16), "hlg", 9)
+    shown = upright(frame, side, stretch)
+    np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), expected, atol=0.6)
+
+
+def decoded(coded: tuple[float, float, float], weights: tuple[float, float]) -> list[float]:
     """Red, green and blue of luma and both colour differences in the limited range of 8 bits."""
     luma, of_blue, of_red = (coded[0] - 16) / 219, (coded[1] - 128) / 224, (coded[2] - 128) / 224
     red, blue = luma + 2 * (1 - weights[0]) * of_red, luma + 2 * (1 - weights[1]) * of_blue
