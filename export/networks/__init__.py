@@ -1,7 +1,7 @@
 """The networks in torch, the runs that trained them, and the ONNX file that ships."""
 
 from export.networks.averaging import merge
-from export.networks.checkpoints import CHECKPOINT, averaged_weights, read_checkpoint, read_network
+from export.networks.checkpoints import CHECKPOINT, averaged_weights, check_new, read_checkpoint, read_network
 from export.networks.layers import Said
 from export.networks.network import build, load_weights
 from export.networks.onnx import write_onnx
@@ -18,6 +18,7 @@ __all__ = [
     "averaged_weights",
     "binned",
     "build",
+    "check_new",
     "decode",
     "encode",
     "expected",

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from export.data import DataError
-from export.networks.checkpoints import CHECKPOINT, averaged_weights
+from export.networks.checkpoints import CHECKPOINT, averaged_weights, check_new
 from export.networks.runs import RECORD, differ, history, read_record
 from lighting.files import replacing
 
@@ -25,8 +25,7 @@ def merge(folders: Sequence[Path], out: Path) -> None:
     """
     if differ(folders):
         raise DataError("The runs' networks differ, so their weights have no mean.")
-    if (out / CHECKPOINT).exists():
-        raise DataError(f"{out} already holds a run.")
+    check_new(out)
     records = [read_record(f) for f in folders]
     weights = [averaged_weights(f) for f in folders]
     mean = {f"module.{name}": _mean([w[name] for w in weights if name in w]) for w in weights for name in w}

@@ -15,6 +15,14 @@ CHECKPOINT = "checkpoint.pt"
 LEARNT = {"sees": "seen.", "bins": "camera.", "around": "light."}  # parts of a network, and a head of each
 
 
+def check_new(folder: Path) -> None:
+    """Raise DataError where a folder to be written already holds a run, or is a file."""
+    if folder.exists() and not folder.is_dir():
+        raise DataError(f"{folder} is a file; a run takes a folder.")
+    if (folder / CHECKPOINT).exists():
+        raise DataError(f"{folder} already holds a run.")
+
+
 def read_checkpoint(folder: Path, device: torch.device | str = "cpu") -> dict[str, Any]:
     """What the checkpoint of a run holds: at least `average`, the state of the averaged network.
 

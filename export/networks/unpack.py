@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from export.data import DataError
-from export.networks.checkpoints import CHECKPOINT
+from export.networks.checkpoints import CHECKPOINT, check_new
 from export.networks.network import HEADS, build
 from export.networks.outdoor import Outdoor
 from export.networks.runs import RECORD
@@ -160,8 +160,7 @@ def _restate(module: nn.BatchNorm2d, mean: Tensor, variance: Tensor) -> None:
 
 def write_run(network: Outdoor, metadata: dict[str, str], file: Path, number: int, out: Path) -> None:
     """Write a network that was read back as the folder of a run, to start from; DataError if `out` holds a run."""
-    if (out / CHECKPOINT).exists():
-        raise DataError(f"{out} already holds a run.")
+    check_new(out)
     before = [run for group in ("training", *GROUPS[1:]) for run in json.loads(metadata.get(group, "[]"))]
     spec = ModelSpec.from_json(metadata["spec"])
     record = {

@@ -8,6 +8,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 
 from export.crops import load_sources
+from export.networks import check_new
 from export.networks.unpack import read_shipped, recalibrate, write_run
 from export.training.batches import TrainingCrops
 from export.training.config import TrainConfig
@@ -23,6 +24,7 @@ def unpack(file: Path, number: int, config: TrainConfig) -> None:
 
     DataError if the file holds no such network or if the folder holds a run.
     """
+    check_new(Path(config.out))
     network, metadata = read_shipped(file, number)
     recalibrate(network, _photos(config, ModelSpec.from_json(metadata["spec"])))
     write_run(network, metadata, file, number, Path(config.out))

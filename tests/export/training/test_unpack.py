@@ -1,0 +1,17 @@
+"""Shipped networks as runs: what is in the way is said before the work."""
+
+from pathlib import Path
+
+import pytest
+
+from export.data import DataError
+from export.networks import CHECKPOINT
+from export.training.config import TrainConfig
+from export.training.unpack import unpack
+
+
+def test_a_folder_that_cannot_take_a_run_is_refused_before_the_file_is_read(tmp_path: Path) -> None:
+    (tmp_path / CHECKPOINT).touch()
+    for out, words in ((tmp_path, "already holds a run"), (tmp_path / CHECKPOINT, "is a file; a run takes a folder")):
+        with pytest.raises(DataError, match=words):
+            unpack(tmp_path / "none.onnx", 0, TrainConfig("data", "labels.csv", str(out)))
