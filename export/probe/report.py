@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from export.data import DataError
 from export.probe.scans import report as scans_report
 from export.probe.synthetic import TIMES, Camera, expose, gain_of, photograph
 from lighting.envmap import render, sun_irradiance
@@ -30,6 +31,7 @@ SERIES_SIDE = 500  # pixels of a picture of a series
 TURBIDITY = 3.0  # of the synthetic clear skies
 HEIGHT = 256  # rows of the maps compared
 SKY_FILL = 8.0  # of full scale: the peak in the shortest exposure when the sky is exposed for, and the sun clips
+_EXPOSURE = "_image.png"  # how the names of the stack's exposures end
 _DARK = 0.05  # quantile that counts as the darkest sky
 ALPNACH = Moment(datetime(2018, 1, 29, 11, 9, 20, tzinfo=UTC), 46.94, 8.28)
 ALPNACH_CIRCLE = ((149.5, 141.0), 132.5)  # centre and radius, pixels, read off the longest exposure
@@ -187,9 +189,16 @@ def _tilted(tilt: float) -> Floats:
     return np.asarray(axes.T @ level)
 
 
-def stack(folder: Path) -> Iterator[str]:
+def read_stack(folder: Path) -> Bracket:
+    """The exposures in the Alpnach stack's folder; DataError where it holds fewer than two, PhotoError, ProbeError."""
+    files = sorted(folder.glob(f"*{_EXPOSURE}"))
+    if len(files) < 2:
+        raise DataError(f"{folder} holds no stack: it takes two exposures or more, named *{_EXPOSURE}.")
+    return read_bracket(files, "linear")
+
+
+def stack(bracket: Bracket) -> Iterator[str]:
     """A real fisheye stack without exposure times."""
-    bracket = read_bracket(sorted(folder.glob("*_image.png")), "linear")
     yield f"\n## The fisheye stack of Alpnach, {len(bracket.photos)} exposures\n"
     yield "| exposures | ratio | standard error | values used |\n|---|---:|---:|---:|"
     for index, ratio in enumerate(exposed(bracket).ratios):
@@ -203,13 +212,14 @@ def stack(folder: Path) -> Iterator[str]:
 
 
 def report(folder: Path | None) -> Iterator[str]:
-    """All tables, line by line; the stack's where its folder is given."""
+    """All tables, line by line; the stack's where its folder is given, which is read first: the rest takes minutes."""
+    bracket = None if folder is None else read_stack(folder)
     yield from merging()
     yield from rounding()
     yield from heights()
     yield from alignment()
-    if folder is not None:
-        yield from stack(folder)
+    if bracket is not None:
+        yield from stack(bracket)
     yield "\n## Scans of the real sky\n"
     yield scans_report()
 

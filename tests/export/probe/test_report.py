@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from export.data import DataError
 from export.probe import report
 from export.probe.report import ALPNACH, ALPNACH_CIRCLE, DAY, PLACE, SKY_FILL, measure, turned
 from export.probe.synthetic import Camera, expose, gain_of, photograph
@@ -65,3 +66,10 @@ def test_the_fisheye_stack_has_its_ratios_its_clipped_sun_and_its_lens_residual(
     assert probe.off == pytest.approx(4.6, abs=1.0)
     with pytest.raises(ProbeError, match="only one"):
         read_bracket(sorted(STACK.glob("*_12_image.png")))
+
+
+def test_a_folder_without_a_stack_is_refused_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "0_image.png").touch()
+    for folder in (tmp_path, tmp_path / "none"):
+        with pytest.raises(DataError, match=r"holds no stack: it takes two exposures or more, named \*_image.png"):
+            next(report.report(folder))
