@@ -5,6 +5,7 @@ import numpy as np
 from export.evaluation.metrics import auc, elevation_error, sun_error
 from export.evaluation.records import Answers, Bools, Names, Truth
 from lighting.geometry import Floats
+from lighting.medians import weighted_median
 
 
 def place_figures(truth: Truth, said: Answers, heights: dict[str, Bools]) -> dict[str, float]:
@@ -33,12 +34,3 @@ def place_weights(places: Names) -> Floats:
     """Weights (N,) of crops that sum to 1, and to the same over each place."""
     _, index, count = np.unique(places, return_inverse=True, return_counts=True)
     return np.asarray(1.0 / (count[index] * max(len(count), 1)))
-
-
-def weighted_median(value: Floats, weight: Floats) -> float:
-    """The least of the values (N,) up to which half of the weight lies; NaN if there are none."""
-    if not len(value):
-        return float("nan")
-    order = np.argsort(value)
-    held = np.cumsum(weight[order])
-    return float(value[order][np.searchsorted(held, held[-1] / 2)])

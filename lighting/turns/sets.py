@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats, wrap_azimuth
+from lighting.medians import weighted_median
 from lighting.turns.averaging import Oriented, Pairs, average, components
 from lighting.turns.match import Features, Matches, features, match
 from lighting.turns.rays import focal_of, vertical_fov_of
@@ -176,10 +177,7 @@ def _common_zoom(shots: Sequence[Shot], pairs: Pairs, lenses: Sequence[Lens]) ->
         return 1.0, 0.0
     log, spread = np.array([_zoom(shots[i], lenses[i], turn) for (i, _), turn in pairs.items()]).T
     weight = 1.0 / np.maximum(spread, 1e-4) ** 2
-    order = np.argsort(log)
-    held = np.cumsum(weight[order]) / weight.sum()
-    middle = float(log[order][np.searchsorted(held, 0.5)])
-    return float(np.exp(middle)), float(weight.sum() ** -0.5)
+    return float(np.exp(weighted_median(log, weight))), float(weight.sum() ** -0.5)
 
 
 def _zoom(shot: Shot, lens: Lens, turn: Turn) -> tuple[float, float]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from export.evaluation.metrics import auc
-from export.evaluation.places import place_figures, place_weights, visibility_by_place, weighted_median
+from export.evaluation.places import place_figures, place_weights, visibility_by_place
 from export.evaluation.records import answers
 from lighting.geometry import angles, direction
 from tests.export.evaluation.examples import truth_of
@@ -15,12 +15,6 @@ PLACES = np.array(["a", "b", "b", "b"])
 def test_weights_are_the_same_for_each_place_and_sum_to_one() -> None:
     weights = place_weights(PLACES)
     assert weights.tolist() == pytest.approx([1 / 2, 1 / 6, 1 / 6, 1 / 6])
-
-
-def test_a_weighted_median_is_where_half_of_the_weight_lies() -> None:
-    assert weighted_median(np.array([9.0, 1.0, 2.0, 3.0]), place_weights(PLACES)) == 3.0
-    assert weighted_median(np.array([1.0, 9.0, 8.0, 7.0]), place_weights(PLACES)) == 1.0
-    assert np.isnan(weighted_median(np.empty(0), np.empty(0)))
 
 
 def test_an_area_by_weights_is_that_of_crops_which_are_there_so_often() -> None:
