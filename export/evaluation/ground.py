@@ -30,6 +30,7 @@ class Grounds:
     around: Floats  # (N,) by the network
     true: Floats  # (N,) of all the ground that the panorama shows
     weather: Names  # (N,)
+    place: Names  # (N,)
 
     def errors(self, share: float, darker: float) -> Floats:
         """Sizes (N,) of the errors [stops] where the network's ground counts for that share."""
@@ -40,30 +41,42 @@ def look(model: Model, data: Path, labels: Path, part: str) -> Grounds:
     """The grounds of a split's HDR panoramas; DataError where their crops show none."""
     shown = judged(data, labels, model.spec, part)
     found: list[tuple[float, float, float]] = []
-    kinds: list[str] = []
-    for (estimate, place), truth, weather in zip(estimates(model, shown.crops), shown.truth, shown.sunny, strict=True):
+    kinds: list[tuple[str, str]] = []
+    answers = estimates(model, shown.crops)
+    for (estimate, place), truth, weather, (source, _) in zip(
+        answers, shown.truth, shown.sunny, shown.views, strict=True
+    ):
         reflectance = photo_ground(place.photo, estimate.lighting)
         if reflectance is None or place.around is None:
             continue
         radiance = float(luminance(reflectance * level_irradiance(estimate.lighting))) / np.pi
         found.append((radiance, brightness_below(place.around), float(luminance(truth.ground))))
-        kinds.append(str(weather))
+        kinds.append((str(weather), source.panorama.place))
     if not found:
         raise DataError(f"No crop of the HDR panoramas of {part} shows ground.")
     photo, around, true = np.log2(np.array(found)).T
-    return Grounds(photo, around, true, np.array(kinds))
+    return Grounds(photo, around, true, *np.array(kinds).T)
 
 
 def fit(grounds: Grounds) -> tuple[float, float]:
-    """The smallest share, with its stops, whose mean error is within a standard error of the least one.
+    """The smallest share, with its stops, that is no worse than the best one by more than a standard error.
 
-    The network has seen the places of `train`; of others it knows less.
+    The error is that of their difference in the mean, for the same crops judge both, over places, for the crops of one
+    are not independent. The network has seen the places of `train`; of others it knows less.
     """
-    means = np.array([[grounds.errors(share, darker).mean() for darker in DARKER] for share in SHARES])
-    row, column = np.unravel_index(np.argmin(means), means.shape)
-    spread = grounds.errors(SHARES[row], DARKER[column]).std() / np.sqrt(len(grounds.true))
-    share = int(np.flatnonzero(means.min(axis=1) <= means.min() + spread)[0])
-    return float(SHARES[share]), float(DARKER[np.argmin(means[share])])
+    errors = np.array([[grounds.errors(share, darker) for darker in DARKER] for share in SHARES])
+    darker = errors.mean(axis=-1).argmin(axis=1)  # the best stops of each share
+    at_best = errors[np.arange(len(SHARES)), darker]
+    best = at_best[at_best.mean(axis=1).argmin()]
+    good = (at_best - best).mean(axis=1) <= [standard_error(row - best, grounds.place) for row in at_best]
+    share = int(np.flatnonzero(good)[0])
+    return float(SHARES[share]), float(DARKER[darker[share]])
+
+
+def standard_error(values: Floats, places: Names) -> float:
+    """The standard error of the mean of values (N,), of which those of one place are not independent."""
+    _, index = np.unique(places, return_inverse=True)
+    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))
 
 
 def ground_report(model: Model, data: Path, labels: Path) -> str:
@@ -95,4 +108,5 @@ def _balanced(grounds: Grounds) -> Grounds:
     chosen = np.concatenate([
         np.resize(np.flatnonzero(grounds.weather == kind), int(counts.max())) for kind in kinds
     ])  # fmt: skip
-    return Grounds(*(values[chosen] for values in (grounds.photo, grounds.around, grounds.true, grounds.weather)))
+    known = (grounds.photo, grounds.around, grounds.true, grounds.weather, grounds.place)
+    return Grounds(*(values[chosen] for values in known))

@@ -7,7 +7,7 @@ import pytest
 
 from export.data import DataError
 from export.evaluation import ground as module
-from export.evaluation.ground import Grounds, fit, ground_report
+from export.evaluation.ground import Grounds, fit, ground_report, standard_error
 from lighting.model import Model
 
 
@@ -16,7 +16,7 @@ def grounds(share: float, darker: float, noise: float = 0.0) -> Grounds:
     rng = np.random.default_rng(3)
     photo, around = rng.normal(0, 1, 500), rng.normal(0, 1, 500)
     true = photo + share * (around + darker - photo) + rng.normal(0, noise, 500)
-    return Grounds(photo, around, true, np.repeat(["overcast", "sunny"], 250))
+    return Grounds(photo, around, true, np.repeat(["overcast", "sunny"], 250), np.arange(500).astype(str))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
@@ -31,8 +31,17 @@ def test_in_doubt_the_network_counts_for_less() -> None:
     assert 0.3 <= fit(grounds(0.5, 0.2, noise=1.0))[0] < 0.5
 
 
+def test_more_crops_of_the_same_places_leave_as_much_doubt() -> None:
+    one, again = grounds(0.5, 0.2, noise=1.0), np.repeat(np.arange(500), 8)
+    more = Grounds(one.photo[again], one.around[again], one.true[again], one.weather[again], one.place[again])
+    assert fit(more) == fit(one)
+    error, expected = one.errors(0.0, 0.0), pytest.approx(one.errors(0.0, 0.0).std() / np.sqrt(500))
+    assert standard_error(error, one.place) == expected
+    assert standard_error(error[again], more.place) == expected
+
+
 def test_errors_are_sizes_in_stops() -> None:
-    one = Grounds(np.array([1.0]), np.array([3.0]), np.array([0.0]), np.array(["sunny"]))
+    one = Grounds(np.array([1.0]), np.array([3.0]), np.array([0.0]), np.array(["sunny"]), np.array(["a"]))
     assert one.errors(0.0, 0.0) == pytest.approx([1.0])
     assert one.errors(0.5, -6.0) == pytest.approx([1.0])
 
