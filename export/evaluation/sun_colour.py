@@ -1,8 +1,9 @@
 """How far a sun's colour goes to that of a clear sun as high: the fit of a constant in lighting/strength.py.
 
 Of most panoramas the sun is clipped, and its target is their sky's times a clear sky's ratio: of 8-bit pictures, whose
-blue is deeper than the sky's, such a sun has too little red. The HDR panoramas with an unclipped sun say how its colour
-is; the network saw those of `train`, those of `val` it did not.
+blue is deeper than the sky's, such a sun has too little red. The sunny HDR panoramas say how its colour is; the network
+saw those of `train`, those of `val` it did not. The sun of some is clipped as well, so errors on `train` stand once
+more without these; few notes of `val` say it.
 """
 
 from collections.abc import Sequence
@@ -35,12 +36,14 @@ class Sun:
     true_level: Floats  # (3,) irradiance of level ground by sun and sky
     said_sky: Floats  # (3,) that of level ground by the sky alone, by the network
     elevation: float  # deg, by the pixels
+    unclipped: bool  # whether the panorama's notes say so of it
 
 
 def suns_of(model: Model, shown: Judged) -> list[Sun]:
     """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
     found = []
     for (source, _), crop, truth in zip(shown.views, shown.crops, shown.truth, strict=True):
+        unclipped = "sun unclipped" in source.panorama.notes
         if truth.sun_direction is None:
             continue
         light = lighting_from(said_of(model, photo_of(tone_map(crop.linear))))
@@ -49,7 +52,8 @@ def suns_of(model: Model, shown: Judged) -> list[Sun]:
         level = truth.sun_irradiance * truth.sun_direction[1] + truth.sky_irradiance
         said, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
         if light.sun_shines:
-            found.append(Sun(source.panorama.place, truth.sun_irradiance, said, level, sky, light.sun_elevation))
+            place, true = source.panorama.place, truth.sun_irradiance
+            found.append(Sun(place, true, said, level, sky, light.sun_elevation, unclipped))
     if not found:
         raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
     return found
@@ -68,7 +72,9 @@ def errors(suns: Sequence[Sun], power: float) -> Floats:
 
 def sun_colour_report(model: Model, data: Path, labels: Path) -> str:
     """The errors of colour by power, on `train` and on `val`."""
-    parts = {part: suns_of(model, judged(data, labels, model.spec, part)) for part in ("train", "val")}
+    train, val = (suns_of(model, judged(data, labels, model.spec, part)) for part in ("train", "val"))
+    unclipped = [sun for sun in train if sun.unclipped]
+    parts = {"train": train, **({"train, unclipped": unclipped} if unclipped else {}), "val": val}
     header = ["power", *(f"{part}: sun / level light" for part in parts)]
     rows = []
     for power in POWERS:
