@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from lighting.photo.held import photo_of
     from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
+    from lighting.photo.profile import says_gamma
     from lighting.photo.read import (
         MAX_ASPECT,
         MAX_BYTES,
@@ -64,6 +65,7 @@ __all__ = [
     "read_orientation",
     "read_photo",
     "read_time",
+    "says_gamma",
     "start_decoders",
     "to_tensor",
     "vertical_fov",
@@ -108,6 +110,7 @@ __getattr__ = from_homes(
         "read_orientation": "exif",
         "read_photo": "read",
         "read_time": "clock",
+        "says_gamma": "profile",
         "start_decoders": "apart",
         "to_tensor": "canvas",
         "vertical_fov": "exif",

@@ -2,7 +2,7 @@
 
 What is read: 16-bit PNG and TIFF, RAW where rawpy is installed (extra `raw`), and with less precision 8-bit PNG, TIFF
 and JPEG. A tag for gamma is not believed, since it often lies: 16 bits count as linear, 8 bits as sRGB, unless the
-caller knows better.
+caller knows better. The primaries of an ICC profile are believed: values become Rec.709's.
 """
 
 import io
@@ -19,6 +19,7 @@ from lighting.colour import srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError
 from lighting.photo.exif import PhotoFacts, read_exposure, read_facts
 from lighting.photo.pixels import check_bits
+from lighting.photo.profile import says_gamma, to_rec709
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -80,6 +81,8 @@ def _read_picture(file: Path, curve: Curve | None) -> LinearPhoto:
     said = curve or ("linear" if full > 255 else "srgb")
     value = np.asarray(samples / np.float32(full), dtype=np.float32)
     linear = value if said == "linear" else np.asarray(srgb_decode(value), dtype=np.float32)
+    if (matrix := to_rec709(image.info.get("icc_profile"))) is not None:
+        linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
     white = _HIGH_END if said == "linear" else float(srgb_decode(_HIGH_END))
     step = 1 / full if said == "linear" else 1 / full / 12.92
     facts = read_facts(image, image.width, image.height)
@@ -91,6 +94,8 @@ def _warnings(image: Image.Image, full: int, curve: Curve | None) -> tuple[str, 
         return ("A JPEG holds the camera's own curve, which is linear in no known way; its values are rough.",)
     if full == 255 and curve is None:
         return ("8-bit pixels are taken for sRGB; say the curve if they are linear.",)
+    if curve is None and says_gamma(image):
+        return ("16-bit pixels are taken for linear, but the file says that a curve coded them; say the curve.",)
     return ()
 
 

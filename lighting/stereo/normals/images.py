@@ -12,19 +12,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageCms
+from PIL import ExifTags, Image
 
 from lighting.colour import srgb_decode
 from lighting.errors import EnvironmentMapError, PhotoError, PhotoExtraError
 from lighting.files import read_exr
-from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw, read_facts, read_orientation
+from lighting.photo import RAW_SUFFIXES, Curve, PhotoFacts, develop_raw, read_facts, read_orientation, says_gamma
 
 Pixels = NDArray[np.float32]
 
 FORMATS = (*RAW_SUFFIXES, ".exr", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
 
 _CLIPPED = 0.995  # of white, from where on a value counts as clipped
-_GAMMA_TAG = (0.9, 1.1)  # of a PNG whose values are linear
 _TURNS = {3: 2, 6: 3, 8: 1}  # EXIF orientation: quarters of a turn counter-clockwise that make a picture upright
 
 
@@ -127,22 +126,11 @@ def _is_coded(values: NDArray[Any], header: Image.Image | None, curve: Curve | N
         return curve == "srgb"
     if values.dtype == np.uint8:
         return True
-    if header is not None and _says_gamma(header):
+    if header is not None and says_gamma(header):
         raise PhotoError(
             "The file says that its values are gamma-coded; export linear values, or say --curve linear or srgb."
         )
     return False
-
-
-def _says_gamma(header: Image.Image) -> bool:
-    gamma = header.info.get("gamma")
-    if "srgb" in header.info or (gamma is not None and not _GAMMA_TAG[0] <= float(gamma) <= _GAMMA_TAG[1]):
-        return True
-    try:
-        profile = ImageCms.ImageCmsProfile(BytesIO(header.info["icc_profile"]))
-        return "linear" not in ImageCms.getProfileDescription(profile).lower()
-    except (KeyError, OSError, TypeError, ImageCms.PyCMSError):
-        return False
 
 
 def _exposure(header: Image.Image) -> Exposure:
