@@ -17,8 +17,9 @@ from lighting.evidence import location_of
 from lighting.photo import Curve
 from lighting.stereo.normals.alike import check_alike
 from lighting.stereo.normals.images import FORMATS, Shot, read_mask, read_shot
-from lighting.stereo.normals.moments import check_times, times_of
+from lighting.stereo.normals.moments import TIMES, absent, check_times, times_of
 from lighting.stereo.normals.still import check_still
+from lighting.stereo.normals.varied import is_varied
 
 Pixels = NDArray[np.float32]
 
@@ -61,7 +62,8 @@ def read_shots(
     """
     shots = [_reduced(read_shot(path, curve), size) for path in progress(_photos(folder))]
     if len(shots) < LEAST:
-        raise PhotoError(f"{folder} holds {len(shots)} photos; normals need at least {LEAST} of one day.")
+        count = "1 photo" if len(shots) == 1 else f"{len(shots)} photos"
+        raise PhotoError(f"{folder} holds {count}; normals need at least {LEAST} of one day.")
     times = times_of(folder, shots, utc_offset)
     order = np.argsort(times, kind="stable")
     shots, times = [shots[index] for index in order], times[order]
@@ -80,7 +82,7 @@ def read_shots(
         place=next((place for f in facts if (place := location_of(f))), None),
         heading=next((f.heading for f in facts if f.heading is not None and f.heading_reference == "true"), None),
         focal_length=next((f.focal_length for f in facts if f.vertical_fov is not None), None),  # not of cropped ones
-        warnings=_warnings(shots, lost),
+        warnings=(*_warnings(shots, lost), *_about_the_day(folder, shots, images, kept)),
     )
 
 
@@ -143,3 +145,13 @@ def _warnings(shots: list[Shot], lost: float) -> tuple[str, ...]:
     if lost:
         found.append(f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out.")
     return tuple(found)
+
+
+def _about_the_day(folder: Path, shots: list[Shot], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
+    found = [f"{TIMES} lists {name}, which is not there." for name in absent(folder, [shot.name for shot in shots])]
+    if not is_varied(images, mask):
+        found.append(
+            "All that the photos show brightens and darkens alike, as under an overcast sky or within half an hour: "
+            "unless the thing is flat, its normals are worthless."
+        )
+    return found

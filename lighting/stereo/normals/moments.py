@@ -1,6 +1,7 @@
 """When the photos of a day were taken: by `times.csv` beside them, columns `file` and `time` (ISO 8601), or by EXIF."""
 
 import csv
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,6 +21,11 @@ def times_of(folder: Path, shots: list[Shot], utc_offset: float | None) -> NDArr
     listed = _listed_times(folder / TIMES)
     moments = [_moment(shot, listed.get(shot.name), utc_offset) for shot in shots]
     return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
+
+
+def absent(folder: Path, names: Sequence[str]) -> list[str]:
+    """The files that `times.csv` lists and that are not among the names."""
+    return [name for name in _listed_times(folder / TIMES) if name not in names]
 
 
 def _listed_times(file: Path) -> dict[str, datetime]:

@@ -71,6 +71,24 @@ def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
     assert shots.images.shape[-1] == 1
 
 
+def test_a_day_of_one_light_and_photos_that_are_only_listed_are_told(tmp_path: Path) -> None:
+    for index, strength in enumerate((0.5, 1.0, 0.7)):
+        write_png16(tmp_path / f"{index}.png", strength * 60000 * scene()[..., None])
+    rows = "".join(f"{i}.png,2024-06-21T1{i}:00+00:00\n" for i in range(4))
+    (tmp_path / "times.csv").write_text("file,time\n" + rows)
+    warnings = read_shots(tmp_path).warnings
+    assert "times.csv lists 3.png, which is not there." in warnings
+    assert any("brightens and darkens alike" in warning for warning in warnings)
+    write_png16(tmp_path / "3.png", 60000 * scene(1)[..., None])
+    assert len(read_shots(tmp_path).warnings) == 1
+
+
+def test_one_photo_is_no_day(tmp_path: Path) -> None:
+    fill(tmp_path, 1)
+    with pytest.raises(PhotoError, match="holds 1 photo; normals need at least 3"):
+        read_shots(tmp_path)
+
+
 def _one_brighter(folder: Path) -> None:
     jpeg(folder / "3.jpg", scene(), NOON + timedelta(hours=3), seconds=0.02)
 
