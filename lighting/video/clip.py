@@ -159,6 +159,8 @@ def _opened(path: Path) -> Any:
         raise MissingExtraError(
             "Video needs PyAV, which is not installed: pip install 'outdoor-lighting[video]'."
         ) from error
+    if path.is_dir():
+        raise VideoError("This is a folder; a clip is one file. Join frames to one first, with ffmpeg for example.")
     with path.open("rb"):  # a missing or forbidden file is an OSError that names it
         pass
     try:

@@ -237,6 +237,11 @@ def test_what_is_no_clip_is_said_in_a_sentence(tmp_path: Path, kind: str) -> Non
     assert str(raised.value).endswith(".")
 
 
+def test_a_folder_of_frames_is_told_from_a_clip(tmp_path: Path) -> None:
+    with pytest.raises(VideoError, match=r"This is a folder; a clip is one file\. Join frames to one first"):
+        Clip(tmp_path)
+
+
 def test_a_missing_file_is_an_oserror(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         Clip(tmp_path / "none.mp4")
