@@ -23,6 +23,7 @@ from lighting.probe.sun_spot import SunSpot, find_spot
 
 SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
 OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
+TILTED = 7.0  # deg, of a series' camera from which on a warning says so: a clock an hour off looks like 10 at 47 deg
 _MOST_CLIPPED = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
 
 
@@ -158,6 +159,11 @@ def _said(probe: Probe) -> Iterator[str]:
         yield (
             f"The sun in the map is {probe.off:.1f} deg off the ephemeris: the lens's field of view, its centre or the "
             f"camera's tilt is not as told; several probes of a day find them with --series."
+        )
+    if probe.alignment is not None and probe.alignment.tilt > TILTED:
+        yield (
+            f"The camera stood {probe.alignment.tilt:.0f} deg from how it is told, or the times are wrong: a clock or "
+            f"an offset from UTC that is an hour off looks like a tilt."
         )
 
 

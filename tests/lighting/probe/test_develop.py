@@ -83,6 +83,14 @@ def test_a_series_finds_tilt_and_yaw() -> None:
     assert alignment is not None
     assert turned(alignment.rotation, rotation(6.0, -100.0)) < 0.6  # of pixels of 0.9 deg; finer pictures in the report
     assert all(probe.off is not None and probe.off < 0.5 for probe in probes)
+    assert not any("stood" in warning for probe in probes for warning in probe.warnings)
+
+
+def test_clocks_that_are_an_hour_off_are_said_to_look_like_a_tilt() -> None:
+    moments = [Moment(DAY + timedelta(hours=hours), *PLACE) for hours in (0, 2, 4, 6)]
+    wrong = [Moment(DAY + timedelta(hours=hours - 1), *PLACE) for hours in (0, 2, 4, 6)]
+    probes = list(make_series([partial(bracket, moment, 8.0) for moment in moments], wrong, SETTINGS))
+    assert all(any("stood 10 deg from how it is told" in w for w in probe.warnings) for probe in probes)
 
 
 def test_night_and_skies_without_sun_are_refused() -> None:
