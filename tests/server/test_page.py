@@ -340,7 +340,7 @@ class TestWhatThePhotoSays:
 
     def test_the_headline_is_as_soft_as_the_answer(self, visit: dict[str, Any]) -> None:
         assert visit["titles"] == [
-            "No sun to be seen",
+            "No direct sun",
             "Sun probably right of the camera",
             "This does not look like an outdoor daylight photo",
         ]

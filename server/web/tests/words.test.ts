@@ -92,8 +92,8 @@ describe("the headline", () => {
   });
 
   it("says when no sun is to be seen", () => {
-    expect(titleOf({ visibility: 0.2 })).toBe("No sun to be seen");
-    expect(titleOf({ visibility: 0.4 })).toBe("Probably no sun to be seen");
+    expect(titleOf({ visibility: 0.2 })).toBe("No direct sun");
+    expect(titleOf({ visibility: 0.4 })).toBe("Probably no direct sun");
     const { text } = headline({ ...RECORD, sun: { ...RECORD.sun, visibility: 0.2 } });
     expect(text).toContain(
       "is 80\u00a0% likely. If the sun shone, it would stand ahead, to the right, at half height.",

@@ -26,7 +26,7 @@ export function headline(lighting: Lighting): Headline {
     const text = `An overcast or shaded scene is ${percent(1 - lighting.sun.visibility)} likely. If the sun shone, it would ${
       radius_50 > LOST ? "be anywhere" : `stand ${sideOf(azimuth)}, ${heightOf(elevation)}`
     }.`;
-    const title = lighting.sun.visibility < DOUBTED ? "No sun to be seen" : "Probably no sun to be seen";
+    const title = lighting.sun.visibility < DOUBTED ? "No direct sun" : "Probably no direct sun";
     return { title, text, kind: "grey" };
   }
   const spread = `Half of the probability lies within ${short(radius_50)}°, 90\u00a0% within ${short(radius_90)}°.`;
