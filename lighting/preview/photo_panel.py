@@ -9,7 +9,7 @@ from lighting.geometry import Pinhole
 from lighting.preview.layout import LETTERS, Box
 from lighting.records import Lighting
 from lighting.sizes import fitting
-from lighting.spheres import Stage, ball_centres, with_balls
+from lighting.spheres import Stage, has_ground, with_balls
 
 
 def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: Stage | None = None) -> Image.Image:
@@ -31,7 +31,7 @@ def photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
     `balls` says whether it draws them where there is ground.
     """
     shown = ["its horizon"] if _shows_horizon(camera) else []
-    shown += ["three balls in its light"] if balls and ball_centres(camera) is not None else []
+    shown += ["three balls in its light"] if balls and has_ground(camera) else []
     caption = f"Photo, with {' and '.join(shown)}" if shown else "Photo"
     return caption if text_width(caption, LETTERS) <= width else caption.removesuffix(" in its light")
 

@@ -13,15 +13,17 @@ from PIL import Image
 
 from lighting.colour import srgb_decode, tone_map
 from lighting.envmap import camera_of, lit_ground
-from lighting.geometry import EYE_HEIGHT, SPOT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere, window_of
+from lighting.geometry import EYE_HEIGHT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere, window_of
 from lighting.records import Lighting
 from lighting.spheres.bounces import in_shade
 from lighting.spheres.render import SPACING
+from lighting.spheres.room import has_room, plain_spot
 from lighting.spheres.shading import Stage, ground, shade, sunlit
 
-BALL = 0.055  # radius of a ball in the picture, in picture heights
+BALL = 0.055  # largest radius of a ball in the picture, in picture heights
 
-_LEAST_DESCENT = 0.04  # slope of the line of sight to the spot below which the ground counts as out of the picture
+_ROW = SPACING + 1.0  # half the width of the balls side by side, in radii
+_FILLED = 0.95  # of a narrow picture's width, which they fill at most
 _FINE = 2  # rays per pixel and side on the balls and in their shadows
 _COARSE = 2  # pixels per ray and side on the ground where light changes slowly
 _FAR = 40.0  # radii from the balls to which they change the ground
@@ -33,9 +35,10 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
     `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
     """
     camera = camera_of(lighting, picture.width, picture.height)
-    centres = ball_centres(camera)
-    if centres is None:
+    spot = plain_spot(picture, camera, _ROW * (radius := ball_radius(camera)), radius)
+    if spot is None:
         return picture
+    centres = ball_centres(camera, spot)
     there = replace(stage, centres=centres)
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
     lit = lit_ground(np.asarray(picture), lighting)
@@ -44,15 +47,23 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
     return Image.fromarray(tone_map(_over(shaded, camera, standing)))
 
 
-def ball_centres(camera: Pinhole) -> Floats | None:
-    """The balls' centres (3, 3) as the camera at the origin has them, in radii; None without ground to stand on."""
-    _, up, forward = camera.axes
-    half = np.tan(np.radians(camera.vertical_fov) / 2)
-    sight = forward - SPOT * half * up
-    if sight[1] > -_LEAST_DESCENT:
-        return None
+def has_ground(camera: Pinhole) -> bool:
+    """Whether `with_balls` puts balls into a picture of this camera."""
+    return has_room(camera, _ROW * (radius := ball_radius(camera)), radius)
+
+
+def ball_radius(camera: Pinhole) -> float:
+    """Radius [pixels] of the balls in a picture, so small that three side by side fit."""
+    return min(BALL * camera.height, _FILLED * camera.width / (2 * _ROW))
+
+
+def ball_centres(camera: Pinhole, spot: tuple[float, float]) -> Floats:
+    """The balls' centres (3, 3) as the camera at the origin has them, in radii; the middle one stands on a pixel."""
+    right, up, forward = camera.axes
+    x, y = (np.array(spot) - [camera.width / 2, camera.height / 2]) / camera.focal_length
+    sight = forward + x * right - y * up
     depth = EYE_HEIGHT / -sight[1]
-    radius = BALL * 2 * half * depth
+    radius = ball_radius(camera) / camera.focal_length * depth
     middle = sight * depth / radius + [0.0, 1.0, 0.0]
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
 
@@ -63,7 +74,7 @@ def _lit_at(lit: NDArray[np.float32], camera: Pinhole, centres: Floats) -> float
     if not np.isfinite(feet).all():  # behind the camera
         return 1.0
     x, y = (feet * (len(lit) / camera.height)).T
-    around = BALL * len(lit)
+    around = ball_radius(camera) * len(lit) / camera.height
     columns, rows = (
         _span(float(x.mean()), float(np.ptp(x) / 2 + around), lit.shape[1]),
         _span(float(y.mean()), around, len(lit)),

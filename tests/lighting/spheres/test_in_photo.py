@@ -12,7 +12,16 @@ from lighting.envmap import render
 from lighting.geometry import Pinhole, camera_pixel
 from lighting.records import Lighting
 from lighting.spheres.bounces import lit_stage
-from lighting.spheres.in_photo import BALL, _dark, _few_points, _shadow, ball_centres, with_balls
+from lighting.spheres.in_photo import (
+    BALL,
+    _dark,
+    _few_points,
+    _shadow,
+    ball_centres,
+    ball_radius,
+    has_ground,
+    with_balls,
+)
 from lighting.spheres.render import sphere_centres
 from lighting.spheres.shading import DIFFUSE_REFLECTANCE, Stage
 from tests.lighting.envmap.test_render import given_light
@@ -20,6 +29,7 @@ from tests.lighting.envmap.test_render import given_light
 LIGHT = replace(given_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
 WIDTH, HEIGHT = 160, 120
 CAMERA = Pinhole(WIDTH, HEIGHT, LIGHT.vertical_fov, elevation=-10.0)
+CENTRES = ball_centres(CAMERA, (WIDTH / 2, 0.8 * HEIGHT))  # where they stand on plain ground
 SUNLIT = (
     np.array(given_light(40.0).ground_color)
     / np.pi
@@ -41,14 +51,13 @@ def drawn(ground: np.ndarray) -> np.ndarray:
 
 
 def test_the_balls_stand_side_by_side_on_the_ground_below_the_middle() -> None:
-    centres = ball_centres(CAMERA)
-    assert centres is not None
+    centres = CENTRES
     assert np.ptp(centres[:, 1]) == pytest.approx(0.0, abs=1e-9)
     assert centres[0, 0] < centres[1, 0] < centres[2, 0]
     x, y = camera_pixel(centres[1], CAMERA)
     assert x == pytest.approx(WIDTH / 2, abs=1)
     foot = camera_pixel(centres[1] - [0.0, 1.0, 0.0], CAMERA)[1]
-    assert foot == pytest.approx(HEIGHT / 2 * 1.6, abs=1)
+    assert foot == pytest.approx(0.8 * HEIGHT, abs=0.1)
     assert foot - y == pytest.approx(BALL * HEIGHT, rel=0.15)
 
 
@@ -56,14 +65,39 @@ def test_a_picture_without_ground_stays_as_it_is() -> None:
     up = replace(LIGHT, camera_elevation=40.0)
     picture = Image.new("RGB", (80, 60), (90, 120, 160))
     assert with_balls(picture, up, stage()) is picture
+    assert not has_ground(replace(CAMERA, elevation=40.0))
+    assert has_ground(CAMERA)
+
+
+def test_the_balls_stand_beside_what_fills_the_middle() -> None:
+    """Without it they would stand at the picture's lower middle."""
+    ground = np.full((HEIGHT, WIDTH, 3), 90, dtype=np.uint8)
+    with_thing = ground.copy()
+    with_thing[72:110, 70:130] = np.random.default_rng(0).integers(0, 255, (38, 60, 1))
+    changed = {}
+    for name, picture in (("plain", ground), ("thing", with_thing)):
+        drawn = np.asarray(with_balls(Image.fromarray(picture), LIGHT, stage()))
+        changed[name] = np.abs(drawn.astype(int) - picture).max(axis=2) > 40
+    assert changed["plain"][72:110, 70:90].any()
+    assert not changed["thing"][72:110, 90:130].any()
+    assert changed["thing"].any()
 
 
 @pytest.mark.parametrize("size", [(32, 256), (256, 32)])
-def test_a_narrow_picture_shows_the_balls_that_it_has_room_for(size: tuple[int, int]) -> None:
+def test_a_narrow_picture_shows_the_balls(size: tuple[int, int]) -> None:
     picture = Image.new("RGB", size, (90, 120, 160))
     shown = with_balls(picture, LIGHT, stage())
     assert shown.size == size
-    assert shown.getpixel((size[0] // 2, round(0.78 * size[1]))) != (90, 120, 160)
+    assert shown.getpixel((size[0] // 2, round(0.8 * size[1]) - 2)) != (90, 120, 160)
+
+
+def test_a_narrow_picture_has_all_balls_inside() -> None:
+    narrow = Pinhole(32, 256, LIGHT.vertical_fov, elevation=-10.0)
+    x = camera_pixel(ball_centres(narrow, (16.0, 200.0)), narrow)[:, 0]
+    radius = ball_radius(narrow)
+    assert radius < BALL * 256
+    assert x.min() - radius > 0
+    assert x.max() + radius < 32
 
 
 def test_balls_behind_a_camera_that_looks_straight_down_are_left_out() -> None:
@@ -82,9 +116,7 @@ def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
 
 def test_the_edges_of_shadows_are_smooth() -> None:
     """As with eight times as many rays each way, to a tenth; by a ray for two pixels they would be stairs."""
-    centres = ball_centres(CAMERA)
-    assert centres is not None
-    there = replace(stage(), centres=centres)
+    there = replace(stage(), centres=CENTRES)
     fine = replace(CAMERA, width=8 * WIDTH, height=8 * HEIGHT)
     dark = _dark(*_few_points(CAMERA, there), there)
     many = _shadow(fine, there, np.ones((1, 1), dtype=bool)).reshape(HEIGHT, 8, WIDTH, 8).mean(axis=(1, 3))
@@ -109,9 +141,7 @@ def test_balls_on_ground_in_shade_are_in_shade() -> None:
     behind = replace(LIGHT, sun_azimuth=180.0)
     centres = sphere_centres(4 / 3, -10.0).astype(np.float64)
     lit = lit_stage(render(behind, 64), behind.sun_direction, centres)
-    here = ball_centres(CAMERA)
-    assert here is not None
-    x, y = (round(float(v)) for v in camera_pixel(here[2], CAMERA))
+    x, y = (round(float(v)) for v in camera_pixel(CENTRES[2], CAMERA))
     seen = {}
     for name, under in (("sun", SUNLIT), ("shade", SHADED)):
         ground = np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3)).copy()
@@ -125,10 +155,8 @@ def test_balls_on_ground_in_shade_are_in_shade() -> None:
 
 
 def test_the_balls_are_seen() -> None:
-    centres = ball_centres(CAMERA)
-    assert centres is not None
     linear = drawn(SHADED)
-    x, y = (round(float(v)) for v in camera_pixel(centres[2], CAMERA))
+    x, y = (round(float(v)) for v in camera_pixel(CENTRES[2], CAMERA))
     assert linear[y - 2, x].mean() > 2 * SHADED.mean()
 
 
