@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 from lighting.errors import PhotoError
+from lighting.photo.profile import is_linear
 
 Pixels = NDArray[np.uint8]
 
@@ -16,7 +17,6 @@ MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large,
 _FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 _STRIP = 1 << 22  # pixels converted at once
 _MID_GREY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
-_LINEAR = ("linear", "g10")  # in the names of profiles with the primaries of sRGB and without its curve
 _TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
     2: lambda pixels: pixels[:, ::-1],
     3: lambda pixels: pixels[::-1, ::-1],
@@ -106,4 +106,4 @@ def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
 def _is_srgb(icc: ImageCms.ImageCmsProfile) -> bool:
     """Whether a profile is sRGB by its name; "Linear sRGB", as GIMP and others call theirs, is not."""
     name = ImageCms.getProfileDescription(icc)
-    return "sRGB" in name and not any(word in name.lower() for word in _LINEAR)
+    return "sRGB" in name and not is_linear(name)

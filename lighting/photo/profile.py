@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 _GAMMA_TAG = (0.9, 1.1)  # of a PNG whose values are linear
+_LINEAR = ("linear", "g10")  # in the names of profiles without a curve
 _SAME = 2e-3  # of a matrix's entries, by which profiles of the same primaries differ
 
 
@@ -38,6 +39,11 @@ def says_gamma(header: Image.Image) -> bool:
         return True
     try:
         profile = ImageCms.ImageCmsProfile(BytesIO(header.info["icc_profile"]))
-        return "linear" not in ImageCms.getProfileDescription(profile).lower()
+        return not is_linear(ImageCms.getProfileDescription(profile))
     except (KeyError, OSError, TypeError, ImageCms.PyCMSError):
         return False
+
+
+def is_linear(name: str) -> bool:
+    """Whether an ICC profile's name says that its values are linear."""
+    return any(word in name.lower() for word in _LINEAR)

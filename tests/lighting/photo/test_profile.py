@@ -58,7 +58,7 @@ def test_the_same_primaries_and_profiles_that_say_none_change_nothing(said: byte
     assert to_rec709(ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()) is None
 
 
-@pytest.mark.parametrize(("name", "coded"), [("Wide, linear", False), ("Wide", True)])
+@pytest.mark.parametrize(("name", "coded"), [("Wide, linear", False), ("Wide-elle-V2-g10", False), ("Wide", True)])
 def test_a_profile_that_says_a_curve_is_told_and_not_believed(tmp_path: Path, name: str, coded: bool) -> None:
     values = np.array([[100, 40000]], dtype=np.uint16)
     Image.fromarray(values).save(tmp_path / "a.png", icc_profile=profile(name, WIDE))
