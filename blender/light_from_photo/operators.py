@@ -45,7 +45,7 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
         if not spot_is_seen(context.scene):
             self.report({"WARNING"}, "The picture shows no ground where an object could stand: its spot lies below it.")
         if others := other_lights(context.scene):
-            self.report({"WARNING"}, f"The scene has light that the photo has not: delete or hide {', '.join(others)}.")
+            self.report({"WARNING"}, f"The scene has light that the photo has not; delete it: {', '.join(others)}.")
         return {"FINISHED"}
 
 

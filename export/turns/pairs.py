@@ -12,8 +12,7 @@ from export.data import Panorama
 from export.turns.sets import FOVS, GAINS, HEIGHT, WIDTH, across, exposed, photo, sweep
 from export.turns.walk import Standpoint, Walk
 from lighting.geometry import angles, wrap_azimuth
-from lighting.turns import Features, Turn, features, relative_rotation
-from lighting.turns.sets import GUESSED_FOV_SIGMA
+from lighting.turns import GUESSED_FOV_SIGMA, Features, Turn, features, relative_rotation
 from lighting.turns.upright import own_axes
 
 ZOOMS, ASIDE = (1.2, 3.0), (3.0, 15.0)  # times, and deg between two photos of which one is zoomed

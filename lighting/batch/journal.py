@@ -71,7 +71,8 @@ def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
         with replacing(path) as temporary:
             rest = stack.enter_context(temporary.open("a+b"))
             _lock(rest, path)
-            rest.writelines(line for record, line in _whole_lines(file) if "error" not in record)
+            good = (line for line in file if "error" not in (_record(line) or {"error": ""}))
+            rest.writelines(line for _, line in _whole_lines(good))
             rest.flush()
         rest.seek(0)
         yield rest

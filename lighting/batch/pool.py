@@ -88,7 +88,8 @@ def _tidy(job: Job, names: Sequence[str]) -> None:
     files = {Path(job.out, name) for name in (SETTINGS, JOURNAL, TABLE)}
     folders = {name.rpartition("/")[0] for name in names} if job.maps else set()
     maps = {Path(job.out, folder, "map.exr") for folder in folders}
-    for path in (left for file in files | maps for left in leftovers(file)):
+    own = (file for file in files | maps if not file.is_symlink())  # a link may lead to where others write
+    for path in (left for file in own for left in leftovers(file)):
         path.unlink(missing_ok=True)
 
 

@@ -1,6 +1,5 @@
 """The command that writes scenes."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +21,7 @@ from lighting.cli.options import (
 )
 from lighting.cli.words import in_words, report_warnings, shown
 from lighting.scene import (
+    LIT_GROUND,
     PLATE,
     TOOL_OF_OPTION,
     TOOLS,
@@ -115,10 +115,16 @@ def _check(asked: _Options) -> None:
         raise click.UsageError(f"--height is the map's, and a scene for {asked.tool} holds no map.")
     if asked.surroundings is not None and asked.tool in TOOLS_WITHOUT_MAP:
         raise click.UsageError(f"--surroundings is the map's, and a scene for {asked.tool} holds no map.")
-    if asked.tool in TOOLS_WITH_PLATE and os.path.realpath(asked.photo) == os.path.realpath(Path(asked.output, PLATE)):
-        raise click.UsageError(f"The scene's plate would replace {shown(asked.photo)}; choose another folder.")
+    pictures = [Path(asked.output, name) for name in (PLATE, LIT_GROUND)] if asked.tool in TOOLS_WITH_PLATE else []
+    if any(_is_photo(path, asked.photo) for path in pictures):
+        raise click.UsageError(f"The scene would replace {shown(asked.photo)}; choose another folder.")
     if asked.record:
         _check_record(asked)
+
+
+def _is_photo(path: Path, photo: str) -> bool:
+    """Whether a file is the photo itself, also by another name."""
+    return path.exists() and Path(photo).exists() and path.samefile(photo)
 
 
 def _check_record(asked: _Options) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from lighting.lazy import from_homes
 from lighting.scene.tools import (
+    LIT_GROUND,
     PLATE,
     TOOL_OF_OPTION,
     TOOLS,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APERTURE_UNIT",
+    "LIT_GROUND",
     "PLATE",
     "PLATE_SIDE",
     "TOOLS",

@@ -16,13 +16,12 @@ from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, Scene
 from lighting.scene.parts import (
     ENVIRONMENT,
-    LIT_GROUND,
     Folder,
     data_text,
     write_shared_files,
 )
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from lighting.scene.tools import PLATE
+from lighting.scene.tools import LIT_GROUND, PLATE
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 MAIN = SCRIPT  # needs the files of `write_shared_files` beside it

@@ -9,9 +9,9 @@ import numpy as np
 
 from lighting.files import encode_envmap, encode_png, full_record
 from lighting.scene.common import Scene
-from lighting.scene.tools import PLATE
+from lighting.scene.tools import LIT_GROUND, PLATE
 
-ENVIRONMENT, RECORD, LIT_GROUND = "environment.exr", "lighting.json", "lit_ground.png"
+ENVIRONMENT, RECORD = "environment.exr", "lighting.json"
 
 
 class File(Protocol):

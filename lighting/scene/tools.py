@@ -11,7 +11,7 @@ UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
 TOOL_OF_OPTION: dict[str, Tool] = {"up_axis": "usd"}  # an option of a `write`: the one tool that takes it
 TOOLS_WITHOUT_MAP: tuple[Tool, ...] = ("gltf",)
 TOOLS_WITH_PLATE: tuple[Tool, ...] = ("blender", "usd", "mitsuba")  # as a file, PLATE; the others' is in their one file
-PLATE = "plate.png"
+PLATE, LIT_GROUND = "plate.png", "lit_ground.png"
 
 
 def misplaced(options: Collection[str], tool: str) -> dict[str, Tool]:

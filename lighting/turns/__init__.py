@@ -6,11 +6,12 @@ from lighting.turns.parallax import motion, obeying_more
 from lighting.turns.rays import cross_matrix, focal_of, nearest_rotation, rays, rotation_about, rotation_vector
 from lighting.turns.rotation import Turn, relative_rotation, rotation_of
 from lighting.turns.search import search
-from lighting.turns.sets import UP_SIGMA, Placed, Shot, View, place
+from lighting.turns.sets import GUESSED_FOV_SIGMA, UP_SIGMA, Placed, Shot, View, place
 from lighting.turns.upright import angles_of, common_up, level, own_up
 from lighting.turns.zoomed import ONE_LENS
 
 __all__ = [
+    "GUESSED_FOV_SIGMA",
     "MAX_SIDE",
     "ONE_LENS",
     "UP_SIGMA",

@@ -321,7 +321,7 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert found["undone"] == [4, 0, 4, 0]
     assert found["sun lamps"] == 1
     assert found["seen"] == [True, False]
-    assert "Warning: The scene has light that the photo has not: delete or hide Light.\n" in done.stdout + done.stderr
+    assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in done.stdout + done.stderr
     assert "World" in found["worlds"]  # the artist's own
     assert found["reopened"]["sliders"][0] == 12.0
     assert found["reopened"]["image"].startswith("Sky of the sliders")

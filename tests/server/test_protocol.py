@@ -275,7 +275,7 @@ def test_an_answer_that_is_not_taken_is_dropped(
     port: int, unsent: Unsent, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", "server.access")
-    monkeypatch.setattr(protocol, "ANSWER_GRACE", 1.0)
+    monkeypatch.setattr(protocol, "ANSWER_GRACE", 3.0)
     with large(port) as connection:
         until(lambda: unsent.size > 0)
         assert unsent.size > LARGE // 2

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-_LEAST = 0.02  # share of the brightest, below which what differs may be noise; two hours of a clear sky leave 0.026
+_LEAST = 0.02  # share of the brightest, below which what differs may be noise; an hour of clear sky leaves 0.025
 _BRIGHTEST = 0.999  # quantile of the values that counts as the brightest
 _PROBE = 20_000  # pixels that are looked at
 

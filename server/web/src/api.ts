@@ -185,7 +185,7 @@ async function ask(url: string, init: RequestInit): Promise<Response> {
     throw new Refusal(
       0,
       "The service did not answer",
-      "Check your connection, and that it is still running, then try again.",
+      "Check your connection, and that the service is still running, then try again.",
     );
   });
   if (!response.ok) throw await refusal(response);

@@ -57,6 +57,15 @@ def test_what_failed_is_forgotten_and_tried_again(path: Path) -> None:
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
+def test_a_photo_that_failed_before_it_was_done_is_done(path: Path) -> None:
+    """Such journals are put together by hand; the answer was thrown away with the failure."""
+    done = json.dumps({"file": "c.jpg", "lighting": {}})
+    path.write_text(f"{FAILED}\n{done}\n{LINES[0]}\n")
+    with open_journal(path) as journal:
+        assert (journal.done, journal.failed) == ({"c.jpg", "a.jpg"}, 0)
+    assert path.read_text() == f"{done}\n{LINES[0]}\n"
+
+
 def test_a_line_cut_anywhere_is_not_done(path: Path) -> None:
     whole = fill(path)
     first = len(LINES[0]) + 1

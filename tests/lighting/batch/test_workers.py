@@ -129,7 +129,7 @@ def test_a_process_that_starts_is_not_left_half_told() -> None:
     def start() -> None:
         with _interrupts_held():
             os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.2)
+            time.sleep(1.0)
             ended.set()
 
     other.start()

@@ -108,19 +108,22 @@ def test_wrong_usage_is_one_sentence(photo_path: Path, tmp_path: Path, arguments
     assert not (tmp_path / "out").exists()
 
 
-def test_the_plate_never_replaces_the_photo(photo_path: Path, record_path: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["plate.png", "lit_ground.png"])
+def test_a_scene_never_replaces_the_photo(photo_path: Path, record_path: Path, tmp_path: Path, name: str) -> None:
     """A plate of 16 bits became one of 8, without its metadata."""
     shot = tmp_path / "shot"
     shot.mkdir()
-    plate = photo_path.rename(shot / "plate.png")
-    before = plate.read_bytes()
-    arguments: list[str | Path] = ["scene", plate, "--lighting", record_path, "-o", shot, "--overwrite", "-q"]
-    assert error_of(run(*arguments, "--for", "usd"), 2) == (
-        f"The scene's plate would replace {plate}; choose another folder."
-    )
-    assert run(*arguments, "--for", "gltf").exit_code == 0
-    assert sorted(path.name for path in shot.iterdir()) == ["plate.png", "scene.glb"]
-    assert plate.read_bytes() == before
+    photo = photo_path.rename(shot / name)
+    before = photo.read_bytes()
+    again = tmp_path / "again.png"
+    again.symlink_to(photo)
+    arguments: list[str | Path] = ["--lighting", record_path, "-o", shot, "--overwrite", "-q"]
+    for named in (photo, again):
+        said = error_of(run("scene", named, *arguments, "--for", "usd"), 2)
+        assert said == f"The scene would replace {named}; choose another folder."
+    assert run("scene", photo, *arguments, "--for", "gltf").exit_code == 0
+    assert sorted(path.name for path in shot.iterdir()) == sorted([name, "scene.glb"])
+    assert photo.read_bytes() == before
 
 
 def test_a_bad_photo_is_one_sentence(tmp_path: Path, record_path: Path) -> None:

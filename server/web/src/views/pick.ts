@@ -8,7 +8,7 @@ import { chosen, example, type Source } from "../source";
 
 const MODEL = /\.(glb|gltf)$/i;
 
-const FIELDS = "input:not([type=file]), textarea"; // which take text of their own
+const FIELDS = "input:not([type=file], [type=range], [type=radio], [type=checkbox]), textarea"; // for text
 
 type Take = (photos: Source[]) => void;
 
@@ -35,7 +35,7 @@ export function listenForPhotos(take: Take, model: (file: File) => void, fail: (
     else fail(new Error(`What you ${how} is no file. Save the photo, then choose its file or drop it here.`));
   };
   document.addEventListener("paste", (event) => {
-    if (!takesText(event)) brought(event.clipboardData, "pasted");
+    if (!isText(event, event.clipboardData)) brought(event.clipboardData, "pasted");
   });
   listenForDrops((data) => brought(data, "dropped"));
   byId("examples").append(...EXAMPLES.map((one) => make("li", {}, exampleButton(one, take))));
@@ -51,7 +51,7 @@ export async function showMatching(): Promise<void> {
 function listenForDrops(give: (data: DataTransfer | null) => void): void {
   const field = byId("drop");
   const over = (on: boolean) => (event: DragEvent) => {
-    if (isText(event)) return;
+    if (isText(event, event.dataTransfer)) return;
     event.preventDefault();
     field.classList.toggle("over", on);
   };
@@ -59,14 +59,13 @@ function listenForDrops(give: (data: DataTransfer | null) => void): void {
   document.addEventListener("dragleave", over(false));
   document.addEventListener("drop", (event) => {
     over(false)(event);
-    if (!isText(event)) give(event.dataTransfer);
+    if (!isText(event, event.dataTransfer)) give(event.dataTransfer);
   });
 }
 
-const takesText = ({ target }: Event): boolean => target instanceof Element && target.matches(FIELDS);
-
-/** Whether what is dragged is text over a field for text, which the browser puts there. */
-const isText = (event: DragEvent): boolean => takesText(event) && !event.dataTransfer?.types.includes("Files");
+/** Whether what comes is text for a field for text, where the browser puts it. */
+const isText = ({ target }: Event, data: DataTransfer | null): boolean =>
+  target instanceof Element && target.matches(FIELDS) && !data?.types.includes("Files");
 
 function exampleButton({ name, title, url, thumb, credit }: Example, take: Take): HTMLButtonElement {
   const picture = make("img", { src: thumb, alt: "", width: 120, height: 90 });
