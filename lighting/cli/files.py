@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -166,9 +167,16 @@ def rehearse() -> None:
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:
     """Raise UsageError where an output would replace the input or the other output."""
-    files = [os.path.realpath(name) for name in (source, *outputs) if name is not None and name != "-"]
-    if len(set(files)) < len(files) or outputs.count("-") > 1:
+    files = [name for name in (source, *outputs) if name is not None and name != "-"]
+    if any(is_same_file(*two) for two in combinations(files, 2)) or outputs.count("-") > 1:
         raise click.UsageError("The input and the outputs must be different files.")
+
+
+def is_same_file(one: str, other: str) -> bool:
+    """Whether two names are of one file, also where links or a disk that knows no case hide it."""
+    if os.path.realpath(one) == os.path.realpath(other):
+        return True
+    return Path(one).exists() and Path(other).exists() and Path(one).samefile(other)
 
 
 def place_in(data: bytes, photo: "Photo", estimate: "Estimate", height: int, wanted: bool | None) -> "Place | None":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lighting.cli.files import estimated, naming, open_lighting, photo_bytes
+from lighting.cli.files import estimated, is_same_file, naming, open_lighting, photo_bytes
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import (
@@ -20,18 +20,7 @@ from lighting.cli.options import (
     unwarned_option,
 )
 from lighting.cli.words import in_words, report_warnings, shown
-from lighting.scene import (
-    LIT_GROUND,
-    PLATE,
-    TOOL_OF_OPTION,
-    TOOLS,
-    TOOLS_WITH_PLATE,
-    TOOLS_WITHOUT_MAP,
-    UP_AXES,
-    Tool,
-    UpAxis,
-    misplaced,
-)
+from lighting.scene import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced, pictures_of
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
@@ -115,16 +104,10 @@ def _check(asked: _Options) -> None:
         raise click.UsageError(f"--height is the map's, and a scene for {asked.tool} holds no map.")
     if asked.surroundings is not None and asked.tool in TOOLS_WITHOUT_MAP:
         raise click.UsageError(f"--surroundings is the map's, and a scene for {asked.tool} holds no map.")
-    pictures = [Path(asked.output, name) for name in (PLATE, LIT_GROUND)] if asked.tool in TOOLS_WITH_PLATE else []
-    if any(_is_photo(path, asked.photo) for path in pictures):
+    if any(is_same_file(str(Path(asked.output, name)), asked.photo) for name in pictures_of(asked.tool)):
         raise click.UsageError(f"The scene would replace {shown(asked.photo)}; choose another folder.")
     if asked.record:
         _check_record(asked)
-
-
-def _is_photo(path: Path, photo: str) -> bool:
-    """Whether a file is the photo itself, also by another name."""
-    return path.exists() and Path(photo).exists() and path.samefile(photo)
 
 
 def _check_record(asked: _Options) -> None:

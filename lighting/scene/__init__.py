@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 
 from lighting.lazy import from_homes
 from lighting.scene.tools import (
-    LIT_GROUND,
-    PLATE,
     TOOL_OF_OPTION,
     TOOLS,
-    TOOLS_WITH_PLATE,
     TOOLS_WITHOUT_MAP,
     UP_AXES,
     Tool,
     UpAxis,
     misplaced,
+    pictures_of,
 )
 
 if TYPE_CHECKING:
@@ -27,12 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APERTURE_UNIT",
-    "LIT_GROUND",
-    "PLATE",
     "PLATE_SIDE",
     "TOOLS",
     "TOOLS_WITHOUT_MAP",
-    "TOOLS_WITH_PLATE",
     "TOOL_OF_OPTION",
     "UP_AXES",
     "Scene",
@@ -41,6 +36,7 @@ __all__ = [
     "check_target",
     "make_scene",
     "misplaced",
+    "pictures_of",
     "to_z_up",
     "write_scene",
     "zip_scene",

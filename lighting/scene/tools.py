@@ -10,8 +10,12 @@ TOOLS: tuple[Tool, ...] = get_args(Tool)  # each is a module here with `write(sc
 UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
 TOOL_OF_OPTION: dict[str, Tool] = {"up_axis": "usd"}  # an option of a `write`: the one tool that takes it
 TOOLS_WITHOUT_MAP: tuple[Tool, ...] = ("gltf",)
-TOOLS_WITH_PLATE: tuple[Tool, ...] = ("blender", "usd", "mitsuba")  # as a file, PLATE; the others' is in their one file
 PLATE, LIT_GROUND = "plate.png", "lit_ground.png"
+
+
+def pictures_of(tool: Tool) -> tuple[str, ...]:
+    """The pictures in a tool's folder; glTF and three.js have theirs in their one file."""
+    return (PLATE, LIT_GROUND) if tool in ("blender", "usd", "mitsuba") else ()
 
 
 def misplaced(options: Collection[str], tool: str) -> dict[str, Tool]:
