@@ -35,7 +35,7 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
     `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
     """
     camera = camera_of(lighting, picture.width, picture.height)
-    spot = plain_spot(picture, camera, _ROW * (radius := ball_radius(camera)), radius)
+    spot = plain_spot(picture, camera, ball_radius(camera), _ROW)
     if spot is None:
         return picture
     centres = ball_centres(camera, spot)
@@ -49,7 +49,7 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
 
 def has_ground(camera: Pinhole) -> bool:
     """Whether `with_balls` puts balls into a picture of this camera."""
-    return has_room(camera, _ROW * (radius := ball_radius(camera)), radius)
+    return has_room(camera, ball_radius(camera), _ROW)
 
 
 def ball_radius(camera: Pinhole) -> float:

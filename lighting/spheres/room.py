@@ -14,30 +14,30 @@ _ABOVE, _BELOW = 2.0, 0.5  # ball radii that must be free over the feet and unde
 _AWAY = 100.0  # grey levels of unrest that one is ready to bear to stay in the lower middle
 
 
-def has_room(camera: Pinhole, reach: float, radius: float) -> bool:
+def has_room(camera: Pinhole, radius: float, row: float) -> bool:
     """Whether the picture of a camera shows ground for balls as `plain_spot` has them."""
-    return bool(_feet(_coarse(camera), reach / camera.height, radius / camera.focal_length).any())
+    return bool(_feet(_coarse(camera), row * radius / camera.height, radius / camera.focal_length).any())
 
 
-def plain_spot(picture: Image.Image, camera: Pinhole, reach: float, radius: float) -> tuple[float, float] | None:
+def plain_spot(picture: Image.Image, camera: Pinhole, radius: float, row: float) -> tuple[float, float] | None:
     """The pixel (x, y) where balls side by side disturb a picture least; None where it shows no ground for them.
 
-    They are `reach` pixels wide to either side, and `radius` is a ball's; none is as high as the camera. The box around
-    them holds the least unrest, which is the mean difference between neighbours; the nearer to the lower middle, the
-    better.
+    `radius` [pixels] is a ball's, and they are `row` radii wide to either side; none is as high as the camera. The box
+    around them holds the least unrest, which is the mean difference between neighbours; the nearer to the lower middle,
+    the better.
     """
     small = _coarse(camera)
-    half = reach / camera.height
-    feet = _feet(small, half, radius / camera.focal_length)
+    tall = radius / camera.height
+    feet = _feet(small, row * tall, radius / camera.focal_length)
     if not feet.any():
         return None
     grey = picture.convert("L").resize((small.width, small.height), Image.Resampling.BOX)
     y, x = np.mgrid[: small.height, : small.width] + 0.5
     away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + SPOT) / 2)
-    tall = radius / camera.height * small.height
-    unrest = _boxed(_unrest(np.asarray(grey, dtype=np.float32)), half * small.height, _ABOVE * tall, _BELOW * tall)
-    row, column = np.unravel_index(np.argmin(np.where(feet, unrest + _AWAY * away, np.inf)), feet.shape)
-    return (float(column) + 0.5) * camera.width / small.width, (float(row) + 0.5) * camera.height / small.height
+    aside, above, below = (radii * tall * small.height for radii in (row, _ABOVE, _BELOW))
+    unrest = _boxed(_unrest(np.asarray(grey, dtype=np.float32)), aside, above, below)
+    down, across = np.unravel_index(np.argmin(np.where(feet, unrest + _AWAY * away, np.inf)), feet.shape)
+    return (float(across) + 0.5) * camera.width / small.width, (float(down) + 0.5) * camera.height / small.height
 
 
 def _coarse(camera: Pinhole) -> Pinhole:

@@ -8,11 +8,12 @@ from lighting.geometry import Pinhole
 from lighting.spheres.room import has_room, plain_spot
 
 CAMERA = Pinhole(320, 240, 50.0)  # level: its horizon is the picture's middle
-REACH, RADIUS = 45.0, 12.0
+RADIUS, ROW = 12.5, 3.6
+REACH = ROW * RADIUS
 
 
 def spot_in(pixels: np.ndarray, camera: Pinhole = CAMERA) -> tuple[float, float]:
-    found = plain_spot(Image.fromarray(pixels), camera, REACH, RADIUS)
+    found = plain_spot(Image.fromarray(pixels), camera, RADIUS, ROW)
     assert found is not None
     return found
 
@@ -42,12 +43,12 @@ def test_balls_stand_lower_than_the_camera_and_wholly_in_the_picture() -> None:
 
 def test_a_camera_that_shows_no_ground_has_no_room() -> None:
     up = Pinhole(320, 240, 50.0, elevation=40.0)
-    assert plain_spot(Image.new("RGB", (320, 240)), up, REACH, RADIUS) is None
-    assert not has_room(up, REACH, RADIUS)
-    assert has_room(CAMERA, REACH, RADIUS)
+    assert plain_spot(Image.new("RGB", (320, 240)), up, RADIUS, ROW) is None
+    assert not has_room(up, RADIUS, ROW)
+    assert has_room(CAMERA, RADIUS, ROW)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 400), (400, 3)])
 def test_pictures_of_few_pixels_are_taken(size: tuple[int, int]) -> None:
     camera = Pinhole(*size, 50.0, elevation=-30.0)
-    plain_spot(Image.new("RGB", size), camera, 0.4 * size[0], 0.05 * size[1])
+    plain_spot(Image.new("RGB", size), camera, 0.05 * size[1], 3.6)
