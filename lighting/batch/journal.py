@@ -22,7 +22,7 @@ class Journal:
         self.failed = 0
         self._file = file
         kept = end = 0
-        for record, line in _whole_lines(file):
+        for record, line in _first(_whole_lines(file)):
             self._count(record["file"], "error" in record)
             kept += len(line)
             end = file.tell()
@@ -71,8 +71,7 @@ def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
         with replacing(path) as temporary:
             rest = stack.enter_context(temporary.open("a+b"))
             _lock(rest, path)
-            good = (line for line in file if "error" not in (_record(line) or {"error": ""}))
-            rest.writelines(line for _, line in _whole_lines(good))
+            rest.writelines(line for _, line in _first(pair for pair in _whole_lines(file) if "error" not in pair[0]))
             rest.flush()
         rest.seek(0)
         yield rest
@@ -84,10 +83,17 @@ def has_lights(lines: Iterable[bytes]) -> bool:
 
 
 def _whole_lines(lines: Iterable[bytes]) -> Iterator[tuple[dict[str, Any], bytes]]:
-    """The records in whole lines with these, the first of each photo."""
-    seen: set[str] = set()
+    """The records in whole lines, with these."""
     for line in lines:
-        if (record := _record(line)) is not None and record["file"] not in seen:
+        if (record := _record(line)) is not None:
+            yield record, line
+
+
+def _first(pairs: Iterable[tuple[dict[str, Any], bytes]]) -> Iterator[tuple[dict[str, Any], bytes]]:
+    """Of records with their lines the first one of each photo."""
+    seen: set[str] = set()
+    for record, line in pairs:
+        if record["file"] not in seen:
             seen.add(record["file"])
             yield record, line
 
