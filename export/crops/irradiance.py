@@ -63,7 +63,7 @@ def _measured(linear: Floats, source: Source) -> tuple[Floats, Floats]:
     above = linear[: height // 2].copy()
     unknown = np.full(3, math.nan)
     sun, label = unknown, source.label
-    if source.panorama.kind == "hdr" and "sun unclipped" in source.panorama.notes:
+    if source.panorama.kind == "hdr" and source.panorama.sun_is_unclipped:
         apart = np.degrees(np.arccos(np.clip(rays @ direction(label.sun_azimuth, label.sun_elevation), -1, 1)))
         behind = above[(apart > GLARE[0]) & (apart < GLARE[1])].mean(axis=0)
         disc = apart < SUN_REACH

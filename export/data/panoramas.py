@@ -59,6 +59,11 @@ class Panorama:
         """Whether the notes say that the sky is no measurement: tone-mapped, painted in, or with a colour cast."""
         return bool(_ALTERED_SKY.search(self.notes.lower()))
 
+    @property
+    def sun_is_unclipped(self) -> bool:
+        """Whether the notes say that the values hold the sun as bright as it was."""
+        return "sun unclipped" in self.notes
+
 
 def read_index(folder: str | Path, split: str | None = None, *, licensed_only: bool = False) -> list[Panorama]:
     """The folder's panoramas, in the index's order; DataError if the folder or a row cannot be used.

@@ -43,7 +43,6 @@ def suns_of(model: Model, shown: Judged) -> list[Sun]:
     """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
     found = []
     for (source, _), crop, truth in zip(shown.views, shown.crops, shown.truth, strict=True):
-        unclipped = "sun unclipped" in source.panorama.notes
         if truth.sun_direction is None:
             continue
         light = lighting_from(said_of(model, photo_of(tone_map(crop.linear))))
@@ -52,8 +51,8 @@ def suns_of(model: Model, shown: Judged) -> list[Sun]:
         level = truth.sun_irradiance * truth.sun_direction[1] + truth.sky_irradiance
         said, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
         if light.sun_shines:
-            place, true = source.panorama.place, truth.sun_irradiance
-            found.append(Sun(place, true, said, level, sky, light.sun_elevation, unclipped))
+            shot, true = source.panorama, truth.sun_irradiance
+            found.append(Sun(shot.place, true, said, level, sky, light.sun_elevation, shot.sun_is_unclipped))
     if not found:
         raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
     return found

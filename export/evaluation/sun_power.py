@@ -37,7 +37,7 @@ def of_panoramas(data: Path, labels: Path) -> Floats:
     """What the sunny HDR panoramas of `train` with an unclipped sun have over a clear sky [stops]."""
     panoramas = [p for p in read_index(data, "train") if p.kind == "hdr" and p.direct == "yes"]
     known = [(s, irradiance_of(s)) for s in load_sources(panoramas, labels)]
-    seen = [(s.label.sun_elevation, light) for s, light in known if "sun unclipped" in s.panorama.notes]
+    seen = [(s.label.sun_elevation, light) for s, light in known if s.panorama.sun_is_unclipped]
     if not seen:
         raise DataError(f"{data} has no sunny HDR panorama in `train` whose sun is unclipped.")
     return over_clear([light.sun for _, light in seen], [light.sky for _, light in seen], [e for e, _ in seen])
