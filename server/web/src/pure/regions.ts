@@ -35,8 +35,8 @@ export interface Spot {
 }
 
 /**
- * Where the shares stand: beyond the highest point of each circle, clear of the sun's sign and each other. `size` is that of the letters in
- * units of the drawing, and `corners` bound the drawing, which they do not leave.
+ * Where the shares stand: beyond the highest point of each circle, clear of the sun's sign and each other. `size` is
+ * that of the letters in units of the drawing, and `corners` bound the drawing, which they do not leave.
  */
 export function shareSpots(
   around: readonly Region[],
