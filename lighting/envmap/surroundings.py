@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.photo_view import Shown, shown, shown_size
 from lighting.envmap.render import add_sun, check_height, render
 from lighting.errors import ParameterError
-from lighting.geometry import Floats, angle_between, latlong_directions
+from lighting.geometry import angle_between, latlong_directions
 from lighting.records import Estimate, Lighting, check_estimate, check_lighting
 
 _FINER = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
@@ -98,16 +99,19 @@ def surround(
     check_lighting(lighting)
     check_height(height)
     _check_place(place)
-    with ThreadPoolExecutor(1) as beside:  # the photo is laid out while the sky is painted
+    halves = slice(0, height // 2), slice(height // 2, height)
+    with ThreadPoolExecutor(1) as beside:  # the photo is laid out while the sky is painted, and each half has a thread
         laid = beside.submit(shown, lighting, place.photo, height)
         image = render(lighting, height, sun=sun, disc=False)
-        halves = slice(0, height // 2), slice(height // 2, height)
-        targets = [irradiance_of(row_levels(height)[half], image[half]) for half in halves]
-        _vary(image, lighting, place)
-    photo = laid.result()
-    seen = photo.over(image, place.gain(lighting)) if photo else None
-    for half, target in zip(halves, targets, strict=True):
-        _compose(image, seen.within(half) if seen else None, half, target)
+        factors, seen = _there(image, lighting, place), laid.result()
+        gain = place.gain(lighting)
+        upper, lower = (
+            partial(_lay, image, half, cells, seen.within(half) if seen else None, gain)
+            for half, cells in zip(halves, np.split(factors, 2), strict=True)
+        )
+        above = beside.submit(upper)
+        lower()
+        above.result()
     if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
     return image
@@ -127,12 +131,11 @@ def _check_place(thing: object) -> None:
         raise ParameterError(f"A Place is needed, not {type(thing).__name__}; known_place makes one of an estimate.")
 
 
-def _vary(image: Image, lighting: Lighting, place: Place) -> None:
-    """Give the map the light of the place, cell by cell; what is finer stays."""
+def _there(image: Image, lighting: Lighting, place: Place) -> Image:
+    """What the light of the place makes of the cells (_ROWS, 2 _ROWS, 3) of the bare map; what is finer stays."""
     if place.light is None or _sky(place.light) == _sky(lighting):
-        _multiply(image, _factors(_pooled(image), lighting, place))
-    else:
-        _multiply(image, without_glow(place_factors(place.light, place), place.light, lighting))
+        return _factors(_pooled(image), lighting, place)
+    return without_glow(place_factors(place.light, place), place.light, lighting)
 
 
 def without_glow(factors: Image, before: Lighting, now: Lighting) -> Image:
@@ -212,20 +215,23 @@ def _between(pixels: int, cells: int, inside: Callable[[NDArray[np.intp]], NDArr
     return shares
 
 
-def _compose(image: Image, seen: Shown | None, part: slice, target: Floats) -> None:
-    """Lay the photo over one half of the map, whose irradiance is then the target (3,), and scale the rest to fit."""
+def _lay(image: Image, half: slice, cells: Image, photo: Shown | None, gain: float) -> None:
+    """Give one half of the bare map the place: its cells, and the photo times a gain. Its irradiance stays."""
     levels = row_levels(len(image))
-    total = irradiance_of(levels[part], image[part])
-    if seen is None:
-        scale(image[part], target / np.maximum(total, _LEAST))
+    target = irradiance_of(levels[half], image[half])
+    _multiply_half(image[half], cells)
+    total = irradiance_of(levels[half], image[half])
+    if photo is None:
+        scale(image[half], target / np.maximum(total, _LEAST))
         return
+    seen = photo.over(image, gain)
     there, weight = image[seen.rows, seen.columns], seen.weight[..., None].repeat(3, axis=2)
     share = there.shape[1] / image.shape[1]  # of the columns
-    photo = irradiance_of(levels[seen.rows], weight * seen.linear) * share
+    shown_light = irradiance_of(levels[seen.rows], weight * seen.linear) * share
     hidden = irradiance_of(levels[seen.rows], weight * there) * share
-    rest = np.clip((target - photo) / np.maximum(total - hidden, _LEAST), *_REST)
-    scale(image[part], rest)
+    rest = np.clip((target - shown_light) / np.maximum(total - hidden, _LEAST), *_REST)
+    scale(image[half], rest)
     there += weight * (seen.linear - there)
-    reached = rest * (total - hidden) + photo
+    reached = rest * (total - hidden) + shown_light
     if np.any(np.abs(reached - target) > _EXACT * target):
-        scale(image[part], target / np.maximum(reached, _LEAST))
+        scale(image[half], target / np.maximum(reached, _LEAST))

@@ -22,16 +22,24 @@ _FEW, _MANY = 1 << 9, 1 << 17  # bytes searched at once: first few, since segmen
 
 
 def check_scans(data: bytes) -> None:
-    """Raise PhotoError for a JPEG of more than MOST_SCANS scans or MOST_SEGMENTS segments; other bytes pass."""
+    """Raise PhotoError for a JPEG of more than MOST_SCANS scans or MOST_SEGMENTS segments; other bytes pass.
+
+    What follows the scan of a picture that is decoded row by row is not looked at: a decoder refuses another scan.
+    """
     if not data.startswith(b"\xff\xd8\xff"):
         return
-    scans = 0
-    for number, (marker, _) in enumerate(_segments(data), 1):
-        scans += marker == _SOS
-        if scans > MOST_SCANS:
-            raise PhotoError(f"The JPEG has more than {MOST_SCANS} scans, which no camera or editor writes.")
+    scans, frame = 0, None
+    for number, (marker, at) in enumerate(_segments(data), 1):
         if number > MOST_SEGMENTS:
             raise PhotoError(f"The JPEG has more than {MOST_SEGMENTS} segments, which no camera or editor writes.")
+        frame = at if marker in _FRAMES else frame
+        if marker != _SOS:
+            continue
+        if scans == 0 and _is_by_rows(data, frame, at):
+            return
+        scans += 1
+        if scans > MOST_SCANS:
+            raise PhotoError(f"The JPEG has more than {MOST_SCANS} scans, which no camera or editor writes.")
 
 
 def coefficients(data: bytes) -> float:
@@ -40,18 +48,25 @@ def coefficients(data: bytes) -> float:
     It holds all of a progressive picture and of any whose first scan lacks a component (T.81, A.2). Chroma at half the
     resolution each way makes 1.5 of them, CMYK 4.
     """
-    factors: list[tuple[int, int]] = []
-    sequential = False
+    frame = None
     for marker, at in _segments(data):
         if marker == _SOS:
-            if sequential and data[at + 4] == len(factors):
+            if _is_by_rows(data, frame, at):
                 return 0.0
             break
-        if marker in _FRAMES:
-            sequential = marker in _SEQUENTIAL
-            factors = [divmod(data[at + 11 + 3 * i], 16) for i in range(data[at + 9])]
+        frame = at if marker in _FRAMES else frame
+    if frame is None:
+        raise PhotoError("The JPEG announces no picture.")
+    factors = [divmod(data[frame + 11 + 3 * i], 16) for i in range(data[frame + 9])]
     whole = max(wide for wide, _ in factors) * max(high for _, high in factors)
     return sum(wide * high for wide, high in factors) / whole
+
+
+def _is_by_rows(data: bytes, frame: int | None, scan: int) -> bool:
+    """Whether a first scan holds every component of a sequential frame; both are places of their markers."""
+    if frame is None or data[frame + 1] not in _SEQUENTIAL:
+        return False
+    return data[scan + 4 : scan + 5] == data[frame + 9 : frame + 10] != b""
 
 
 def frame_size(data: bytes) -> tuple[int, int]:

@@ -44,6 +44,25 @@ def test_one_scan_many_times_is_refused_in_a_sentence() -> None:
         read_photo(repeated(5000))
 
 
+def sequential(times: int, components: int = 3) -> bytes:
+    """A sequential JPEG whose only scan comes `times` in all, the first time with so many components."""
+    data = encode(SCENE)
+    first = data.index(SOS)
+    begin = data[:first] + SOS + data[first + 2 : first + 4] + bytes([components]) + data[first + 5 : -2]
+    return begin + data[first:-2] * (times - 1) + data[-2:]
+
+
+def test_further_scans_behind_a_sequential_picture_are_left_to_the_decoder_which_refuses_them() -> None:
+    check_scans(sequential(5000))
+    with pytest.raises(PhotoError, match="broken data stream"):
+        read_photo(sequential(5000))
+
+
+def test_a_whole_scan_behind_one_that_lacks_a_component_hides_none() -> None:
+    with pytest.raises(PhotoError, match="scans"):
+        check_scans(sequential(100, components=1))
+
+
 def test_what_hides_scans_from_a_reader_does_not_hide_them() -> None:
     """Fill bytes, bytes between segments and restart markers, which libjpeg passes over."""
     bad = repeated(100)
