@@ -2,14 +2,15 @@
 
     python -m benchmarks.latency [--runs 15] [--cpu]
 
-A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, onnxruntime's run of the
-same graph, a small grey picture and its gradient by numpy, a copy of the map, Pillow's resizing of the photo and of
-the coarse panorama to the map's scale, OpenEXR's writing of the same array into memory. Every EXR is a new file:
-replacing one costs the file system milliseconds.
-The whole is what `lighting envmap` does: the photo's own sky and ground in the answer, and a map with the place. The
-map stands beside Mitsuba's `sunsky` in the same directions as well, where mitsuba is installed, in LLVM mode where
-LLVM 15 or newer is found, and the lines beside OpenCV's line segments, where that is installed. Then the command as a
-process of its own, its peak memory, and what it imports.
+A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, Pillow's resizing to the
+network's input and onnxruntime's run of the same graph, a small grey picture and its gradient by numpy, a copy of the
+map, Pillow's resizing of the photo and of the coarse panorama to the map's scale, OpenEXR's writing of the same array
+into memory. Every EXR is a new file: replacing one costs the file system milliseconds.
+The whole is what `lighting envmap` does: the photo's own sky and ground in the answer, and a map with the place. Two
+floors are of less than the part does, for numpy's gradient finds no lines and a copy paints no sky. So the whole also
+stands beside floors with OpenCV's line segments and with Mitsuba's `sunsky` above the horizon in their place, where
+opencv-python-headless and mitsuba are installed (Mitsuba in LLVM mode, where LLVM 15 or newer is found). Then the
+command as a process of its own, its peak memory, and what it imports.
 """
 
 import argparse
@@ -54,6 +55,7 @@ from lighting.files.compression import packed_with
 from lighting.geometry import latlong_directions
 from lighting.photo import TARGET, read_photo, to_tensor
 from lighting.photo.apart import read_apart
+from lighting.photo.canvas import fit_size
 from lighting.pipeline import Estimator
 from lighting.records import Lighting
 
@@ -66,6 +68,11 @@ def decode_alone(path: Path) -> Image.Image:
     image.draft(None, (TARGET, TARGET * image.height // image.width))
     image.load()
     return image
+
+
+def canvas_alone(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Image.Image:
+    """Pillow's resizing of pixels (h, w, 3) to the network's input."""
+    return Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING)
 
 
 def small_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -172,6 +179,7 @@ def measure_parts(
     image = surround(light, there, height, sun=True)
     assert estimate.around is not None
     around, size = estimate.around, shown_size(photo.pixels, light.vertical_fov, height)
+    fits = fit_size(photo.width, photo.height, estimator.model.spec)
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:
@@ -190,7 +198,10 @@ def measure_parts(
         "decode here": lambda: read_photo(jpeg.read_bytes()),
         "decode apart": lambda: read_apart(jpeg.read_bytes()),
         "network": lambda: estimator(photo),
-        "network floor": lambda: estimator.model.session.run(None, {"photo": tensor}),
+        "network floor": lambda: (
+            canvas_alone(photo.pixels, fits),
+            estimator.model.session.run(None, {"photo": tensor}),
+        ),
         "lines": lambda: with_lines(alone, photo.pixels),
         "lines floor": lambda: gradient_alone(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
@@ -227,6 +238,9 @@ def print_parts(took: dict[str, float], variant: str | None) -> None:
             print(f"Mitsuba's sunsky, {variant}, {which}: {took[name]:.1f} ms, {ratio:.2f} times our map")
     else:
         print("Mitsuba's sunsky: not measured; it needs mitsuba and LLVM 15 or newer")
+    if variant and "opencv" in took:
+        doing = floors + took["opencv"] - took["lines floor"] + took["mitsuba above"] - took["sky and sun floor"]
+        print(f"with those two in place of the floors of lines and sky: {took['whole'] / doing:.2f} times the floors")
 
 
 def main() -> None:
