@@ -230,7 +230,12 @@ class TestTheLight:
 
     def test_a_text_file_is_refused_in_words(self, visit: dict[str, Any]) -> None:
         assert visit["error"].startswith("The photo cannot be read. notes.txt: The file is not a ")
-        assert visit["kept"] == [visit["title"], f"Below is still the answer for {PHOTO.name}."]
+        assert visit["kept"] == [visit["title"], f"Below is still the answer for {PHOTO.name}.", ""]
+
+    def test_what_is_said_of_an_error_goes_away_with_it(self, visit: dict[str, Any]) -> None:
+        assert visit["forgiven"] == [False, False]
+
+    def test_one_of_several_that_is_no_photo_is_named(self, visit: dict[str, Any]) -> None:
         assert "Photo 2 of 2, notes.txt: " in visit["errorOfOne"]
 
     def test_more_photos_than_are_taken_are_refused_in_words(self, visit: dict[str, Any]) -> None:
