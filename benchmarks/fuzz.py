@@ -206,7 +206,7 @@ def _outcome(decoder: Decoder, data: bytes, report: Report) -> str:
     pid = decoder.pid
     before, held = _seconds(pid), _rested(pid)
     try:
-        decoder.read(Request(len(data), MAX_BYTES, MAX_PIXELS, TARGET), data, PATIENCE)
+        decoder.read(Request(len(data), MAX_BYTES, MAX_PIXELS, TARGET, PATIENCE), data)
         outcome = "read"
     except PhotoError as error:
         outcome = "memory" if "more memory" in str(error) else "refused"

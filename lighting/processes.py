@@ -1,8 +1,11 @@
 """Processes of this package's own for work that may have to be stopped: nothing in Python interrupts C code."""
 
 import os
+import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -11,6 +14,8 @@ if TYPE_CHECKING:
 
 # The variables by which libraries of arrays use one thread, in a process that starts with them.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+_LONGEST = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
 
 
 def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
@@ -21,6 +26,26 @@ def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[by
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     own = {**os.environ, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
     return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=own)
+
+
+def leave_signals() -> None:
+    """Ignore what ends a terminal's or a service's processes together: this one ends with the process that asks it."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if number := getattr(signal, name, None):  # Windows has no SIGHUP
+            signal.signal(number, signal.SIG_IGN)
+
+
+@contextmanager
+def ending_after(seconds: float) -> Iterator[None]:
+    """End this process a second after the block took its time, should nobody be left to do so; not on Windows."""
+    if sys.platform == "win32":
+        yield
+        return
+    signal.alarm(ceil(min(seconds, _LONGEST)) + 1)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
 
 
 def own_stdout() -> BinaryIO:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def main() -> None:
-    """Serve until SIGTERM or SIGINT, after which running requests have `shutdown_seconds` to finish."""
+    """Serve until SIGTERM, SIGINT or SIGHUP, after which running requests have `shutdown_seconds` to finish."""
     prepare()
     try:
         if sys.argv[1:]:
@@ -54,13 +54,15 @@ def _default(value: object) -> str:
 
 def serve() -> None:
     """Read the settings, load the network and serve."""
-    import uvicorn
     from pydantic import ValidationError
+    from uvicorn import Config
 
     from lighting.files import pack_in_threads
     from server.app import create_app
+    from server.ending import Server, end_at_signals
     from server.settings import PREFIX, read_settings
 
+    end_at_signals()
     try:
         settings = read_settings()
         refuse_taken(settings.host, settings.port)
@@ -76,7 +78,7 @@ def serve() -> None:
         )
     except (LightingError, OSError) as error:
         sys.exit(str(error))
-    uvicorn.run(
+    config = Config(
         app,
         host=settings.host,
         port=settings.port,
@@ -91,6 +93,7 @@ def serve() -> None:
         ws="none",
         http=_protocol(app.state.service),
     )
+    Server(config).run()
 
 
 def refuse_taken(host: str, port: int) -> None:

@@ -1,5 +1,6 @@
 """What answers hold beside a lighting record: links, the sun's probability, files with their headers."""
 
+import json
 from collections.abc import Sequence
 from hashlib import sha256
 from typing import Any
@@ -18,6 +19,9 @@ from lighting.version import __version__
 from server.queries import LightingQuery, Query
 from server.service import Answer, Service
 from server.values import MEDIA_TYPES, Format
+
+WARNINGS = "Lighting-Warnings"
+ZIP = "application/zip"
 
 
 def estimates(found: Sequence[Answer], query: LightingQuery, root: str) -> dict[str, Any]:
@@ -68,6 +72,12 @@ def sun_probability(sun: SunDistribution) -> dict[str, Any]:
 def map_response(data: bytes, format: Format, headers: dict[str, str] | None = None) -> Response:
     """An environment map as a file."""
     return Response(data, media_type=MEDIA_TYPES[format], headers=headers)
+
+
+def scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str] | None = None) -> Response:
+    """A scene as an archive, and in a header what `lighting scene` says of it on stderr."""
+    told = {WARNINGS: json.dumps(warnings)} if warnings else {}  # JSON has no letters that a header cannot carry
+    return Response(data, media_type=ZIP, headers={**(headers or {}), **told})
 
 
 def cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:

@@ -13,6 +13,7 @@ from starlette.middleware.cors import CORSMiddleware
 from lighting import __version__
 from lighting.pipeline import Estimator
 from server import icon, operations, page, problems, routes
+from server.answers import WARNINGS
 from server.checks import refuse_repeats
 from server.schemas import LightingRecord, Problem
 from server.security import SecurityHeaders, authorised, unhurried
@@ -25,7 +26,7 @@ TAGS = [
     {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
     {"name": "operations", "description": "For operators."},
 ]
-EXPOSED = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model")
+EXPOSED = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS)
 
 log = logging.getLogger(__name__)
 

@@ -8,6 +8,7 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 
 BUNDLE = Path(__file__).parent / "web" / "dist"
+PACKED = ".gz"  # the end of the name of a file's gzipped copy, which server/web/pack.mjs makes
 FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
 NOT_BUILT = """<!doctype html>
@@ -40,11 +41,23 @@ def page_router(bundle: Path = BUNDLE) -> APIRouter:
 
 
 async def _served(files: StaticFiles, path: str, request: Request, kept: str) -> Response:
-    """A whole file, which caches keep as `kept` says.
+    """A whole file, which caches keep as `kept` says; its gzipped copy, where there is one and the client takes it.
 
     A `Range` is ignored, as the other routes ignore it: one that cannot be given would be answered in plain text.
     """
     request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
-    response = await files.get_response(path, request.scope)
-    response.headers.update({"Accept-Ranges": "none", "Cache-Control": kept})
+    response, told = await files.get_response(path, request.scope), {"Accept-Ranges": "none", "Cache-Control": kept}
+    if files.lookup_path(path + PACKED)[1]:
+        told["Vary"] = "Accept-Encoding"
+        if _takes_gzip(request):
+            response = await files.get_response(path + PACKED, request.scope)
+            told |= {"Content-Encoding": "gzip"} if response.status_code == 200 else {}
+    response.headers.update(told)
     return response
+
+
+def _takes_gzip(request: Request) -> bool:
+    """Whether the client accepts gzip, by name or by `*`, and with a weight that is not 0 (RFC 9110, 12.5.3)."""
+    listed = ",".join(request.headers.getlist("accept-encoding")).lower().replace(" ", "").split(",")
+    weights = {coding: weight or "1" for coding, _, weight in (item.partition(";q=") for item in listed)}
+    return weights.get("gzip", weights.get("*", "0")).strip("0.") != ""

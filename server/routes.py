@@ -7,7 +7,7 @@ from fastapi.responses import JSONResponse
 
 from lighting import turns
 from server import tasks
-from server.answers import caching, estimates, map_response
+from server.answers import WARNINGS, ZIP, caching, estimates, map_response, scene_response
 from server.checks import check_photos, refuse_given, refuse_parameters
 from server.model_figures import accuracy
 from server.plans import PlanQuery, StereoPlan
@@ -33,7 +33,15 @@ RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/L
 MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}
 PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
 JPEG: dict[str, Any] = {"content": {"image/jpeg": {"schema": BINARY}}}
-ZIP: dict[str, Any] = {"content": {"application/zip": {"schema": BINARY}}}
+SCENES: dict[str, Any] = {
+    "content": {ZIP: {"schema": BINARY}},
+    "headers": {
+        WARNINGS: {
+            "description": "Where there is any, a JSON array of sentences about the scene and its light",
+            "schema": {"type": "string", "contentMediaType": JSON},
+        }
+    },
+}
 FRESH: dict[str, Any] = {"description": "The client's copy is still good"}
 PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 429, 500, 503)
 
@@ -127,22 +135,22 @@ async def draw_preview(admission: Admitted, photo: PhotoBytes, query: Annotated[
     "/scene",
     summary="A scene for another tool, of a sky",
     response_class=Response,
-    responses={200: ZIP, 304: FRESH, **documented(422, 500, 503)},
+    responses={200: SCENES, 304: FRESH, **documented(422, 500, 503)},
 )
 async def render_scene(request: Request, admission: Admitted, query: Annotated[SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
     headers, unchanged = caching(request, admission.service, query)
     if unchanged:
         return unchanged
-    data = await admission.run(tasks.scene_file_of_sky, query)
-    return Response(data, media_type="application/zip", headers=headers)
+    data, warnings = await admission.run(tasks.scene_file_of_sky, query)
+    return scene_response(data, warnings, headers)
 
 
 @router.post(
     "/scene",
     summary="A scene for another tool, of a photo",
     response_class=Response,
-    responses={200: ZIP, **PHOTO_PROBLEMS},
+    responses={200: SCENES, **PHOTO_PROBLEMS},
     openapi_extra=body(PHOTO_BODY),
 )
 async def estimate_scene(
@@ -152,8 +160,7 @@ async def estimate_scene(
 
     The parameters of a light replace what is estimated.
     """
-    data = await admission.run(tasks.scene_file_of_photo, admission.service, photo, query)
-    return Response(data, media_type="application/zip")
+    return scene_response(*await admission.run(tasks.scene_file_of_photo, admission.service, photo, query))
 
 
 @router.get(

@@ -104,7 +104,7 @@ class Settings(BaseSettings):
         description="time limit for matching a request's photos with each other, in seconds",
     )
     shutdown_seconds: int = Field(
-        30, ge=1, le=_DAY, description="time that running requests have after SIGTERM, in seconds"
+        30, ge=1, le=_DAY, description="time that running requests have after SIGTERM, SIGINT or SIGHUP, in seconds"
     )
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
     api_keys: Keys = Field(

@@ -32,6 +32,7 @@ from server.service import Answer, Service
 from server.uploads import Upload
 
 Pixels = NDArray[np.uint8]
+Warned = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it
 
 MID_GREY = 128  # sRGB
 LEAST_SECONDS = 0.1  # for a photo after others that took long
@@ -117,14 +118,14 @@ def preview_file(service: Service, data: bytes, query: PreviewQuery) -> bytes:
     return preview_png(pixels, estimate, surroundings=query.surroundings)
 
 
-def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: Place | None = None) -> bytes:
-    """A scene as a ZIP archive; with a `place`, its map shows it."""
+def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: Place | None = None) -> Warned:
+    """A scene as a ZIP archive, and its warnings; with a `place`, its map shows it."""
     scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, place=place)
     check_cancelled()
-    return zip_scene(scene, query.tool, **query.options())
+    return zip_scene(scene, query.tool, **query.options()), scene.warnings
 
 
-def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> bytes:
+def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> Warned:
     """The same from a photo's bytes."""
     _, estimate = _estimated(service, data, query)
     lighting = change(estimate.lighting, query.changes())
@@ -133,7 +134,7 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     return scene_file(plate, lighting, query, place)
 
 
-def scene_file_of_sky(query: SkySceneQuery) -> bytes:
+def scene_file_of_sky(query: SkySceneQuery) -> Warned:
     """The same from parameters alone; a grey plate stands where one's own picture of that size goes."""
     width, height = query.plate_width, query.plate_height
     grey = np.full((height, width, 3), MID_GREY, dtype=np.uint8)

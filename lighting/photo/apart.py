@@ -54,7 +54,7 @@ def read_apart(
     data = photo_data(source, max_bytes) if isinstance(source, bytes) else b""
     place = len(source) if isinstance(source, bytes) else str(Path(source).absolute())
     with _borrowed() as decoder:
-        return decoder.read(Request(place, max_bytes, max_pixels, target), data, seconds)
+        return decoder.read(Request(place, max_bytes, max_pixels, target, seconds), data)
 
 
 def start_decoders(count: int) -> None:
@@ -75,11 +75,11 @@ class Decoder:
         self._ready = False
         atexit.register(self.end)
 
-    def read(self, request: Request, data: bytes, seconds: float) -> Photo:
+    def read(self, request: Request, data: bytes) -> Photo:
         """The photo that is asked for; `data` is empty where the request names a path."""
         try:
             self.prepare()
-            answer = self._within(seconds, request, data)
+            answer = self._in_time(request, data)
         except BaseException:  # whatever it is, the process may be in the middle of an answer
             self.end()
             raise
@@ -129,17 +129,20 @@ class Decoder:
         assert self._process
         return self._process
 
-    def _within(self, seconds: float, request: Request, data: bytes) -> Photo | Exception:
+    def _in_time(self, request: Request, data: bytes) -> Photo | Exception:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
-        with _alarm(seconds, self._running) as rung, suppress(EOFError, BrokenPipeError, pickle.UnpicklingError):
+        with (
+            _alarm(request.seconds, self._running) as rung,
+            suppress(EOFError, BrokenPipeError, pickle.UnpicklingError),
+        ):
             answer = _asked(self._running, request, data)
         if rung.is_set() or answer is None:
             self.start()
         if answer is not None:
             return answer
         if rung.is_set():
-            return PhotoTooLargeError(f"The photo takes longer than {seconds:g} seconds to decode.")
+            return PhotoTooLargeError(f"The photo takes longer than {request.seconds:g} seconds to decode.")
         return PhotoError("The photo ended the process that decoded it.")
 
 

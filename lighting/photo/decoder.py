@@ -1,30 +1,31 @@
 """A process that decodes photos for another one: apart.py starts and stops it.
 
 Requests and answers are pickles on stdin and stdout, each followed by the bytes of a photo or of its pixels. The
-process ends with its stdin. It logs nothing: what decoders print about a photo is nobody's business.
+process ends with its stdin; where nobody waits any more, it does so at most a second after its photo took too long. It
+logs nothing: what decoders print about a photo is nobody's business.
 """
 
 import pickle
-import signal
 import sys
 from dataclasses import dataclass
 from typing import BinaryIO
 
 from lighting.photo.memory import allowance
 from lighting.photo.read import Photo, Source, read_photo
-from lighting.processes import bound, held, own_stdout
+from lighting.processes import bound, ending_after, held, leave_signals, own_stdout
 
 READY = "ready"
 
 
 @dataclass(frozen=True)
 class Request:
-    """A photo to read: a path, or the number of bytes that follow; and the limits of `read_photo`."""
+    """A photo to read: a path, or the number of bytes that follow; the limits of `read_photo`, and one of time."""
 
     source: str | int
     max_bytes: int
     max_pixels: int
     target: int | None
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -38,15 +39,16 @@ class Reply:
 
 def main() -> None:
     """Answer requests until stdin ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asks
+    leave_signals()
     requests, answers = sys.stdin.buffer, own_stdout()
     _one_thread()
     own = held()
     pickle.dump(READY, answers)
     answers.flush()
     while request := _next(requests):
-        _answer(request, requests, answers, own)
-        answers.flush()
+        with ending_after(request.seconds):
+            _answer(request, requests, answers, own)
+            answers.flush()
 
 
 def _next(requests: BinaryIO) -> Request | None:

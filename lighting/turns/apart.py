@@ -5,18 +5,16 @@ OpenCV. The process is a new one for each set, so that all it took is given back
 """
 
 import pickle
-import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from io import BytesIO
-from math import ceil
 from time import monotonic
 from typing import TYPE_CHECKING, BinaryIO
 
 from lighting.errors import LightingError, TurnsError
-from lighting.processes import bound, held, own_stdout, python
+from lighting.processes import bound, ending_after, held, leave_signals, own_stdout, python
 from lighting.turns.match import opencv
 from lighting.turns.sets import Placed, Shot, View, place
 
@@ -29,7 +27,6 @@ PER_PHOTO = 2_000_000  # bytes of MAX_FEATURES features, and of their matches
 
 CODE = "from lighting.turns.apart import main; main()"
 
-_LONGEST = 86400.0  # seconds that it goes on where nobody ends it, whatever the limit
 _STEP = 0.1  # seconds after which whoever waits looks up
 
 
@@ -86,7 +83,7 @@ def _told(process: "Popen[bytes]", request: bytes, seconds: float, check: Callab
 
 def main() -> None:
     """Answer the one request on stdin; the process ends with it, or a second after nobody waits for it any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asks
+    leave_signals()
     requests, answers = sys.stdin.buffer, own_stdout()
     pickle.dump(_answer(requests), answers)
     answers.flush()
@@ -96,10 +93,9 @@ def _answer(requests: BinaryIO) -> tuple[Placed, ...] | LightingError:
     try:
         opencv().setNumThreads(1)
         seconds, memory = pickle.load(requests), pickle.load(requests)
-        if sys.platform != "win32":
-            signal.alarm(ceil(min(seconds, _LONGEST)) + 1)
-        bound(held() + memory)
-        return place(list(_shots(requests)))
+        with ending_after(seconds):
+            bound(held() + memory)
+            return place(list(_shots(requests)))
     except LightingError as error:
         return error
 

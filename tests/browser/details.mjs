@@ -5,7 +5,8 @@ import { visitHeld } from "./held.mjs";
 import { visitLost } from "./lost.mjs";
 import { visitStage } from "./stage.mjs";
 import { visitSteps } from "./steps.mjs";
+import { visitTouch } from "./touch.mjs";
 import { visitTurned } from "./turned.mjs";
 import { report } from "./visit.mjs";
 
-await report([visitFormats, visitHeld, visitAgain, visitLost, visitSteps, visitStage, visitTurned]);
+await report([visitFormats, visitHeld, visitAgain, visitLost, visitSteps, visitStage, visitTurned, visitTouch]);

@@ -171,6 +171,14 @@ class TestRefusals:
         assert visit["dragged"] == ["garden_noon.jpg", False]
 
 
+class TestOnAPhone:
+    def test_what_takes_a_mouse_or_keys_is_not_offered(self, visit: dict[str, Any]) -> None:
+        title, scene, dome = visit["touch"]
+        assert title == "Choose a photo"
+        assert scene == "Tap the ground to move it, drag to turn it."
+        assert dome == "Rings hold 50 and 90 % of the probability. Tap to move the sun."
+
+
 class TestWhatGoesMissing:
     def test_the_example_chosen_last_is_shown_however_late_the_first_comes(self, visit: dict[str, Any]) -> None:
         assert visit["onTheWay"] == "Looking at golden_hour.jpg…"

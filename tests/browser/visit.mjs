@@ -34,10 +34,11 @@ export async function report(visits) {
 
 /**
  * A page at `url` whose faults go to `seen.complaints` and whose requests go to `page.asked`. `flat` takes WebGL away,
- * which is slow where the CPU draws.
+ * which is slow where the CPU draws; `touch` is a phone.
  */
-export async function open(browser, url, seen, viewport, { flat = false } = {}) {
-  const context = await browser.newContext({ viewport, permissions: ["clipboard-read", "clipboard-write"] });
+export async function open(browser, url, seen, viewport, { flat = false, touch = false } = {}) {
+  const permissions = ["clipboard-read", "clipboard-write"];
+  const context = await browser.newContext({ viewport, permissions, isMobile: touch, hasTouch: touch });
   if (flat) await context.addInitScript(withoutWebgl);
   const page = await context.newPage();
   page.setDefaultTimeout(PATIENCE);

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO
@@ -23,24 +23,36 @@ from lighting import read_exr
 from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
 from tests.pages import README, ROOT, blocks
+from tests.processes import wait_until_ended
 
 pytestmark = pytest.mark.slow
+linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 QUERY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
+PHOTO = encode(scene(320, 240))
+ENDING = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
 
 
 class Server:
     """A started service."""
 
-    def __init__(self, process: "subprocess.Popen[bytes]", port: int, log: IO[bytes]) -> None:
+    def __init__(self, process: "subprocess.Popen[bytes]", log: IO[bytes]) -> None:
         self.process = process
-        self.port = port
         self._log = log
+        self.port = self._logged_port()
+
+    def _logged_port(self) -> int:
+        """The free port that the service found; its log names it."""
+        deadline = time.monotonic() + 60
+        while not (listening := re.search(r" running on http://127\.0\.0\.1:(\d+) ", self.log)):
+            assert self.process.poll() is None, self.log
+            assert time.monotonic() < deadline, "it does not listen"
+            time.sleep(0.05)
+        return int(listening[1])
 
     @property
     def log(self) -> str:
-        self._log.seek(0)
-        return self._log.read().decode()
+        return os.pread(self._log.fileno(), 1 << 24, 0).decode()  # the service writes where the file stands
 
     def request(self, method: str, path: str, body: bytes | None = None, kind: str = "image/jpeg") -> tuple[int, bytes]:
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
@@ -55,8 +67,19 @@ class Server:
         """A connection on which a photo of so many bytes is announced and the first ten have come."""
         connection = socket.create_connection(("127.0.0.1", self.port), timeout=60)
         head = f"POST {path} HTTP/1.1\r\nHost: x\r\nContent-Type: image/jpeg\r\nContent-Length: {length}\r\n\r\n"
-        connection.sendall(head.encode() + b"\xff\xd8" + bytes(8))
+        connection.sendall(head.encode() + PHOTO[:10])
         return connection
+
+    def send(self, photo: bytes) -> socket.socket:
+        """A connection on which a photo was sent whole."""
+        connection = self.begin(len(photo))
+        connection.sendall(photo[10:])
+        return connection
+
+    def decoders(self) -> list[int]:
+        """The numbers of the processes that the service started."""
+        pid = self.process.pid
+        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
     def peak(self) -> int:
         """Bytes of memory that the process held at most."""
@@ -75,13 +98,6 @@ class Server:
             time.sleep(0.02)
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
 def environment(**settings: object) -> dict[str, str]:
     outside = {name: value for name, value in os.environ.items() if not name.startswith(PREFIX)}
     return outside | {f"{PREFIX}{name.upper()}": str(value) for name, value in settings.items()}
@@ -89,12 +105,11 @@ def environment(**settings: object) -> dict[str, str]:
 
 @contextmanager
 def started(network: Path, **settings: object) -> Iterator[Server]:
-    port = free_port()
-    given = environment(port=port, model=network, **settings)
+    given = environment(port=0, model=network, **settings)
     command = [sys.executable, "-m", "server"]
     with TemporaryFile() as log, subprocess.Popen(command, cwd=ROOT, env=given, stderr=log) as process:
-        server = Server(process, port, log)
         try:
+            server = Server(process, log)
             wait_until_ready(server)
             yield server
         finally:
@@ -104,12 +119,9 @@ def started(network: Path, **settings: object) -> Iterator[Server]:
 def wait_until_ready(server: Server) -> None:
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
-        assert server.process.poll() is None, server.log
-        try:
-            if server.request("GET", "/readyz")[0] == 200:
-                return
-        except ConnectionError:
-            time.sleep(0.05)
+        if server.request("GET", "/readyz")[0] == 200:
+            return
+        time.sleep(0.05)
     raise AssertionError("not ready in time")
 
 
@@ -117,9 +129,6 @@ def wait_until_ready(server: Server) -> None:
 def server(network: Path) -> Iterator[Server]:
     with started(network, concurrency=1, queue=2, uploads=3, upload_seconds=20) as server:
         yield server
-
-
-PHOTO = encode(scene(320, 240))
 
 
 def test_it_answers(server: Server) -> None:
@@ -165,7 +174,7 @@ def test_100_megabytes_are_413_and_the_connection_survives(server: Server) -> No
     connection.close()
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@linux
 @pytest.mark.parametrize("line", [b"X-A: " + bytes(1000).replace(b"\0", b"a"), b"X-A: a"], ids=["long", "many"])
 def test_megabytes_of_headers_are_refused_and_take_no_memory(server: Server, line: bytes) -> None:
     before = server.peak()
@@ -254,6 +263,74 @@ def first_answered(connections: list[socket.socket], count: int) -> list[socket.
         assert ready
         answered += ready
     return answered[:count]
+
+
+@contextmanager
+def held(decoder: int) -> Iterator[None]:
+    """A decoder that does not go on with its photo."""
+    os.kill(decoder, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(decoder, signal.SIGCONT)
+
+
+@linux
+@pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
+def test_what_ends_all_processes_together_lets_the_running_photo_end_well(network: Path, sign: signal.Signals) -> None:
+    """As a terminal that closes and a service manager send their signals."""
+    with started(network, concurrency=1) as server:
+        (decoder,) = server.decoders()
+        with held(decoder):
+            connection = server.send(PHOTO)
+            server.until("lighting_running", 1)
+            for pid in (decoder, server.process.pid):
+                os.kill(pid, sign)
+            time.sleep(0.5)
+        assert json.loads(whole_answer(connection))["model"]["name"] == "tiny"
+        assert server.process.wait(60) == (-signal.SIGINT if sign == signal.SIGINT else -signal.SIGTERM)
+        wait_until_ended(decoder)
+        assert "Traceback" not in server.log
+
+
+@linux
+@pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
+def test_a_step_that_takes_longer_than_a_shutdown_does_not_hold_it(network: Path, sign: signal.Signals) -> None:
+    with started(network, concurrency=1, shutdown_seconds=1, decode_seconds=60) as server, held(*server.decoders()):
+        connection = server.send(PHOTO)
+        server.until("lighting_running", 1)
+        server.process.send_signal(sign)
+        assert json.loads(whole_answer(connection, 503))["type"] == "tag:outdoor-lighting,2026:busy"
+        assert server.process.wait(20) < 0
+        assert "Traceback" not in server.log
+
+
+@linux
+@pytest.mark.parametrize("first", ENDING, ids=lambda sign: sign.name)
+def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, first: signal.Signals) -> None:
+    with started(network, concurrency=1, shutdown_seconds=60, decode_seconds=60) as server, held(*server.decoders()):
+        with server.send(PHOTO):
+            server.until("lighting_running", 1)
+            server.process.send_signal(first)
+            while "Shutting down" not in server.log:
+                time.sleep(0.02)
+            server.process.send_signal(signal.SIGINT)
+            assert server.process.wait(20) == -signal.SIGINT
+        assert "Traceback" not in server.log
+
+
+@linux
+def test_a_sighup_that_is_ignored_at_the_start_stays_ignored(network: Path) -> None:
+    """As nohup has it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with started(network, concurrency=1) as server:
+            server.process.send_signal(signal.SIGHUP)
+            assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
+            assert "Shutting down" not in server.log
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_after_sigterm_running_requests_end_well_and_new_ones_are_refused(network: Path) -> None:

@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from datetime import date
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -128,7 +129,7 @@ def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     monkeypatch.setattr(tasks, "view", lambda lighting, _, **options: view(lighting, 16, **options))
     monkeypatch.setattr(tasks, "preview_png", lambda *_, **__: encode(scene(16, 16), "PNG"))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
-    monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: None)
+    monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: SimpleNamespace(warnings=("It was dark.",)))
     june = PlanQuery(lat=47, lon=10, date=date(2026, 6, 21), sky="overcast")
     plan = plan_record(june.skies(), plan_photos(june.skies(), june.question()))
     monkeypatch.setattr(tasks, "plan_record", lambda _: plan)

@@ -230,7 +230,12 @@ class TestTheLight:
 
     def test_a_text_file_is_refused_in_words(self, visit: dict[str, Any]) -> None:
         assert visit["error"].startswith("The photo cannot be read. notes.txt: The file is not a ")
-        assert visit["kept"] == [visit["title"], f"Below is still the answer for {PHOTO.name}."]
+        assert visit["kept"] == [visit["title"], f"Below is still the answer for {PHOTO.name}.", ""]
+
+    def test_what_is_said_of_an_error_goes_away_with_it(self, visit: dict[str, Any]) -> None:
+        assert visit["forgiven"] == [False, False]
+
+    def test_one_of_several_that_is_no_photo_is_named(self, visit: dict[str, Any]) -> None:
         assert "Photo 2 of 2, notes.txt: " in visit["errorOfOne"]
 
     def test_more_photos_than_are_taken_are_refused_in_words(self, visit: dict[str, Any]) -> None:
@@ -394,6 +399,60 @@ def test_the_bundle_is_served(tmp_path: Path) -> None:
     script = site(tmp_path).get("/assets/main-1.js")
     assert "immutable" in script.headers["Cache-Control"]
     assert script.headers["Content-Type"].startswith("text/javascript")
+
+
+def packed_site(bundle: Path) -> TestClient:
+    """A page with a script and its gzipped copy, and a picture without one."""
+    (bundle / "assets").mkdir()
+    for name, data in (("index.html", b"<p>page</p>"), ("assets/main-1.js", b"true"), ("assets/icon-1.svg", b"<svg/>")):
+        (bundle / name).write_bytes(data)
+        (bundle / f"{name}.gz").write_bytes(gzip.compress(data))
+    (bundle / "assets" / "sky-1.jpg").write_bytes(b"\xff\xd8")
+    return site(bundle)
+
+
+@pytest.mark.parametrize("accepted", ["gzip", "br, GZIP;q=0.5", "*", "gzip, identity;q=0", "x, gzip ; q=1.0"])
+def test_a_client_that_takes_gzip_gets_the_copy(tmp_path: Path, accepted: str) -> None:
+    client, plain = packed_site(tmp_path), {"Accept-Encoding": "identity"}
+    for path, text, kind in (("/", "<p>page</p>", "text/html"), ("/assets/icon-1.svg", "<svg/>", "image/svg+xml")):
+        answer, other = client.get(path, headers={"Accept-Encoding": accepted}), client.get(path, headers=plain)
+        assert answer.text == other.text == text
+        assert answer.headers["Content-Encoding"] == "gzip"
+        assert answer.headers["Content-Length"] == str(len(gzip.compress(text.encode())))
+        assert answer.headers["Vary"] == other.headers["Vary"] == "Accept-Encoding"
+        assert answer.headers["Content-Type"] == other.headers["Content-Type"]
+        assert answer.headers["Content-Type"].startswith(kind)
+        assert answer.headers["ETag"] != other.headers["ETag"]
+        known = {"Accept-Encoding": accepted, "If-None-Match": answer.headers["ETag"]}
+        again = client.get(path, headers=known)
+        assert (again.status_code, again.headers["Vary"]) == (304, "Accept-Encoding")
+        assert "Content-Encoding" not in again.headers
+        assert client.get(path, headers={**known, **plain}).status_code == 200
+
+
+@pytest.mark.parametrize("accepted", ["", "identity", "br", "gzip;q=0", "gzip;q=0.000, *", "*;q=0"])
+def test_another_client_gets_the_file_itself(tmp_path: Path, accepted: str) -> None:
+    answer = packed_site(tmp_path).get("/assets/main-1.js", headers={"Accept-Encoding": accepted})
+    assert (answer.text, answer.headers["Content-Length"]) == ("true", "4")
+    assert "Content-Encoding" not in answer.headers
+    assert answer.headers["Vary"] == "Accept-Encoding"
+
+
+def test_a_file_without_a_copy_is_the_same_for_all(tmp_path: Path) -> None:
+    client = packed_site(tmp_path)
+    answer = client.get("/assets/sky-1.jpg", headers={"Accept-Encoding": "gzip"})
+    assert (answer.status_code, answer.content) == (200, b"\xff\xd8")
+    assert not {"content-encoding", "vary"} & set(answer.headers)
+    for path in ("/assets/none.js", "/assets/%00", f"/assets/{'a' * 300}", "/assets/../../page.py", "/assets/"):
+        assert client.get(path, headers={"Accept-Encoding": "gzip"}).status_code == 404
+
+
+@pytest.mark.skipif(not (BUNDLE / "index.html").is_file(), reason="the page is not built")
+def test_the_build_makes_a_copy_of_all_that_gets_smaller_by_it() -> None:
+    copies = {file.with_suffix("") for file in BUNDLE.rglob("*.gz")}
+    assert copies == {file for file in BUNDLE.rglob("*") if file.suffix in {".html", ".css", ".js", ".svg"}}
+    for file in copies:
+        assert gzip.decompress(file.with_name(f"{file.name}.gz").read_bytes()) == file.read_bytes()
 
 
 @pytest.mark.parametrize("asked", ["bytes=0-1", "bytes=9-", "bytes=0-1,9-", "bytes=a-b", "lines=0-1"])

@@ -2,6 +2,8 @@
 
 import json
 import zipfile
+from dataclasses import replace
+from datetime import datetime
 from io import BytesIO
 from typing import Any
 from urllib.parse import urlencode
@@ -12,6 +14,7 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting import Lighting
+from lighting.evidence import Given
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
 from lighting.scene import PLATE_SIDE, TOOLS, make_scene, zip_scene
@@ -102,6 +105,26 @@ def test_a_plate_has_its_range_and_a_photo_has_no_such_parameter(client: TestCli
     (error,) = problem(get(client, tool="usd", plate_width=31), 422, "invalid")["errors"]
     assert (error["field"], error["minimum"], error["maximum"]) == ("plate_width", 32, PLATE_SIDE)
     problem(post(client, tool="usd", plate_width=64), 422, "invalid")
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_warnings_are_those_of_the_library(client: TestClient, estimator: Estimator, tool: str) -> None:
+    """Of the light, and of a spot that the picture does not show: a camera that looks up sees no ground."""
+    upwards: dict[str, Any] = {"camera_elevation": 40.0, "vertical_fov": 40.0, "camera_roll": 0.0}
+    evening = "2024-06-01T21:30+02:00"
+    given = Given(time=datetime.fromisoformat(evening))
+    lighting = replace(estimator(read_photo(PHONE), given).lighting, **upwards)
+    expected = list(make_scene(read_photo(PHONE), lighting, map_height=16).warnings)
+    answer = post(client, tool=tool, time=evening, **upwards)
+    assert len(expected) >= 2
+    assert "shows no ground" in expected[-1]
+    assert json.loads(answer.headers["lighting-warnings"]) == expected
+    (of_sky,) = json.loads(get(client, tool=tool, **upwards).headers["lighting-warnings"])
+    assert of_sky == expected[-1]
+
+
+def test_without_warnings_there_is_no_header(client: TestClient) -> None:
+    assert "lighting-warnings" not in get(client, tool="usd").headers
 
 
 def test_a_bad_photo_makes_no_scene(client: TestClient) -> None:

@@ -72,7 +72,7 @@ def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(
 
 def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Service) -> None:
     query = PhotoSceneQuery.model_validate({"tool": "mitsuba", "height": 32, "sun_azimuth": 77.5, "turbidity": 2.5})
-    data = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, query)
+    data, _ = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         record = json.loads(archive.read(next(name for name in archive.namelist() if name.endswith(".json"))))
     lighting = record.get("lighting", record)
@@ -88,7 +88,7 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
     assert (lighting.sun_irradiance, lighting.sky_irradiance) == ((3.9, 4.3, 3.4), (0.3, 0.6, 1.1))
     assert (lighting.ground_color, lighting.sky_cover, lighting.exposure) == ((0.1, 0.2, 0.3), 0.5, 2.0)
     scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
-    data = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
+    data, _ = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         record = json.loads(archive.read("lighting.json"))
     assert record["sun"]["irradiance"] == [3.9, 4.3, 3.4]
@@ -104,7 +104,7 @@ def test_the_camera_that_the_client_states_is_that_of_the_map_and_of_the_scene(s
     assert before
     assert lighting == replace(before, camera_elevation=-12.5, camera_roll=3.25, vertical_fov=33.0)
     scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
-    data = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
+    data, _ = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         camera = json.loads(archive.read("lighting.json"))["camera"]
     assert (camera["elevation"], camera["roll"], camera["vertical_fov"]) == (-12.5, 3.25, 33.0)
@@ -144,7 +144,8 @@ def test_a_photo_becomes_a_preview(service: Service) -> None:
 
 def test_a_sky_alone_becomes_a_scene_with_a_grey_plate() -> None:
     query = SkySceneQuery.model_validate({**SKY, "tool": "usd", "plate_width": 64, "plate_height": 48, "height": 16})
-    with zipfile.ZipFile(BytesIO(in_a_thread(tasks.scene_file_of_sky, query))) as archive:
+    data, _ = in_a_thread(tasks.scene_file_of_sky, query)
+    with zipfile.ZipFile(BytesIO(data)) as archive:
         plate = Image.open(archive.open("plate.png"))
         assert plate.size == (64, 48)
         assert np.unique(np.asarray(plate)).tolist() == [tasks.MID_GREY]

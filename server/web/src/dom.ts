@@ -16,6 +16,9 @@ export function make<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
+/** Whether the device is worked by fingers, as phones are: nothing is dropped, pointed at or typed. */
+export const byTouch = (): boolean => matchMedia("(hover: none)").matches;
+
 /** A row of radio buttons, the first one chosen. */
 export function choices<T extends string>(root: HTMLElement, values: readonly T[], chosen: (value: T) => void): void {
   values.forEach((value, i) => {

@@ -204,14 +204,15 @@ async function subject(): Promise<Subject | undefined> {
   };
 }
 
-/** Takes an error away when something else is tried. */
+/** Takes an error away, with what was said beside it, when something else is tried. */
 function forgive(): void {
-  for (const id of ["error", "key-form", "key-note"]) byId(id).hidden = true;
+  for (const id of ["error", "kept", "key-form", "key-note"]) byId(id).hidden = true;
 }
 
 /** A question to the service that failed. */
 function fail(error: unknown): void {
   setBusy(false);
+  status.textContent = "";
   tell(error);
 }
 
@@ -225,7 +226,7 @@ function tell(error: unknown): void {
   box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: `${title}.` }), ` ${message}`);
   box.hidden = false;
   byId("key-form").hidden = !(error instanceof Refusal && [401, 403].includes(error.status));
-  if (document.body.hasAttribute("data-busy")) return;
   const names = shown && filesOf(shown).map(({ name }) => name);
-  status.textContent = names ? `Below is still the answer for ${names.join(", ")}.` : ""; // not for what was refused
+  byId("kept").textContent = names ? `Below is still the answer for ${names.join(", ")}.` : ""; // not for what was refused
+  byId("kept").hidden = !names || document.body.hasAttribute("data-busy");
 }

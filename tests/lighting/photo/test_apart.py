@@ -28,8 +28,8 @@ def decoder() -> Iterator[Decoder]:
     made.end()
 
 
-def request(data: bytes, max_pixels: int = 20_000_000) -> Request:
-    return Request(len(data), 10**8, max_pixels, TARGET)
+def request(data: bytes, max_pixels: int = 20_000_000, seconds: float = 60) -> Request:
+    return Request(len(data), 10**8, max_pixels, TARGET, seconds)
 
 
 def test_the_photo_is_the_same(tmp_path: Path) -> None:
@@ -61,9 +61,9 @@ def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: Deco
     before = decoder.pid
     began = time.monotonic()
     with pytest.raises(PhotoTooLargeError, match=r"longer than 0\.01 seconds to decode"):
-        decoder.read(request(LARGE), LARGE, 0.01)
+        decoder.read(request(LARGE, seconds=0.01), LARGE)
     assert time.monotonic() - began < 5
-    assert decoder.read(request(GOOD), GOOD, 60).width == 640
+    assert decoder.read(request(GOOD), GOOD).width == 640
     assert decoder.pid != before
 
 
@@ -75,8 +75,8 @@ def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) 
     small = Decoder()
     try:
         with pytest.raises(PhotoTooLargeError, match="needs more memory than its limit"):
-            small.read(Request(len(LARGE), 10**8, 10**8, TARGET), LARGE, 60)
-        assert small.read(request(GOOD), GOOD, 60).width == 640
+            small.read(request(LARGE, 10**8), LARGE)
+        assert small.read(request(GOOD), GOOD).width == 640
     finally:
         small.end()
 
@@ -86,7 +86,7 @@ def test_a_process_that_ends_is_replaced(decoder: Decoder) -> None:
     before = decoder.pid
     os.kill(before, signal.SIGKILL)
     os.waitid(os.P_PID, before, os.WEXITED | os.WNOWAIT)
-    assert decoder.read(request(GOOD), GOOD, 60).width == 640
+    assert decoder.read(request(GOOD), GOOD).width == 640
     assert decoder.pid != before
 
 
@@ -98,8 +98,8 @@ def test_a_photo_that_ends_the_process_fails_alone(monkeypatch: pytest.MonkeyPat
         mortal.prepare()
     try:
         with pytest.raises(PhotoError, match=r"^The photo ended the process that decoded it\.$"):
-            mortal.read(request(GOOD), GOOD, 60)
-        assert mortal.read(request(GOOD), GOOD, 60).width == 640
+            mortal.read(request(GOOD), GOOD)
+        assert mortal.read(request(GOOD), GOOD).width == 640
     finally:
         mortal.end()
 

@@ -3,7 +3,6 @@
 import random
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -11,6 +10,7 @@ from benchmarks.fuzz import changed, fuzz, seeds
 from lighting.photo.apart import Decoder
 from lighting.photo.decoder import Request
 from tests.conftest import encode, scene
+from tests.processes import wait_until_ended
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
@@ -21,13 +21,20 @@ def test_it_ends_with_the_process_that_asks() -> None:
         "d = Decoder(); d.prepare(); print(d.pid, flush=True); os.kill(os.getpid(), 9)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
-    pid = int(done.stdout)
-    state = Path(f"/proc/{pid}/stat")
-    for _ in range(1000):
-        if not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z":
-            return
-        subprocess.run(["sleep", "0.01"], check=True)
-    raise AssertionError("it goes on")
+    wait_until_ended(int(done.stdout))
+
+
+def test_with_nobody_left_it_ends_when_its_photo_takes_too_long() -> None:
+    """A photo that would take a minute, of which the process that asked does not wait for the end."""
+    code = (
+        "import os, threading, time; from lighting.photo import apart; from lighting.photo.apart import Decoder; "
+        "from lighting.photo.decoder import Request; "
+        "apart.CODE = 'import time, lighting.photo.decoder as d; d.read_photo = lambda *_, **__: time.sleep(60); ' "
+        "+ apart.CODE; d = Decoder(); d.prepare(); print(d.pid, flush=True); "
+        "threading.Timer(0.5, os.kill, (os.getpid(), 9)).start(); d.read(Request(1, 10, 10, 448, 1), b'x')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    wait_until_ended(int(done.stdout))
 
 
 def test_it_prints_nothing_about_a_photo(capfd: pytest.CaptureFixture[str]) -> None:
@@ -36,7 +43,7 @@ def test_it_prints_nothing_about_a_photo(capfd: pytest.CaptureFixture[str]) -> N
     decoder = Decoder()
     try:
         with pytest.raises(Exception, match="damaged"):
-            decoder.read(Request(len(data), 10**6, 10**6, 448), data, 60)
+            decoder.read(Request(len(data), 10**6, 10**6, 448, 60), data)
     finally:
         decoder.end()
     assert capfd.readouterr() == ("", "")

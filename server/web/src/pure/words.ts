@@ -43,7 +43,7 @@ export function numbers({ sun, sky, camera }: Lighting, errors: Record<string, n
     { name: "Sun azimuth", value: azimuthWords(sun.azimuth).replace(" (behind)", ""), ...note("sun_azimuth", "°") },
     { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°`, ...note("sun_elevation", "°") },
     {
-      name: "Sun in this photo within",
+      name: "Sun, 50\u00a0% within",
       value: `${short(sun.radius_50)}°`,
       note: `90\u00a0%: ${short(sun.radius_90)}°`,
     },

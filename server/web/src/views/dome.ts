@@ -1,6 +1,7 @@
 /** The sky from above with the sun's probability: read by pointing at it or with the arrow keys, and the sun moved there. */
 
 import type { Estimate, Parameters } from "../api";
+import { byTouch } from "../dom";
 import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../pure/angles";
 import type { Point } from "../pure/camera";
 import { between, type Rgb, rgbOf } from "../pure/colour";
@@ -12,13 +13,15 @@ import { shareWords } from "./marks";
 import { path, sunSign, svg, text } from "./svg";
 
 const RADIUS = 100; // of the horizon in the drawing's units
-const MARGIN = 20;
+const MARGIN = 22;
 const HEAT_SIZE = 160; // pixels of the density before enlargement
 const READ_RADIUS = 10; // degrees around the pointer whose probability is read
 const KEY_STEP = 5; // degrees
 const SHARE = 8; // units of the drawing, the letters of a region's share
 const CORNERS: [Point, Point] = [[-RADIUS, -RADIUS], [RADIUS, RADIUS]]; // biome-ignore format: two corners
-const HINT = "Rings hold 50 and 90 % of the probability. Point to read it, click to move the sun.";
+const RINGS = "Rings hold 50 and 90 % of the probability.";
+const hint = (): string =>
+  `${RINGS} ${byTouch() ? "Tap to move the sun." : "Point to read it, click to move the sun."}`;
 
 export class Dome {
   private readonly heat = document.createElement("canvas");
@@ -40,7 +43,7 @@ export class Dome {
     this.drawing.setAttribute("aria-label", "Sky dome: arrow keys move the reading, Enter moves the sun there");
     this.drawing.append(...compass(), this.marks, this.cursor);
     root.append(this.heat, this.drawing);
-    readout.textContent = HINT;
+    readout.textContent = hint();
     this.listen();
   }
 
@@ -124,7 +127,7 @@ export class Dome {
 
   private leave(): void {
     this.cursor.replaceChildren();
-    this.readout.textContent = HINT;
+    this.readout.textContent = hint();
   }
 }
 
@@ -136,13 +139,13 @@ function onDrawing(towards: Vector): Point {
 function compass(): SVGElement[] {
   const ring = (elevation: number): SVGElement =>
     svg("circle", { r: (RADIUS * (90 - elevation)) / 90, class: elevation ? "ring" : "ring outer" });
-  const out = RADIUS + 11.5; // beyond the rays of a sun on the horizon
+  const out = RADIUS + 13; // beyond the rays of a sun on the horizon
   return [
     ...[0, 30, 60].map(ring),
     path([[-RADIUS, 0], [RADIUS, 0]], "ring"), // biome-ignore format: a line
     path([[0, -RADIUS], [0, RADIUS]], "ring"), // biome-ignore format: a line
-    text([0, -RADIUS - 11.5], "front", "side middle"),
-    text([0, RADIUS + 18], "behind", "side middle"),
+    text([0, -out], "front", "side middle"),
+    text([0, out + 7], "behind", "side middle"),
     svg("text", { class: "side middle", transform: `translate(${-out} 0) rotate(-90)` }, "left"),
     svg("text", { class: "side middle", transform: `translate(${out} 0) rotate(90)` }, "right"),
   ];

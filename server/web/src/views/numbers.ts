@@ -22,7 +22,7 @@ function line(name: string, value: string, note: string): DocumentFragment {
 }
 
 function fill(rows: Named[]): void {
-  const stated = rows.some(({ name, note }) => note && !name.startsWith("Sun in"));
+  const stated = rows.some(({ note }) => note?.startsWith("±"));
   byId("numbers").replaceChildren(
     ...(stated ? [make("div", { className: "head" }, line("", "this photo", "usual error"))] : []),
     ...rows.map(({ name, value, note = "" }) => make("div", {}, line(name, value, note))),

@@ -1,6 +1,6 @@
 /** The stage with its controls; three.js is fetched when the first photo has its answer. */
 
-import { byId, choices, radio } from "../dom";
+import { byId, byTouch, choices, radio } from "../dom";
 import { aspectOf } from "../photo";
 import { FINISHES, SHAPES } from "../pure/objects";
 import { distance, EYE_HEIGHT, footOf, largest, moved, type Place, shifted, sized, turned } from "../pure/place";
@@ -10,8 +10,11 @@ import type { Light } from "../sky/light";
 import { type Look, lookOf, type View } from "../studio";
 
 const KEYS = "Keys: arrows move it, < and > turn it, + and − scale it.";
-const HOW = `Click the ground to move it, drag to turn it. ${KEYS}`;
-const AFLOAT = `The photo shows no ground, so the object floats. Click the photo to move it, drag to turn it. ${KEYS}`;
+const how = (where: string): string =>
+  byTouch()
+    ? `Tap the ${where} to move it, drag to turn it.`
+    : `Click the ${where} to move it, drag to turn it. ${KEYS}`;
+const AFLOAT = "The photo shows no ground, so the object floats.";
 const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
 const NOT_LOADED = "What draws the object could not be loaded; everything else works. Load the page again to see it.";
 const CLICK = 5; // pixels that a click may wander
@@ -59,7 +62,7 @@ export class ObjectView {
       stage.setLook(shape, finish);
       stage.setPlace(place);
       this.tell(place, stage.objectHeight);
-      this.note.textContent = place.grounded ? HOW : AFLOAT;
+      this.note.textContent = place.grounded ? how("ground") : `${AFLOAT} ${how("photo")}`;
     });
     radio(byId("shapes"), shape).checked = true;
     radio(byId("finishes"), finish).checked = true;
