@@ -2,6 +2,7 @@
 
 from io import BytesIO
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,9 @@ MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large,
 
 _FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 _STRIP = 1 << 22  # pixels converted at once
+_BITS, _PLANAR, _PLANES = 0x102, 0x11C, 2  # tags of a TIFF: bits per colour, and that colours are stored in planes
 _MID_GREY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
-_TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
+_UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
     2: lambda pixels: pixels[:, ::-1],
     3: lambda pixels: pixels[::-1, ::-1],
     4: lambda pixels: pixels[::-1],
@@ -28,10 +30,21 @@ _TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, 
 }
 
 
-def check_bits(image: Image.Image) -> None:
-    """Raise PhotoError for a TIFF of 32 bits a colour."""
-    if image.format == "TIFF" and image.mode in _FLOATS:
+def check_bits(image: Image.Image, *, all_bits: bool = False) -> None:
+    """Raise PhotoError for a TIFF whose colours Pillow does not read: not with `all_bits`, or not at all."""
+    if image.format != "TIFF":
+        return
+    if image.mode in _FLOATS:
         raise PhotoError("The TIFF holds 32 bits per colour, whose white is unknown; convert it to 8 or 16 bits.")
+    if _are_misread(image, all_bits):
+        raise PhotoError("The TIFF stores red, green and blue of 16 bits one after another; store them pixel by pixel.")
+
+
+def _are_misread(image: Any, all_bits: bool) -> bool:
+    """Whether a TIFF stores its colours of over 8 bits in planes, of which Pillow reads the high bits if packed."""
+    tags = image.tag_v2
+    wide = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8
+    return bool(wide and (all_bits or image.tile[0].codec_name == "raw"))
 
 
 def decode(image: Image.Image, target: int) -> None:
@@ -48,8 +61,18 @@ def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> 
     """
     pixels = _converted(image, _factor(*image.size, target))
     image.im = None  # type: ignore[assignment]
-    turn = _TURNED.get(orientation or 1)
-    return pixels if turn is None else np.ascontiguousarray(turn(pixels))
+    return np.ascontiguousarray(upright(pixels, orientation))
+
+
+def upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+    """A view of pixels (h, w, C) that is turned as their EXIF orientation says."""
+    turn = _UPRIGHT.get(orientation or 1)
+    return pixels if turn is None else turn(pixels)
+
+
+def as_stored(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+    """The view that `upright` turns into these pixels."""
+    return upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))
 
 
 def _factor(width: int, height: int, target: int) -> int:
