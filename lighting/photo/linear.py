@@ -20,7 +20,7 @@ from lighting.errors import PhotoError, PhotoExtraError
 from lighting.photo.exif import PhotoFacts, read_exposure, read_facts, read_orientation
 from lighting.photo.pages import photo_page
 from lighting.photo.pixels import as_stored, check_bits, upright
-from lighting.photo.profile import says_gamma, to_rec709
+from lighting.photo.profile import profile_to_rec709, says_gamma
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -96,7 +96,7 @@ def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
     linear = _linear(samples, coded)
-    if (matrix := to_rec709(stored.header.info.get("icc_profile"))) is not None:
+    if (matrix := profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
     doubtful = full > 255 and curve is None and says_gamma(stored.header)
     return LinearPhoto(
