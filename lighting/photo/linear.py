@@ -19,7 +19,7 @@ from lighting.colour import srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError
 from lighting.photo.exif import PhotoFacts, read_exposure, read_facts, read_orientation
 from lighting.photo.pages import photo_page
-from lighting.photo.pixels import as_stored, check_bits, upright
+from lighting.photo.pixels import as_stored, check_bits, tags_of, upright, wide_grey
 from lighting.photo.profile import profile_to_rec709, says_gamma
 
 Pixels = NDArray[np.float32]
@@ -149,7 +149,7 @@ def _samples(image: Any, data: bytes) -> NDArray[Any]:
     """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for grey, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
     if image.mode.startswith("I;16") or image.mode == "I":
-        return np.asarray(image)[..., None].astype(np.uint16)
+        return wide_grey(image, tags_of(image))[..., None]
     if modes == {_GREY_ALPHA}:
         image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
         high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]

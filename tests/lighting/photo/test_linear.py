@@ -16,7 +16,7 @@ from lighting.photo import read_photo
 from lighting.photo.linear import of_floats, read_linear
 from tests.conftest import exif, munich, scene
 from tests.lighting.photo.test_pages import tiff
-from tests.pictures import png
+from tests.pictures import grey_tiff, png
 
 RANDOM = np.random.default_rng(3)
 NOISE = RANDOM.integers(0, 65536, (37, 53, 3)).astype(np.uint16)
@@ -91,6 +91,18 @@ def test_wide_colours_in_planes_are_refused_where_pillow_takes_them_for_narrow_o
     else:
         with pytest.raises(PhotoError, match="one after another"):
             read_photo(data)
+
+
+def test_twelve_bits_fill_the_scale_and_white_may_be_zero(tmp_path: Path) -> None:
+    """Pillow hands out such values as they stand: 16 times too dark, or as a negative."""
+    grey = np.tile(np.linspace(0, 4095, 64).astype(np.uint16), (48, 1))
+    left, right = grey[:, ::2], grey[:, 1::2]
+    packed = np.stack([left >> 4, (left & 15) << 4 | right >> 8, right & 255], axis=-1).astype(np.uint8).tobytes()
+    wide = (65535 - (grey << 4)).astype("<u2").tobytes()
+    for data in (grey_tiff(64, 48, 12, packed), grey_tiff(64, 48, 16, wide, white_is_zero=True)):
+        (tmp_path / "a.tif").write_bytes(data)
+        assert read_linear(tmp_path / "a.tif").pixels[..., 1] == pytest.approx(grey / 4095, abs=1 / 4095)
+        assert np.abs(read_photo(data).pixels[..., 1] - (grey >> 4).astype(int)).max() <= 1
 
 
 def in_planes(pixels: NDArray[np.uint16], packed: bool) -> bytes:
