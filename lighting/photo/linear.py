@@ -136,7 +136,7 @@ def _linear(samples: NDArray[Any], coded: bool) -> Pixels:
 
 
 def _warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple[str, ...]:
-    if header.format == "JPEG":
+    if header.format in ("JPEG", "MPO"):  # the latter has more pictures behind it
         return ("A JPEG holds the camera's own curve, which is linear in no known way; its values are rough.",)
     if assumed:
         return ("8-bit pixels are taken for sRGB; say the curve if they are linear.",)

@@ -124,6 +124,8 @@ def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
 def _drain(stream: BinaryIO, limit: int) -> bytes:
     if isinstance(stream, TextIOBase):
         raise PhotoError("The file is open as text; a photo is read from one that is open in binary mode.")
+    if isinstance(stream, Photo):
+        raise PhotoError("That is a Photo already, which needs no reading; an Estimator takes it.")
     if not hasattr(stream, "read"):
         kind = type(stream).__name__
         raise PhotoError(f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_of takes pixels.")

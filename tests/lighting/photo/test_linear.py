@@ -166,10 +166,13 @@ def test_eight_bits_are_srgb_with_a_warning_unless_told(tmp_path: Path) -> None:
     assert assumed.white < told.white
 
 
-def test_a_jpeg_comes_with_a_warning_and_its_exposure(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "more"), [("JPEG", {}), ("MPO", {"save_all": True, "append_images": [Image.new("RGB", (40, 40))]})]
+)
+def test_a_jpeg_comes_with_a_warning_and_its_exposure(tmp_path: Path, kind: str, more: dict[str, Any]) -> None:
     base = ExifTags.Base
     tags: dict[int, Any] = {base.ExposureTime: 1 / 500, base.ISOSpeedRatings: 200, base.FNumber: 4.0}
-    Image.fromarray(np.full((40, 40, 3), 128, np.uint8)).save(tmp_path / "a.jpg", exif=exif(tags))
+    Image.fromarray(np.full((40, 40, 3), 128, np.uint8)).save(tmp_path / "a.jpg", format=kind, exif=exif(tags), **more)
     photo = read_linear(tmp_path / "a.jpg")
     assert photo.exposure == pytest.approx(1 / 500 * 2 / 16)
     assert "JPEG" in photo.warnings[0]
