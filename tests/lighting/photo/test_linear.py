@@ -166,16 +166,21 @@ def test_eight_bits_are_srgb_with_a_warning_unless_told(tmp_path: Path) -> None:
     assert assumed.white < told.white
 
 
-@pytest.mark.parametrize(
-    ("kind", "more"), [("JPEG", {}), ("MPO", {"save_all": True, "append_images": [Image.new("RGB", (40, 40))]})]
-)
-def test_a_jpeg_comes_with_a_warning_and_its_exposure(tmp_path: Path, kind: str, more: dict[str, Any]) -> None:
+def test_a_jpeg_comes_with_a_warning_and_its_exposure(tmp_path: Path) -> None:
     base = ExifTags.Base
     tags: dict[int, Any] = {base.ExposureTime: 1 / 500, base.ISOSpeedRatings: 200, base.FNumber: 4.0}
-    Image.fromarray(np.full((40, 40, 3), 128, np.uint8)).save(tmp_path / "a.jpg", format=kind, exif=exif(tags), **more)
+    Image.fromarray(np.full((40, 40, 3), 128, np.uint8)).save(tmp_path / "a.jpg", exif=exif(tags))
     photo = read_linear(tmp_path / "a.jpg")
     assert photo.exposure == pytest.approx(1 / 500 * 2 / 16)
     assert "JPEG" in photo.warnings[0]
+
+
+def test_so_does_a_jpeg_with_more_pictures_behind_it(tmp_path: Path) -> None:
+    first, second = (Image.new("RGB", (40, 40), (level,) * 3) for level in (128, 20))
+    first.save(tmp_path / "a.jpg", "MPO", save_all=True, append_images=[second])
+    photo = read_linear(tmp_path / "a.jpg")
+    assert photo.warnings[0].startswith("A JPEG")
+    assert photo.pixels == pytest.approx(float(srgb_decode(128 / 255)), abs=0.01)
 
 
 def test_floats_are_clipped_where_many_share_the_largest_value() -> None:
