@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import srgb_decode
+from lighting.colour import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError
 from lighting.photo.exif import PhotoFacts, read_exposure, read_facts, read_orientation
 from lighting.photo.pages import photo_page
@@ -113,15 +113,15 @@ def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
 
 
 def _stored(data: bytes) -> _Stored:
-    told, page = _opened(data), photo_page(data)
-    data = page.data if page else data
-    header = _opened(data)
-    check_bits(header, all_bits=True)
-    samples = _samples(_opened(data), data)  # of one that was asked for nothing, for Pillow decodes a PNG to find EXIF
-    own = read_orientation(header)
-    if header.format == "TIFF":  # Pillow has turned it
-        samples = as_stored(samples, own)
-    return _Stored(samples, header, told, own if page is None or page.has_orientation else read_orientation(told))
+    page = photo_page(data)
+    shown = page.data if page else data
+    image = _opened(shown)
+    check_bits(image, all_bits=True)
+    if image.format != "TIFF":  # asked for EXIF once it is decoded, for Pillow decodes a PNG to find that
+        return _Stored(_samples(image, shown), image, image, read_orientation(image))
+    told, own = _opened(data), read_orientation(image)
+    samples = as_stored(_samples(image, shown), own)  # Pillow has turned it
+    return _Stored(samples, image, told, own if page is None or page.has_orientation else read_orientation(told))
 
 
 def _opened(data: bytes) -> Image.Image:
@@ -130,8 +130,11 @@ def _opened(data: bytes) -> Image.Image:
 
 def _linear(samples: NDArray[Any], coded: bool) -> Pixels:
     """Linear values (H, W, 3), 1 at full scale, of whole numbers (H, W, 1 or 3)."""
-    share = np.asarray(samples / np.float32(np.iinfo(samples.dtype).max), dtype=np.float32)
-    linear = np.asarray(srgb_decode(share), dtype=np.float32) if coded else share
+    if coded and samples.dtype == np.uint8:
+        linear = SRGB_LINEAR[samples]
+    else:
+        share = np.asarray(samples / np.float32(np.iinfo(samples.dtype).max), dtype=np.float32)
+        linear = np.asarray(srgb_decode(share), dtype=np.float32) if coded else share
     return np.repeat(linear, 3, axis=-1) if linear.shape[2] == 1 else linear
 
 
@@ -155,22 +158,20 @@ def _samples(image: Any, data: bytes) -> NDArray[Any]:
         high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]
         return np.asarray((high.astype(np.uint16) << 8 | low)[..., None])
     if image.mode in ("RGB", "RGBA") and any(";16" in mode for mode in modes):
-        high, low = (_half(data, half) for half in ("high", "low"))
-        return np.asarray(high.astype(np.uint16) << 8 | low)
+        return np.asarray(image)[..., :3].astype(np.uint16) << 8 | _low_bytes(data)
     if image.mode in _GREYS:
         return np.asarray(image.convert("L"))[..., None]
     return np.asarray(image.convert("RGB"))
 
 
-def _half(data: bytes, half: Literal["high", "low"]) -> NDArray[np.uint8]:
-    """The high or the low bytes (H, W, 3) of a picture of 16-bit colours, of which Pillow keeps one.
+def _low_bytes(data: bytes) -> NDArray[np.uint8]:
+    """The low bytes (H, W, 3) of a picture of 16-bit colours, of which Pillow keeps the high ones.
 
     It keeps the byte that comes last in little-endian order and first in big-endian; told the other order of the one
     that the file has, it keeps the low byte.
     """
-    image = Image.open(io.BytesIO(data))
-    if half == "low":
-        image.tile = [_told_other_order(tile) for tile in image.tile]
+    image: Any = _opened(data)
+    image.tile = [_told_other_order(tile) for tile in image.tile]
     return np.asarray(image)[..., :3]
 
 
