@@ -1,4 +1,4 @@
-"""PNG files that Pillow does not write: 16 bits in colour, parts of one's own, sizes that are not true."""
+"""PNG and TIFF files that Pillow does not write: 16 bits in colour, parts of one's own, sizes that are not true."""
 
 import struct
 import zlib
@@ -27,6 +27,16 @@ def png(width: int, height: int, rows: bytes, *extra: bytes, depth: int = 8, col
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
     body = header + b"".join(extra) + chunk(b"IDAT", zlib.compress(rows, 1))
     return b"\x89PNG\r\n\x1a\n" + body + chunk(b"IEND", b"")
+
+
+def grey_tiff(width: int, height: int, bits: int, data: bytes, *, white_is_zero: bool = False) -> bytes:
+    """A little-endian TIFF of one strip, as Pillow writes none: of any number of bits, its greys in either order."""
+    begin = 8 + 2 + 12 * 9 + 4
+    tags = ((256, width), (257, height), (258, bits), (259, 1), (262, not white_is_zero), (273, begin), (277, 1))
+    entries = b"".join(
+        struct.pack("<HHII", tag, 4, 1, value) for tag, value in (*tags, (278, height), (279, len(data)))
+    )
+    return b"II*\0" + struct.pack("<IH", 8, 9) + entries + bytes(4) + data
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:

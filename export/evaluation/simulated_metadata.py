@@ -80,7 +80,7 @@ def _taken(truth: Truth, i: int, seen: Sighting, index: int) -> Taken:
     heading = (seen.compass - float(angles(truth.sun[i])[0])) % 360.0
     gross = bool(rng.random() < GROSS)
     error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_ERROR)
-    zone = rng.choice(zones(seen.longitude))
+    zone = rng.choice(zones(seen.latitude, seen.longitude))
     facts = PhotoFacts(
         local_time=(seen.time + timedelta(hours=float(zone))).replace(tzinfo=None),
         utc_offset=float(zone),

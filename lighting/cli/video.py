@@ -96,8 +96,6 @@ def _progress(clip: str, quiet: bool) -> Any:
 
 def _report(clip: str, done: "Done", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
-    from lighting.video import light_of
-
     name = shown(clip)
     if len(done.shots) > 1:
         click.echo(f"{name}: {len(done.shots)} shots, for there are cuts or dissolves.", err=True)
@@ -106,7 +104,7 @@ def _report(clip: str, done: "Done", quiet: bool) -> None:
             click.echo(f"Error: {name}: {shot}", err=True)
         elif not quiet:
             click.echo(f"{name}: {in_words(number, shot)}")
-            for warning in light_of(shot).warnings:
+            for warning in done.warnings(number):
                 click.echo(f"Warning: {name}: {warning}", err=True)
     if done.damage:
         click.echo(f"Error: {name}: {done.damage}", err=True)

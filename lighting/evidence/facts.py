@@ -10,9 +10,16 @@ from lighting.photo import PhotoFacts, in_utc
 
 # Hours from UTC that clocks follow somewhere, summer times included.
 ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
-# Those that clocks followed since there are digital cameras, and no longer: Pitcairn to 1998, Venezuela 2007 to 2016,
-# North Korea 2015 to 2018, Eucla in the summers to 2009, Norfolk Island to 2015.
-FORMER_ZONES = (-8.5, -4.5, 8.5, 9.75, 11.5)
+# Those that clocks followed since there are digital cameras, and no longer, with the place's south, west, north and
+# east [deg] (time zone database of 2026). All others since 1995 are among ZONES and within ZONE_LEAD, but for stations
+# in the Antarctic and Iqaluit's winter of 1999.
+FORMER_ZONES = {
+    -8.5: (-26.0, -131.0, -23.0, -124.0),  # Pitcairn to 1998
+    -4.5: (0.0, -74.0, 13.0, -59.0),  # Venezuela 2007 to 2016
+    8.5: (37.0, 124.0, 43.0, 131.0),  # North Korea 2015 to 2018
+    9.75: (-33.0, 125.0, -31.0, 130.0),  # Eucla in the summers to 2009
+    11.5: (-30.0, 167.0, -28.0, 169.0),  # Norfolk Island to 2015
+}
 CLOCK_ERROR = 0.1  # h that a camera's clock may be off GPS time and still identify the zone
 ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
 
@@ -72,7 +79,14 @@ def location_of(facts: PhotoFacts) -> tuple[float, float] | None:
     return None if facts.latitude is None or facts.longitude is None else (facts.latitude, facts.longitude)
 
 
-def zones(longitude: float) -> tuple[float, ...]:
-    """The offsets from UTC [h] that clocks at a longitude [deg] may have."""
+def zones(latitude: float, longitude: float) -> tuple[float, ...]:
+    """The offsets from UTC [h] that clocks at a place [deg] may have, or had."""
     low, high = ZONE_LEAD
-    return tuple(zone for zone in sorted(ZONES) if (zone - longitude / 15.0 - low) % 24.0 <= high - low)
+    here = [zone for zone in ZONES if (zone - longitude / 15.0 - low) % 24.0 <= high - low]
+    former = [zone for zone, box in FORMER_ZONES.items() if _is_within(latitude, longitude, box)]
+    return tuple(sorted((*here, *former)))
+
+
+def _is_within(latitude: float, longitude: float, box: tuple[float, float, float, float]) -> bool:
+    south, west, north, east = box
+    return south <= latitude <= north and west <= longitude <= east

@@ -15,17 +15,17 @@ def suns(facts: PhotoFacts) -> tuple[tuple[float, float], ...]:
     """Elevations and compass azimuths [deg]: one for a time in UTC, one per possible zone for a local time."""
     if (place := location_of(facts)) is None:
         return ()
-    azimuth, elevation = sun_position(_times(facts, place[1]), *place)
+    azimuth, elevation = sun_position(_times(facts, place), *place)
     return tuple(zip(elevation.tolist(), azimuth.tolist(), strict=True))
 
 
-def _times(facts: PhotoFacts, longitude: float) -> NDArray[np.datetime64]:
+def _times(facts: PhotoFacts, place: tuple[float, float]) -> NDArray[np.datetime64]:
     """The moments (N,) in UTC at which the photo may have been taken, in the order of the zones."""
     if facts.utc_time is not None:
         return np.array([facts.utc_time.replace(tzinfo=None)], dtype="datetime64[us]")
     if facts.local_time is None:
         return np.array([], dtype="datetime64[us]")
-    return np.array([facts.local_time - timedelta(hours=zone) for zone in zones(longitude)], dtype="datetime64[us]")
+    return np.array([facts.local_time - timedelta(hours=zone) for zone in zones(*place)], dtype="datetime64[us]")
 
 
 def below_horizon(facts: PhotoFacts, highest: float) -> str:
@@ -47,5 +47,5 @@ def _phase(elevation: float, facts: PhotoFacts) -> str:
 def _is_polar_night(facts: PhotoFacts) -> bool:
     if (place := location_of(facts)) is None:
         return False
-    around = _times(facts, place[1])[:1] + np.arange(-12, 13).astype("timedelta64[h]")
+    around = _times(facts, place)[:1] + np.arange(-12, 13).astype("timedelta64[h]")
     return bool(np.max(sun_position(around, *place)[1]) < -SUN_RADIUS)

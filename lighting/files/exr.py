@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.atomic import replacing
 from lighting.files.compression import Compression, packed_with
-from lighting.files.primaries import CHROMATICITIES, to_rec709
+from lighting.files.primaries import CHROMATICITIES, chromaticities_to_rec709
 from lighting.files.record import full_record
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.records import Lighting, check_lighting
@@ -102,7 +102,7 @@ def read_exr(source: Target) -> tuple[Image, Lighting | None]:
 def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
     """Pixels (H, W, 3) of the primaries that a header names, Rec.709's where it names none, in those of Rec.709."""
     try:
-        matrix = to_rec709(header.get("chromaticities", CHROMATICITIES))
+        matrix = chromaticities_to_rec709(header.get("chromaticities", CHROMATICITIES))
     except (ValueError, TypeError) as error:
         raise EnvironmentMapError("The EXR file's chromaticities are those of no colours.") from error
     return pixels if matrix is None else np.asarray(pixels @ matrix.T)

@@ -16,7 +16,7 @@ _SAME = 1e-3  # of x and y, by which names of the same primaries differ
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
-def to_rec709(chromaticities: Sequence[float]) -> NDArray[np.float32] | None:
+def chromaticities_to_rec709(chromaticities: Sequence[float]) -> NDArray[np.float32] | None:
     """The matrix (3, 3) that takes red, green and blue of these primaries to Rec.709's; None where they are the same.
 
     ValueError where they span no colours.

@@ -11,9 +11,8 @@ if TYPE_CHECKING:
     from lighting.photo.exif import FULL_FRAME, PhotoFacts, read_facts, read_orientation, vertical_fov
     from lighting.photo.gravity import SENSOR_SPREAD, heading_by_gimbal
     from lighting.photo.held import photo_of
-    from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, develop_raw, facts_of, of_floats, read_linear
+    from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, facts_of, of_floats, read_linear
     from lighting.photo.no_photo import is_empty, is_panorama
-    from lighting.photo.profile import says_gamma
     from lighting.photo.read import (
         MAX_ASPECT,
         MAX_BYTES,
@@ -46,7 +45,6 @@ __all__ = [
     "PhotoFacts",
     "Source",
     "check_photo",
-    "develop_raw",
     "facts_of",
     "fit_size",
     "fitted",
@@ -65,7 +63,6 @@ __all__ = [
     "read_orientation",
     "read_photo",
     "read_time",
-    "says_gamma",
     "start_decoders",
     "to_tensor",
     "vertical_fov",
@@ -91,7 +88,6 @@ __getattr__ = from_homes(
         "PhotoFacts": "exif",
         "Source": "read",
         "check_photo": "read",
-        "develop_raw": "linear",
         "facts_of": "linear",
         "fit_size": "canvas",
         "fitted": "canvas",
@@ -110,7 +106,6 @@ __getattr__ = from_homes(
         "read_orientation": "exif",
         "read_photo": "read",
         "read_time": "clock",
-        "says_gamma": "profile",
         "start_decoders": "apart",
         "to_tensor": "canvas",
         "vertical_fov": "exif",

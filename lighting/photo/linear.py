@@ -15,17 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import srgb_decode
+from lighting.colour import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError
-from lighting.photo.exif import PhotoFacts, read_exposure, read_facts
-from lighting.photo.pixels import check_bits
-from lighting.photo.profile import says_gamma, to_rec709
+from lighting.photo.exif import PhotoFacts, read_exposure, read_facts, read_orientation
+from lighting.photo.pages import photo_page
+from lighting.photo.pixels import as_stored, check_bits, tags_of, upright, wide_grey
+from lighting.photo.profile import profile_to_rec709, says_gamma
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
 
 RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl")
 _HIGH_END = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
+_GREY_ALPHA = "LA;16B"  # Pillow's name for grey of 16 bits with transparency in a PNG, of which it keeps half the bits
+_GREYS = ("1", "L", "LA")
 _PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
 
 
@@ -39,18 +42,32 @@ class LinearPhoto:
     exposure: float | None = None  # s x ISO / 100 / f-number^2, from EXIF
     facts: PhotoFacts = field(default_factory=PhotoFacts)
     warnings: tuple[str, ...] = ()
+    grey: bool = False  # whether the file holds one channel, which the pixels repeat
+    coded: bool = False  # whether a curve was taken off
+    doubtful: bool = False  # whether the file says that a curve coded the values which were taken for linear
 
 
-def read_linear(path: str | Path, curve: Curve | None = None) -> LinearPhoto:
+@dataclass(frozen=True, eq=False)
+class _Stored:
+    """A picture as its file holds it."""
+
+    samples: NDArray[Any]  # (H, W, C) of 8 or 16 bits, not turned; C is 1 for grey, else 3
+    header: Image.Image
+    told: Image.Image  # whose EXIF block counts
+    orientation: int | None  # by EXIF
+
+
+def read_linear(path: str | Path, curve: Curve | None = None, *, turned: bool = False) -> LinearPhoto:
     """The photo in a file; `curve` says how its values are coded, None what is usual for its number of bits.
 
-    Raises PhotoError for a file that cannot be read, OSError for one that cannot be opened.
+    `turned` makes it upright by EXIF; else it stays as the sensor saw it, for cameras that look straight up tell their
+    turn at random. Raises PhotoError for a file that cannot be read, OSError for one that cannot be opened.
     """
     file = Path(path)
     if file.suffix.lower() in RAW_SUFFIXES:
-        return _read_raw(file)
+        return _read_raw(file, turned)
     try:
-        return _read_picture(file, curve)
+        return _read_picture(file, curve, turned)
     except PhotoError as error:
         raise PhotoError(f"{file}: {error}") from error
     except (FileNotFoundError, PermissionError, MemoryError):
@@ -73,51 +90,88 @@ def of_floats(pixels: Pixels) -> LinearPhoto:
     return LinearPhoto(pixels, _HIGH_END * largest if clipped else float("inf"), 2.0**-14)
 
 
-def _read_picture(file: Path, curve: Curve | None) -> LinearPhoto:
-    data = file.read_bytes()
-    image = Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
-    check_bits(image)
-    samples, full = _samples(image, data)
-    said = curve or ("linear" if full > 255 else "srgb")
-    value = np.asarray(samples / np.float32(full), dtype=np.float32)
-    linear = value if said == "linear" else np.asarray(srgb_decode(value), dtype=np.float32)
-    if (matrix := to_rec709(image.info.get("icc_profile"))) is not None:
+def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
+    stored = _stored(file.read_bytes())
+    samples = upright(stored.samples, stored.orientation) if turned else stored.samples
+    full = int(np.iinfo(samples.dtype).max)
+    coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
+    linear = _linear(samples, coded)
+    if (matrix := profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
-    white = _HIGH_END if said == "linear" else float(srgb_decode(_HIGH_END))
-    step = 1 / full if said == "linear" else 1 / full / 12.92
-    facts = read_facts(image, image.width, image.height)
-    return LinearPhoto(linear, white, step, read_exposure(image), facts, _warnings(image, full, curve))
+    doubtful = full > 255 and curve is None and says_gamma(stored.header)
+    return LinearPhoto(
+        linear,
+        white=float(srgb_decode(_HIGH_END)) if coded else _HIGH_END,
+        step=1 / full / 12.92 if coded else 1 / full,
+        exposure=read_exposure(stored.told),
+        facts=read_facts(stored.told, linear.shape[1], linear.shape[0]),
+        warnings=_warnings(stored.header, full == 255 and curve is None, doubtful),
+        grey=samples.shape[2] == 1,
+        coded=coded,
+        doubtful=doubtful,
+    )
 
 
-def _warnings(image: Image.Image, full: int, curve: Curve | None) -> tuple[str, ...]:
-    if image.format == "JPEG":
+def _stored(data: bytes) -> _Stored:
+    page = photo_page(data)
+    shown = page.data if page else data
+    image = _opened(shown)
+    check_bits(image, all_bits=True)
+    if image.format != "TIFF":  # asked for EXIF once it is decoded, for Pillow decodes a PNG to find that
+        return _Stored(_samples(image, shown), image, image, read_orientation(image))
+    told, own = _opened(data), read_orientation(image)
+    samples = as_stored(_samples(image, shown), own)  # Pillow has turned it
+    return _Stored(samples, image, told, own if page is None or page.has_orientation else read_orientation(told))
+
+
+def _opened(data: bytes) -> Image.Image:
+    return Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
+
+
+def _linear(samples: NDArray[Any], coded: bool) -> Pixels:
+    """Linear values (H, W, 3), 1 at full scale, of whole numbers (H, W, 1 or 3)."""
+    if coded and samples.dtype == np.uint8:
+        linear = SRGB_LINEAR[samples]
+    else:
+        share = np.asarray(samples / np.float32(np.iinfo(samples.dtype).max), dtype=np.float32)
+        linear = np.asarray(srgb_decode(share), dtype=np.float32) if coded else share
+    return np.repeat(linear, 3, axis=-1) if linear.shape[2] == 1 else linear
+
+
+def _warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple[str, ...]:
+    if header.format in ("JPEG", "MPO"):  # the latter has more pictures behind it
         return ("A JPEG holds the camera's own curve, which is linear in no known way; its values are rough.",)
-    if full == 255 and curve is None:
+    if assumed:
         return ("8-bit pixels are taken for sRGB; say the curve if they are linear.",)
-    if curve is None and says_gamma(image):
+    if doubtful:
         return ("16-bit pixels are taken for linear, but the file says that a curve coded them; say the curve.",)
     return ()
 
 
-def _samples(image: Any, data: bytes) -> tuple[NDArray[Any], int]:
-    """Samples (H, W, 3) as they are in the file, and the largest that they can be."""
+def _samples(image: Any, data: bytes) -> NDArray[Any]:
+    """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for grey, else 3."""
+    modes = {_raw_mode(tile) for tile in image.tile}
     if image.mode.startswith("I;16") or image.mode == "I":
-        return np.repeat(np.asarray(image)[..., None].astype(np.uint16), 3, axis=-1), 65535
-    if image.mode in ("RGB", "RGBA") and any(";16" in _raw_mode(tile) for tile in image.tile):
-        high, low = (_half(data, half) for half in ("high", "low"))
-        return high.astype(np.uint16) << 8 | low, 65535
-    return np.asarray(image.convert("RGB")), 255
+        return wide_grey(image, tags_of(image))[..., None]
+    if modes == {_GREY_ALPHA}:
+        image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
+        high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]
+        return np.asarray((high.astype(np.uint16) << 8 | low)[..., None])
+    if image.mode in ("RGB", "RGBA") and any(";16" in mode for mode in modes):
+        return np.asarray(image)[..., :3].astype(np.uint16) << 8 | _low_bytes(data)
+    if image.mode in _GREYS:
+        return np.asarray(image.convert("L"))[..., None]
+    return np.asarray(image.convert("RGB"))
 
 
-def _half(data: bytes, half: Literal["high", "low"]) -> NDArray[np.uint8]:
-    """The high or the low bytes (H, W, 3) of a picture of 16-bit colours, of which Pillow keeps one.
+def _low_bytes(data: bytes) -> NDArray[np.uint8]:
+    """The low bytes (H, W, 3) of a picture of 16-bit colours, of which Pillow keeps the high ones.
 
     It keeps the byte that comes last in little-endian order and first in big-endian; told the other order of the one
     that the file has, it keeps the low byte.
     """
-    image = Image.open(io.BytesIO(data))
-    if half == "low":
-        image.tile = [_told_other_order(tile) for tile in image.tile]
+    image: Any = _opened(data)
+    image.tile = [_told_other_order(tile) for tile in image.tile]
     return np.asarray(image)[..., :3]
 
 
@@ -132,14 +186,14 @@ def _raw_mode(tile: Any) -> str:
     return str(tile.args if isinstance(tile.args, str) else tile.args[0])
 
 
-def _read_raw(file: Path) -> LinearPhoto:
-    pixels, levels = develop_raw(file.read_bytes(), str(file))
+def _read_raw(file: Path, turned: bool) -> LinearPhoto:
+    pixels, levels = _develop_raw(file.read_bytes(), str(file), turned)
     facts, exposure = facts_of(file)
     return LinearPhoto(np.asarray(pixels / np.float32(65535)), _HIGH_END, 1 / levels, exposure, facts)
 
 
-def develop_raw(data: bytes, name: str, *, upright: bool = False) -> tuple[NDArray[np.uint16], int]:
-    """Camera RGB (H, W, 3), 65535 at full scale, and the sensor's number of levels; `upright` turns it as EXIF says.
+def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint16], int]:
+    """Camera RGB (H, W, 3), 65535 at full scale, and the sensor's number of levels; `turned` as EXIF says.
 
     Demosaiced and balanced for daylight, to Rec.709, without any curve or brightening. Raises PhotoError for what
     cannot be read, under `name`, and without rawpy.
@@ -160,7 +214,7 @@ def develop_raw(data: bytes, name: str, *, upright: bool = False) -> tuple[NDArr
                 user_wb=list(raw.daylight_whitebalance),
                 output_color=rawpy.ColorSpace.sRGB,
                 highlight_mode=rawpy.HighlightMode.Clip,
-                user_flip=None if upright else 0,
+                user_flip=None if turned else 0,
             )
     except rawpy.LibRawError as error:
         raise PhotoError(f"{name} cannot be read as a RAW photo ({error}).") from error

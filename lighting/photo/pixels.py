@@ -1,7 +1,9 @@
 """An opened picture to upright 8-bit sRGB pixels, strip by strip, so that large pictures take little memory beside."""
 
+from collections.abc import Mapping
 from io import BytesIO
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +18,10 @@ MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large,
 
 _FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 _STRIP = 1 << 22  # pixels converted at once
+_BITS, _PHOTOMETRIC, _PLANAR = 0x102, 0x106, 0x11C  # tags of a TIFF
+_WHITE_IS_ZERO, _PLANES = 0, 2  # what the latter two may say: the order of greys, colours one after another
 _MID_GREY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
-_TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
+_UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
     2: lambda pixels: pixels[:, ::-1],
     3: lambda pixels: pixels[::-1, ::-1],
     4: lambda pixels: pixels[::-1],
@@ -28,10 +32,23 @@ _TURNED = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, 
 }
 
 
-def check_bits(image: Image.Image) -> None:
-    """Raise PhotoError for a TIFF of 32 bits a colour."""
-    if image.format == "TIFF" and image.mode in _FLOATS:
-        raise PhotoError("The TIFF holds 32 bits per colour, whose white is unknown; convert it to 8 or 16 bits.")
+def check_bits(image: Image.Image, *, all_bits: bool = False) -> None:
+    """Raise PhotoError for a TIFF whose colours Pillow does not read: not with `all_bits`, or not at all."""
+    if image.format != "TIFF":
+        return
+    if image.mode in _FLOATS:
+        raise PhotoError(
+            "The TIFF holds 32 bits per colour, or signed ones, whose white is unknown; convert it to 8 or 16 bits."
+        )
+    if _are_misread(image, all_bits):
+        raise PhotoError("The TIFF stores red, green and blue of 16 bits one after another; store them pixel by pixel.")
+
+
+def _are_misread(image: Any, all_bits: bool) -> bool:
+    """Whether a TIFF stores its colours of over 8 bits in planes, of which Pillow reads the high bits if packed."""
+    tags = tags_of(image)
+    wide = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8
+    return bool(wide and (all_bits or image.tile[0].codec_name == "raw"))
 
 
 def decode(image: Image.Image, target: int) -> None:
@@ -48,8 +65,18 @@ def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> 
     """
     pixels = _converted(image, _factor(*image.size, target))
     image.im = None  # type: ignore[assignment]
-    turn = _TURNED.get(orientation or 1)
-    return pixels if turn is None else np.ascontiguousarray(turn(pixels))
+    return np.ascontiguousarray(upright(pixels, orientation))
+
+
+def upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+    """A view of pixels (h, w, C) that is turned as their EXIF orientation says."""
+    turn = _UPRIGHT.get(orientation or 1)
+    return pixels if turn is None else turn(pixels)
+
+
+def as_stored(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+    """The view that `upright` turns into these pixels."""
+    return upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))
 
 
 def _factor(width: int, height: int, target: int) -> int:
@@ -66,11 +93,11 @@ def _converted(image: Image.Image, factor: int) -> Pixels:
     edges = range(0, image.height, rows)
     seen = False  # whether a pixel is not fully transparent
     out = np.empty((ceil(image.height / factor), ceil(image.width / factor), 3), dtype=np.uint8)
-    profile = image.info.get("icc_profile")
+    profile, tags = image.info.get("icc_profile"), tags_of(image)
     for top in edges:
         whole = len(edges) == 1
         part = image if whole else image.crop((0, top, image.width, min(top + rows, image.height)))
-        small = _eight_bits(part)
+        small = _eight_bits(part, tags)
         small = small.reduce(factor) if factor > 1 else small
         if small.mode == "RGBA":
             seen = seen or small.getchannel("A").getextrema() != (0, 0)
@@ -83,13 +110,29 @@ def _converted(image: Image.Image, factor: int) -> Pixels:
     return out
 
 
-def _eight_bits(image: Image.Image) -> Image.Image:
-    """The same picture in mode L, RGB, CMYK or RGBA."""
-    if image.mode.startswith("I"):  # 16-bit grey, which Pillow would clip
-        return Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
+def _eight_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
+    """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `tags_of`."""
+    if image.mode.startswith("I"):
+        return Image.fromarray((wide_grey(image, tags) >> 8).astype(np.uint8))
     if image.has_transparency_data:
         return image if image.mode == "RGBA" else image.convert("RGBA")
     return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
+
+
+def tags_of(image: Image.Image) -> Mapping[int, Any]:
+    """A TIFF's tags; none of other pictures."""
+    return getattr(image, "tag_v2", {})
+
+
+def wide_grey(image: Image.Image, tags: Mapping[int, Any]) -> NDArray[np.uint16]:
+    """Grey values (h, w) of over 8 bits, black at 0 and white at 65535.
+
+    Pillow would clip them to 8 bits, and passes over a TIFF's 12 bits and over white at 0, as its tags tell them.
+    """
+    values: NDArray[Any] = np.asarray(image).astype(np.uint16)
+    if tags.get(_BITS) == (12,):
+        values = values << 4 | values >> 8
+    return 65535 - values if tags.get(_PHOTOMETRIC) == _WHITE_IS_ZERO else values
 
 
 def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:

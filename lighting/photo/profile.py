@@ -15,7 +15,7 @@ _LINEAR = ("linear", "g10")  # in the names of profiles without a curve
 _SAME = 2e-3  # of a matrix's entries, by which profiles of the same primaries differ
 
 
-def to_rec709(profile: bytes | None) -> NDArray[np.float32] | None:
+def profile_to_rec709(profile: bytes | None) -> NDArray[np.float32] | None:
     """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or not told."""
     try:
         said = ImageCms.ImageCmsProfile(BytesIO(profile or b"")).profile

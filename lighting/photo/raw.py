@@ -9,6 +9,7 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.photo.jpeg import frame_size
+from lighting.photo.pages import MAKERS, SENSOR, photo_page
 
 KIND = "RAW"
 MOST_PICTURES = 64  # beginnings of a JPEG that are looked at
@@ -20,8 +21,6 @@ _TIFF = (b"II*\0", b"MM\0*")
 _JPEG = b"\xff\xd8\xff"
 _HEAD = 1 << 18  # bytes in which a preview's size must stand
 _DNG_VERSION, _SUBFILE, _COMPRESSION, _PHOTOMETRIC = 0xC612, 0xFE, 0x103, 0x106
-_SENSOR = (32803, 34892)  # photometric: colour filter array, linear RAW
-_MAKERS = (32767, 32769, 34713, 65000, 65535)  # compressions of Sony, Epson, Nikon, Kodak, Pentax
 
 
 def is_raw(data: bytes) -> bool:
@@ -34,8 +33,8 @@ def is_raw(data: bytes) -> bool:
         tags = Image.open(BytesIO(data), formats=["TIFF"]).getexif()
     except Exception:  # a TIFF that cannot be opened is refused as such
         return False
-    reduced = tags.get(_SUBFILE) == 1  # the first picture of a TIFF is the main one, of a RAW file a thumbnail
-    sensor = tags.get(_PHOTOMETRIC) in _SENSOR or tags.get(_COMPRESSION) in _MAKERS
+    reduced = tags.get(_SUBFILE) == 1 and photo_page(data) is None  # a thumbnail, as RAW files begin, of no other page
+    sensor = tags.get(_PHOTOMETRIC) in SENSOR or tags.get(_COMPRESSION) in MAKERS
     return _DNG_VERSION in tags or reduced or sensor
 
 

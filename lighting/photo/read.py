@@ -2,8 +2,8 @@
 
 What is read: JPEG, PNG, WebP, TIFF, AVIF where Pillow has it, HEIC where pillow-heif is installed (extra `heif`), and
 the preview in a RAW file. Everything ends as 8-bit sRGB: 16-bit samples are scaled, embedded colour profiles are
-converted, transparent parts become mid-grey, and of an animation or a series the first picture counts. A damaged EXIF
-block or colour profile never rejects a photo.
+converted, transparent parts become mid-grey, and of an animation or a series the first picture counts, of a TIFF that
+begins with a thumbnail the picture behind it. A damaged EXIF block or colour profile never rejects a photo.
 """
 
 import os
@@ -26,6 +26,7 @@ from lighting.errors import ParameterError, PhotoError, PhotoExtraError, PhotoTo
 from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import NAMES, admitted, most
+from lighting.photo.pages import photo_page
 from lighting.photo.pixels import check_bits, decode, upright_pixels
 from lighting.photo.png import check_chunks
 from lighting.photo.raw import KIND, described, is_raw, preview
@@ -86,13 +87,14 @@ def read_photo(
     try:
         with _no_warnings():
             raw = is_raw(data)
-        image = _open(preview(data) if raw else data, max_pixels)
+        page = None if raw else photo_page(data)
+        image = _open(page.data if page else preview(data) if raw else data, max_pixels)
         width, height = image.size
-        told = described(data, image) if raw else image
+        told = described(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
         decode(image, side)
         with _no_warnings():
-            orientation = read_orientation(told)
+            orientation = read_orientation(image if page and page.has_orientation else told)
         pixels = upright_pixels(image, side, orientation)
     except PhotoError:
         raise
@@ -122,6 +124,8 @@ def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
 def _drain(stream: BinaryIO, limit: int) -> bytes:
     if isinstance(stream, TextIOBase):
         raise PhotoError("The file is open as text; a photo is read from one that is open in binary mode.")
+    if isinstance(stream, Photo):
+        raise PhotoError("That is a Photo already, which needs no reading; an Estimator takes it.")
     if not hasattr(stream, "read"):
         kind = type(stream).__name__
         raise PhotoError(f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_of takes pixels.")

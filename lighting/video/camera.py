@@ -24,8 +24,10 @@ from lighting.video.shot import Shot
 STAGE, SCRIPT, NUMBERS = "shot.usda", "shot.py", "shot.json"
 
 
-def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float) -> None:
-    """Write a shot's scene for blender or usd to a folder, replacing a scene that is there.
+def write_shot(
+    shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float
+) -> tuple[str, ...]:
+    """Write a shot's scene for blender or usd to a folder, replacing a scene that is there; the scene's warnings.
 
     `plate` (h, w, 3) is the shot's first frame, `clip` the file's name. Raises SceneError where it cannot be written.
     """
@@ -38,7 +40,7 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
     codes, lenses = (shot.path.time - shot.path.time[0]) * rate, scene.focal_length * shot.zoom
     if tool == "usd":
         _write(folder / STAGE, _stage(matrices, lenses / APERTURE_UNIT, codes, rate))
-        return
+        return scene.warnings
     numbers = {
         "clip": os.path.relpath(clip, folder),
         "first_frame": int(shot.frames[0]),
@@ -50,6 +52,7 @@ def write_shot(shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, cl
     _write(folder / NUMBERS, json.dumps(numbers) + "\n")
     script = files("lighting") / "video" / "data" / "blender_shot.py"
     _write(folder / SCRIPT, script.read_text(encoding="utf-8"))
+    return scene.warnings
 
 
 def _write(path: Path, text: str) -> None:

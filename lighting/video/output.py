@@ -18,7 +18,7 @@ from lighting.evidence import Given
 from lighting.files import objection_to, read_attributes, write_envmap
 from lighting.model import Model
 from lighting.video.clip import Clip
-from lighting.video.records import FrameLight, frame_lights, world_map
+from lighting.video.records import FrameLight, frame_lights, light_of, world_map
 from lighting.video.run import around, shots_of
 from lighting.video.shot import Shot
 from lighting.video.watch import EVERY
@@ -45,11 +45,18 @@ class Done:
 
     shots: list[Shot | VideoError] = field(default_factory=list)
     damage: str = ""  # a sentence, where part of the clip was lost
+    of_scenes: dict[int, tuple[str, ...]] = field(default_factory=dict)  # warnings of scenes, the light's too, by shot
 
     @property
     def failed(self) -> bool:
         """Whether something of the clip has no answer."""
         return bool(self.damage) or any(isinstance(shot, VideoError) for shot in self.shots)
+
+    def warnings(self, number: int) -> tuple[str, ...]:
+        """Those of a shot, counted from 1, and of its scene."""
+        shot = self.shots[number - 1]
+        alone = () if isinstance(shot, VideoError) else light_of(shot).warnings
+        return self.of_scenes.get(number, alone)
 
 
 @dataclass(frozen=True)
@@ -91,7 +98,7 @@ def process(job: Job, model: Model, progress: Callable[[float], Any] | None = No
         done.damage, rate = clip.damage, clip.info.frame_rate
     (job.folder / PART).replace(job.folder / RECORDS)
     if job.wanted.tool is not None:
-        _write_scenes(job, done.shots, rate)
+        done.of_scenes = _write_scenes(job, done.shots, rate)
     if job.wanted.film:
         from lighting.video.film import write_film
 
@@ -137,13 +144,16 @@ def _is_ours(path: Path) -> bool:
         return False
 
 
-def _write_scenes(job: Job, shots: Sequence[Shot | VideoError], rate: float) -> None:
+def _write_scenes(job: Job, shots: Sequence[Shot | VideoError], rate: float) -> dict[int, tuple[str, ...]]:
+    """Write a scene a shot; their warnings by the shots' numbers."""
     from lighting.video.camera import write_shot
 
     assert job.wanted.tool is not None
+    warnings = dict[int, tuple[str, ...]]()
     first = {int(shot.frames[0]): (n, shot) for n, shot in enumerate(shots, 1) if isinstance(shot, Shot)}
     with Clip(job.source, PLATE_SIDE) as clip:
         for frame in clip.frames(first):
             number, shot = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.wanted.tool}"
-            write_shot(shot, frame.pixels, job.wanted.tool, folder, str(job.source), rate)
+            warnings[number] = write_shot(shot, frame.pixels, job.wanted.tool, folder, str(job.source), rate)
+    return warnings

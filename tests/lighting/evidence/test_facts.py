@@ -29,12 +29,26 @@ from tests.lighting.evidence.samples import FACTS, MORNING, ZONELESS, evidence_o
     ],
 )
 def test_zones_that_a_longitude_allows(longitude: float, hours: float, there: bool) -> None:
-    assert (hours in zones(longitude)) is there
+    assert (hours in zones(50.0, longitude)) is there
 
 
-@given(st.floats(-180, 180))
-def test_every_longitude_has_its_own_zone(longitude: float) -> None:
-    allowed = zones(longitude)
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "hours"),
+    [(10.5, -66.9, -4.5), (39.0, 125.8, 8.5), (-31.7, 128.9, 9.75), (-29.1, 168.0, 11.5), (-25.1, -130.1, -8.5)],
+)
+def test_a_zone_of_the_past_counts_where_clocks_followed_it(latitude: float, longitude: float, hours: float) -> None:
+    """Photos of Caracas of 2010 without an offset were half an hour, and the sun 7°, off."""
+    assert hours in zones(latitude, longitude)
+    assert hours not in zones(latitude + 20.0, longitude)
+    facts = replace(ZONELESS, latitude=latitude, longitude=longitude, local_time=datetime(2010, 2, 1, 12, 0))
+    sun = sun_at(datetime(2010, 2, 1, 12, 0, tzinfo=timezone(timedelta(hours=hours))), latitude, longitude)
+    assert any(sun == candidate for candidate in evidence_of(facts).candidates)
+
+
+@given(st.floats(-90, 90), st.floats(-180, 180))
+def test_every_place_has_its_own_zone(latitude: float, longitude: float) -> None:
+    allowed = zones(latitude, longitude)
+    assert allowed == tuple(sorted(set(allowed)))
     assert 4 <= len(allowed) <= 14
     assert any(abs((zone - longitude / 15 + 12) % 24 - 12) <= 0.5 for zone in allowed)
 

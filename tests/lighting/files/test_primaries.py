@@ -8,7 +8,7 @@ import pytest
 
 from lighting.errors import EnvironmentMapError
 from lighting.files.exr import read_exr
-from lighting.files.primaries import CHROMATICITIES, to_rec709
+from lighting.files.primaries import CHROMATICITIES, chromaticities_to_rec709
 
 ACESCG = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
 ACES = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
@@ -17,14 +17,14 @@ ACES = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 def test_acescg_has_the_matrix_that_others_print() -> None:
     """That of S. Hill's fits of ACES and of many shaders after them, rounded to five digits."""
     published = np.array([[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]])
-    matrix = to_rec709(ACESCG)
+    matrix = chromaticities_to_rec709(ACESCG)
     assert matrix is not None
     np.testing.assert_allclose(matrix, published, atol=2e-4)
 
 
 @pytest.mark.parametrize("primaries", [ACESCG, ACES, (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)])
 def test_white_stays_white(primaries: tuple[float, ...]) -> None:
-    matrix = to_rec709(primaries)
+    matrix = chromaticities_to_rec709(primaries)
     assert matrix is not None
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0, atol=1e-5)
 
@@ -35,7 +35,7 @@ def test_a_file_in_acescg_is_read_in_rec709_and_one_in_rec709_as_it_is(tmp_path:
         header = {"type": OpenEXR.scanlineimage, "chromaticities": primaries}
         OpenEXR.File(header, {"RGB": pixels}).write(str(tmp_path / f"{name}.exr"))
     assert np.array_equal(read_exr(tmp_path / "plain.exr")[0], pixels)
-    matrix = to_rec709(ACESCG)
+    matrix = chromaticities_to_rec709(ACESCG)
     assert matrix is not None
     np.testing.assert_allclose(read_exr(tmp_path / "wide.exr")[0], pixels @ matrix.T, rtol=1e-5)
 

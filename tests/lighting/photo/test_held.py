@@ -71,3 +71,8 @@ def test_other_types_shapes_and_sizes_are_refused_in_one_sentence(pixels: Any, w
         photo_of(pixels)
     assert str(caught.value).endswith(".")
     assert "\n" not in str(caught.value)
+
+
+def test_a_photo_is_not_read_twice() -> None:
+    with pytest.raises(PhotoError, match=r"^That is a Photo already.*an Estimator takes it\.$"):
+        read_photo(photo_of(PIXELS))  # type: ignore[arg-type]

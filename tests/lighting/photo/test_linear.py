@@ -1,17 +1,22 @@
 """Linear values of 16-bit and 8-bit pictures, against the arrays that OpenCV and Pillow wrote into them."""
 
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import ExifTags, Image
+from PIL import ExifTags, Image, ImageOps
 
 from lighting.colour import srgb_decode
 from lighting.errors import PhotoError
+from lighting.photo import read_photo
 from lighting.photo.linear import of_floats, read_linear
-from tests.conftest import exif
+from tests.conftest import exif, munich, scene
+from tests.lighting.photo.test_pages import tiff
+from tests.pictures import grey_tiff, png
 
 RANDOM = np.random.default_rng(3)
 NOISE = RANDOM.integers(0, 65536, (37, 53, 3)).astype(np.uint16)
@@ -39,6 +44,82 @@ def test_an_uncompressed_tiff_of_either_byte_order_keeps_them_too(tmp_path: Path
         (tmp_path / "a.tif").write_bytes(plain_tiff(SMOOTH, order, mark))
         photo = read_linear(tmp_path / "a.tif")
         np.testing.assert_array_equal(np.rint(photo.pixels * 65535).astype(np.uint16), SMOOTH)
+
+
+def test_sixteen_bit_grey_with_transparency_keeps_them_too(tmp_path: Path) -> None:
+    grey = NOISE[..., 0]
+    rows = np.stack([grey, NOISE[..., 1]], axis=-1).astype(">u2").view(np.uint8).reshape(len(grey), -1)
+    plain = np.concatenate([np.zeros((len(grey), 1), np.uint8), rows], axis=1).tobytes()
+    (tmp_path / "a.png").write_bytes(png(grey.shape[1], grey.shape[0], plain, depth=16, colour=4))
+    photo = read_linear(tmp_path / "a.png")
+    np.testing.assert_array_equal(np.rint(photo.pixels[..., 1] * 65535), grey)
+    assert photo.grey
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.jpg"])
+@pytest.mark.parametrize("orientation", [2, 3, 5, 6, 7, 8])
+def test_pixels_stay_as_stored_unless_they_are_to_be_turned(tmp_path: Path, name: str, orientation: int) -> None:
+    """Pillow turns TIFF files alone, and those unasked."""
+    block = Image.Exif()
+    block[ExifTags.Base.Orientation] = orientation
+    pixels = np.repeat(SMOOTH[..., :1] >> 8, 3, axis=-1).astype(np.uint8)
+    Image.fromarray(pixels).save(tmp_path / name, exif=block.tobytes(), quality=100)
+    stored, turned = (read_linear(tmp_path / name, "linear", turned=turned).pixels for turned in (False, True))
+    assert stored == pytest.approx(pixels / 255.0, abs=0.01)
+    expected = ImageOps.exif_transpose(Image.open(tmp_path / name))
+    assert turned == pytest.approx(np.asarray(expected) / 255.0, abs=0.01)
+
+
+def test_the_picture_behind_a_tiff_s_thumbnail_is_read(tmp_path: Path) -> None:
+    whole = scene(320, 240)
+    (tmp_path / "a.tif").write_bytes(tiff((scene(80, 60), munich()), (whole, {})))
+    photo = read_linear(tmp_path / "a.tif", "linear")
+    assert photo.pixels == pytest.approx(whole / 255.0, abs=1e-6)
+    assert photo.facts.latitude is not None
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_wide_colours_in_planes_are_refused_where_pillow_takes_them_for_narrow_ones(
+    tmp_path: Path, packed: bool
+) -> None:
+    data = in_planes(np.repeat(SMOOTH, 2, axis=0), packed)
+    (tmp_path / "a.tif").write_bytes(data)
+    with pytest.raises(PhotoError, match="one after another"):
+        read_linear(tmp_path / "a.tif")
+    if packed:
+        assert np.array_equal(read_photo(data, target=None).pixels, np.repeat(SMOOTH >> 8, 2, axis=0))
+    else:
+        with pytest.raises(PhotoError, match="one after another"):
+            read_photo(data)
+
+
+def test_twelve_bits_fill_the_scale_and_white_may_be_zero(tmp_path: Path) -> None:
+    """Pillow hands out such values as they stand: 16 times too dark, or as a negative."""
+    grey = np.tile(np.linspace(0, 4095, 64).astype(np.uint16), (48, 1))
+    left, right = grey[:, ::2], grey[:, 1::2]
+    packed = np.stack([left >> 4, (left & 15) << 4 | right >> 8, right & 255], axis=-1).astype(np.uint8).tobytes()
+    wide = (65535 - (grey << 4)).astype("<u2").tobytes()
+    for data in (grey_tiff(64, 48, 12, packed), grey_tiff(64, 48, 16, wide, white_is_zero=True)):
+        (tmp_path / "a.tif").write_bytes(data)
+        assert read_linear(tmp_path / "a.tif").pixels[..., 1] == pytest.approx(grey / 4095, abs=1 / 4095)
+        assert np.abs(read_photo(data).pixels[..., 1] - (grey >> 4).astype(int)).max() <= 1
+
+
+def in_planes(pixels: NDArray[np.uint16], packed: bool) -> bytes:
+    """A TIFF that stores red, green and blue one after another."""
+    height, width, _ = pixels.shape
+    planes = [pixels[..., channel].astype("<u2").tobytes() for channel in range(3)]
+    planes = [zlib.compress(plane) for plane in planes] if packed else planes
+    short, long, three = 3, 4, 8 + 2 + 12 * 10 + 4  # where what does not fit the directory begins
+    entries = [
+        *((256, long, 1, width), (257, long, 1, height), (258, short, 3, three), (259, short, 1, 8 if packed else 1)),
+        *((262, short, 1, 2), (273, long, 3, three + 6), (277, short, 1, 3), (278, long, 1, height)),
+        *((279, long, 3, three + 18), (284, short, 1, 2)),
+    ]
+    directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *entry) for entry in entries)
+    places = [three + 30 + sum(len(plane) for plane in planes[:k]) for k in range(3)]
+    beside = struct.pack("<3H6I", 16, 16, 16, *places, *(len(plane) for plane in planes))
+    return b"II*\0" + struct.pack("<I", 8) + directory + bytes(4) + beside + b"".join(planes)
 
 
 def plain_tiff(pixels: NDArray[np.uint16], order: str, mark: bytes) -> bytes:
@@ -92,6 +173,14 @@ def test_a_jpeg_comes_with_a_warning_and_its_exposure(tmp_path: Path) -> None:
     photo = read_linear(tmp_path / "a.jpg")
     assert photo.exposure == pytest.approx(1 / 500 * 2 / 16)
     assert "JPEG" in photo.warnings[0]
+
+
+def test_so_does_a_jpeg_with_more_pictures_behind_it(tmp_path: Path) -> None:
+    first, second = (Image.new("RGB", (40, 40), (level,) * 3) for level in (128, 20))
+    first.save(tmp_path / "a.jpg", "MPO", save_all=True, append_images=[second])
+    photo = read_linear(tmp_path / "a.jpg")
+    assert photo.warnings[0].startswith("A JPEG")
+    assert photo.pixels == pytest.approx(float(srgb_decode(128 / 255)), abs=0.01)
 
 
 def test_floats_are_clipped_where_many_share_the_largest_value() -> None:

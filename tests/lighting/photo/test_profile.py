@@ -8,7 +8,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from lighting.photo import read_linear
-from lighting.photo.profile import says_gamma, to_rec709
+from lighting.photo.profile import profile_to_rec709, says_gamma
 
 # XYZ of red, green and blue under D50: ROMM RGB (ISO 22028-2), and a profile of sRGB, as they are published
 WIDE = ((0.7977, 0.2880, 0.0), (0.1352, 0.7119, 0.0001), (0.0313, 0.0001, 0.8252))
@@ -54,8 +54,8 @@ def test_white_stays_white_and_clipped_values_stay_clipped(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("said", [None, b"damaged", profile("sRGB, linear", SRGB)])
 def test_the_same_primaries_and_profiles_that_say_none_change_nothing(said: bytes | None) -> None:
-    assert to_rec709(said) is None
-    assert to_rec709(ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()) is None
+    assert profile_to_rec709(said) is None
+    assert profile_to_rec709(ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()) is None
 
 
 @pytest.mark.parametrize(("name", "coded"), [("Wide, linear", False), ("Wide-elle-V2-g10", False), ("Wide", True)])

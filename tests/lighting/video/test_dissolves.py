@@ -16,9 +16,9 @@ from tests.lighting.video.clips import Pixels, frames, look, pan
 ALONE, MIXED = 45, 18  # frames, at 30 a second
 
 
-def dissolving(mixed: int = MIXED) -> list[Pixels]:
-    """A camera that turns by 20 deg in one place, and one that turns by 10 in another."""
-    first, second = pan(ALONE + mixed, 20.0), pan(ALONE + mixed, 10.0, seed=5)
+def dissolving(mixed: int = MIXED, turn: float = 10.0) -> list[Pixels]:
+    """A camera that turns by 20 deg in one place, and one that turns by another angle in another."""
+    first, second = pan(ALONE + mixed, 20.0), pan(ALONE + mixed, turn, seed=5)
     share = (np.arange(mixed) + 1.0) / (mixed + 1.0)
     both = [
         np.round((1 - s) * a + s * b).astype(np.uint8)
@@ -47,6 +47,10 @@ def test_a_dissolve_is_told_with_its_time(mixed: int) -> None:
     (dissolve,) = told(dissolving(mixed))
     assert dissolve.first == pytest.approx(ALONE / 30.0, abs=0.3)
     assert dissolve.last == pytest.approx((ALONE + mixed) / 30.0, abs=0.3)
+
+
+def test_a_dissolve_between_cameras_that_turn_alike_is_told() -> None:
+    assert len(told(dissolving(turn=20.0))) == 1
 
 
 def test_a_pan_a_cut_and_an_exposure_that_changes_are_no_dissolves() -> None:

@@ -168,6 +168,18 @@ def test_blender_gets_key_frames(network: Path, tmp_path: Path) -> None:
         assert mask.getextrema() == (255, 255)
 
 
+@pytest.mark.parametrize("tool", ["blender", "usd"])
+def test_a_scene_s_spot_out_of_the_picture_is_told(network: Path, tmp_path: Path, tool: str) -> None:
+    clip = write_clip(tmp_path / "far.mp4", pan(3, 0.1))
+    arguments = (clip, "-o", tmp_path / "out", "--model", network, "--height", 32, "--fov", 5, "--overwrite")
+    assert "no ground" not in run(*arguments).output
+    done = run(*arguments, "--for", tool)
+    assert done.exit_code == 0, done.output
+    assert done.output.count(f"Warning: {clip}: The picture shows no ground where an object could stand") == 1
+    assert done.output.count("Warning: ") == len(set(done.output.splitlines())) - 1  # each once, beside the shot's line
+    assert "no ground" not in run(*arguments, "--for", tool, "--quiet").output
+
+
 def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
     path = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
     done = run(path, "-o", tmp_path / "out", "--model", network, "--height", 32)

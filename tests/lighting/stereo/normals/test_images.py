@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lighting.colour import srgb_decode
 from lighting.errors import PhotoError
 from lighting.files import write_exr
+from lighting.photo import read_linear
 from lighting.stereo.normals.files import write_picture, write_png16
 from lighting.stereo.normals.images import read_shot
 from tests.lighting.photo.test_linear import plain_dng
+from tests.lighting.photo.test_profile import WIDE, profile
 from tests.pictures import chunk
 
 
@@ -53,6 +56,23 @@ def test_16_bits_that_say_they_are_coded_are_refused_unless_told(tmp_path: Path)
         read_shot(tmp_path / "a.png")
     assert abs(float(read_shot(tmp_path / "a.png", "linear").pixels[0, 0, 0]) - 30000 / 65535) < 1e-6
     assert read_shot(tmp_path / "a.png", "srgb").pixels[0, 0, 0] < 0.2
+
+
+def test_a_photo_has_the_values_that_a_sky_probe_has(tmp_path: Path) -> None:
+    """Wide primaries and what counts as clipped were passed over, for photos of a day had a reader of their own."""
+    colours = np.full((8, 8, 3), (60, 90, 140), dtype=np.uint8)
+    colours[0] = 252
+    Image.fromarray(colours).save(tmp_path / "a.png", icc_profile=profile("Wide", WIDE))
+    shot, photo = read_shot(tmp_path / "a.png"), read_linear(tmp_path / "a.png")
+    assert np.array_equal(shot.pixels, photo.pixels)
+    assert np.abs(shot.pixels[4, 4] - srgb_decode(colours[4, 4] / 255.0)).max() > 0.02
+    assert shot.clipped[0].all()
+    assert not shot.clipped[1:].any()
+
+
+def test_grey_stays_one_channel(tmp_path: Path) -> None:
+    Image.fromarray(np.full((8, 8), 90, dtype=np.uint8)).save(tmp_path / "a.png")
+    assert read_shot(tmp_path / "a.png").pixels.shape == (8, 8, 1)
 
 
 def test_raw_photos_keep_one_unit_whatever_their_brightest_pixel(tmp_path: Path) -> None:
