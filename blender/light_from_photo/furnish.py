@@ -111,6 +111,11 @@ def spot_is_seen(scene: Any) -> bool:
     return bool(depth > 0 and 0 <= x <= 1 and 0 <= y <= 1)
 
 
+def spot_is_in_shade(scene: Any) -> bool:
+    """Whether the photo's sun leaves out what stands on the spot."""
+    return scene.light_from_photo.sun.light_linking.receiver_collection is not None
+
+
 def environment_node(world: Any) -> Any:
     """The node that holds the map."""
     return next(node for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT")
