@@ -59,7 +59,7 @@ def _take_over(made: list[Any], scene: Any) -> None:
         _replace(getattr(settings, _MADE[kind]), thing)
         setattr(settings, _MADE[kind], thing)
         scene.collection.objects.unlink(thing)
-        if not thing.users_collection:
+        if thing.name not in scene.objects:  # not `users_collection`: what the sun lights is a collection, too
             collection.objects.link(thing)
 
 
