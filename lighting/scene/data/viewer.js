@@ -16,7 +16,6 @@
   plate.colorSpace = THREE.SRGBColorSpace;
   const lit = await new THREE.TextureLoader().loadAsync(data.litGround);
   scene.background = plate;
-
   const map = new THREE.HDRLoader().parse(bytes(data.environment).buffer);
 
   const camera = new THREE.PerspectiveCamera(data.verticalFov, data.width / data.height, data.near, data.far);
@@ -32,8 +31,6 @@
   ground.rotation.x = -Math.PI / 2;
   ground.receiveShadow = true;
   scene.add(ground);
-
-  let lastShare; // of the sun, that reached the object when it was last drawn
 
   const object = new THREE.Group();
   object.position.copy(vector(data.spot));
@@ -105,8 +102,8 @@
     draw();
   }
 
-  // How much of the sun reaches the object: as far as the plate's ground is lit in a square around its foot. The rule of
-  // `lit_around` in lighting/envmap.
+  // How much of the sun reaches the object: as far as the plate's ground is lit in a square around its foot. It is the rule
+  // of `lit_around` in lighting/envmap.
   function litAtFoot() {
     const { width, height } = lit.image;
     const foot = object.position.clone().project(camera);
@@ -127,6 +124,7 @@
 
   // Where the plate's ground is in shade, the sun reaches neither the object nor the ground that reflects light to it. The
   // ground that is seen has its sun from the mask.
+  let lastShare;
   function shine() {
     const share = litAtFoot();
     if (share === lastShare) return;

@@ -182,6 +182,25 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
     assert np.abs(seen["shade"]["moved"].astype(int) - scene.plate)[230:, 330:].max() > 30  # the object is there
 
 
+@pytest.mark.slow
+def test_the_page_finds_the_same_share_of_the_sun(tmp_path: Path) -> None:
+    """Shown as a grey background."""
+    scene = half_shaded_scene()
+    threejs.write(scene, tmp_path)
+    told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
+    script = SHARE.replace("WHOLE", str(told["sunIntensity"]))
+    shown = drawings(tmp_path / threejs.PAGE, script, scene.width, scene.height)["share"]
+    assert 0.4 < scene.spot_lit < 0.6
+    assert srgb_decode(shown[0, 0] / 255.0) == pytest.approx(scene.spot_lit, abs=0.02)
+
+
+SHARE = """
+  const { scene, camera, renderer, sun, ground, object } = lightingScene;
+  scene.background = new THREE.Color().setScalar(sun.intensity / WHOLE);
+  ground.visible = object.visible = false;
+  renderer.render(scene, camera);
+  drawn("share");
+"""
 CLICKED = """
   drawn("page");
   const canvas = lightingScene.renderer.domElement, frame = canvas.getBoundingClientRect();
