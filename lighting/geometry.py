@@ -196,6 +196,12 @@ def window_of(cells: NDArray[np.bool_], height: int, width: int) -> tuple[slice,
     return _span(cells, 0, height), _span(cells, 1, width)
 
 
+def slice_around(middle: float, reach: float, count: int) -> slice:
+    """Which of `count` rows or columns lie within `reach` of the middle; an empty slice where none does."""
+    first = max(0, int(middle - reach))
+    return slice(first, max(first, min(count, int(middle + reach) + 1)))
+
+
 def _span(cells: NDArray[np.bool_], axis: int, count: int) -> slice:
     """Of `count` pixels along an axis those from the first true cell to the last, and a cell on either side."""
     found, step = np.flatnonzero(cells.any(axis=1 - axis)), count / cells.shape[axis]

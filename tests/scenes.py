@@ -44,10 +44,21 @@ def plain_scene(**changes: Any) -> Scene:
 @lru_cache(maxsize=1)
 def half_shaded_scene() -> Scene:
     """The same with the right half of the ground in shade, where the placeholder's shadows fall."""
+    return _shaded(slice(known_scene().width // 2, None))
+
+
+@lru_cache(maxsize=1)
+def shaded_spot_scene() -> Scene:
+    """The same with the spot in shade, whose edge lies beside the ball; the shadows fall beyond it."""
+    return _shaded(slice(None, 276))
+
+
+def _shaded(columns: slice) -> Scene:
+    """The same with the ground of these columns in shade."""
     scene = known_scene()
     camera = Pinhole(scene.width, scene.height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll)
-    shaded = camera_directions(camera)[..., 1] < 0
-    shaded[:, : scene.width // 2] = False
+    shaded = np.zeros((scene.height, scene.width), dtype=bool)
+    shaded[:, columns] = camera_directions(camera)[:, columns, 1] < 0
     linear = srgb_decode(scene.plate / 255.0)
     linear[shaded] *= scene.shadow
     return make_scene(Photo(tone_map(linear), scene.width, scene.height, "PNG"), scene.lighting, map_height=256)

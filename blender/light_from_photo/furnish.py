@@ -59,7 +59,7 @@ def _take_over(made: list[Any], scene: Any) -> None:
         _replace(getattr(settings, _MADE[kind]), thing)
         setattr(settings, _MADE[kind], thing)
         scene.collection.objects.unlink(thing)
-        if not thing.users_collection:
+        if thing.name not in scene.objects:  # not `users_collection`: what the sun lights is a collection, too
             collection.objects.link(thing)
 
 
@@ -109,6 +109,11 @@ def spot_is_seen(scene: Any) -> bool:
     scene.view_layers[0].update()
     x, y, depth = world_to_camera_view(scene, settings.camera, settings.spot.matrix_world.translation)
     return bool(depth > 0 and 0 <= x <= 1 and 0 <= y <= 1)
+
+
+def spot_is_in_shade(scene: Any) -> bool:
+    """Whether the photo's sun leaves out what stands on the spot."""
+    return scene.light_from_photo.sun.light_linking.receiver_collection is not None
 
 
 def environment_node(world: Any) -> Any:

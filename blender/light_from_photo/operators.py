@@ -8,7 +8,7 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from .answers import PHOTOS, AnswerError, from_command, from_service
-from .furnish import furnish, other_lights, spot_is_seen
+from .furnish import furnish, other_lights, spot_is_in_shade, spot_is_seen
 from .preferences import preferences
 from .sliders import reset
 
@@ -44,6 +44,8 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
             self.report({"WARNING"}, str(warning))
         if not spot_is_seen(context.scene):
             self.report({"WARNING"}, "The picture shows no ground where an object could stand: its spot lies below it.")
+        if spot_is_in_shade(context.scene):
+            self.report({"WARNING"}, "Your object would stand in the photo's shade: the sun lights the ground alone.")
         if others := other_lights(context.scene):
             self.report({"WARNING"}, f"The scene has light that the photo has not; delete it: {', '.join(others)}.")
         return {"FINISHED"}

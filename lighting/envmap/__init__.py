@@ -3,7 +3,7 @@
 from lighting.envmap.changing import change
 from lighting.envmap.disc import sun_irradiance
 from lighting.envmap.ground import photo_ground
-from lighting.envmap.lit_ground import lit_ground
+from lighting.envmap.lit_ground import lit_around, lit_ground
 from lighting.envmap.maps import Image, row_levels
 from lighting.envmap.photo_view import camera_of
 from lighting.envmap.render import ground_reflectance, level_irradiance, render, sky_irradiance, with_irradiance
@@ -21,6 +21,7 @@ __all__ = [
     "ground_reflectance",
     "known_place",
     "level_irradiance",
+    "lit_around",
     "lit_ground",
     "photo_ground",
     "photo_sky",

@@ -13,7 +13,7 @@ from lighting.colour import SRGB_LINEAR, checked_pixels, luminance
 from lighting.envmap.disc import sun_irradiance
 from lighting.envmap.photo_view import camera_of
 from lighting.envmap.render import sky_irradiance
-from lighting.geometry import Floats, camera_directions
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, slice_around
 from lighting.records import Lighting, check_lighting
 from lighting.sizes import shrunk
 
@@ -74,6 +74,23 @@ def lit_ground(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None
     lit = np.ones(grey.shape, dtype=np.float32)
     lit[ground] = _lit(stops, lit_level(lighting), step, lighting.sun_visibility)
     return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+
+
+def lit_around(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:
+    """How far the ground around things lies in sunlight, 0 to 1, by a picture's `lit_ground` (H, W).
+
+    `feet` (N, 3) are where they stand, from the camera; the rectangle up to `reach` [camera's pixels] around them is
+    looked at. 1 where the picture does not show it.
+    """
+    pixels = camera_pixel(feet, camera)
+    if not np.isfinite(pixels).all():  # behind the camera
+        return 1.0
+    scale = len(lit) / camera.height
+    x, y = (pixels * scale).T
+    columns = slice_around(float(x.mean()), float(np.ptp(x) / 2 + reach * scale), lit.shape[1])
+    rows = slice_around(float(y.mean()), reach * scale, len(lit))
+    around = lit[rows, columns]
+    return float(around.mean()) if around.size else 1.0
 
 
 def predicted_step(lighting: Lighting) -> float:

@@ -59,6 +59,7 @@ def _description(scene: Scene) -> dict[str, Any]:
         "environment": ENVIRONMENT,
         "lit_ground": LIT_GROUND,
         "shade": scene.shadow.tolist(),
+        "spot_in_shade": scene.spot_in_shade,
         "samples": SAMPLES,
         "size": [scene.width, scene.height],
         "camera": {

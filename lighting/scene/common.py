@@ -19,13 +19,14 @@ from lighting.envmap import (
     Place,
     camera_of,
     ground_reflectance,
+    lit_around,
     lit_ground,
     render,
     sky_irradiance,
     sun_irradiance,
     surround,
 )
-from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, camera_axes, camera_pixel, focal_length
+from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, Pinhole, camera_axes, camera_pixel, focal_length
 from lighting.photo import Photo, check_photo
 from lighting.records import Lighting, check_lighting
 
@@ -35,12 +36,18 @@ GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
 NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
 
 MAP_HEIGHT = 512  # rows of the environment map
+BALL = 0.08  # radius of the placeholder's ball on the spot, in picture heights
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
 _LEAST_DESCENT = 0.05  # least slope of the line from camera to spot, for cameras that are level or look up
 _HIDDEN_SPOT = (
     "The picture shows no ground where an object could stand: it would stand {:.0f} m ahead, below the picture's edge."
 )
+_SHADED_SPOT = (
+    "The object would stand in the photo's shade, so the sun of the scene does not light it; only that of glTF does, "
+    "since glTF cannot say so."
+)
+_IN_SHADE = 0.5  # share of the sun at the spot, below which what stands there counts as in shade
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,14 +143,32 @@ class Scene:
         slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _LEAST_DESCENT)
         return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * EYE_HEIGHT / slope)
 
+    @cached_property
+    def spot_lit(self) -> float:
+        """How much of the sun reaches what stands on the spot, 0 to 1: as far as the plate's ground there is lit."""
+        return lit_around(self.lit_ground, self._camera, self._sight[None], BALL * self.height)
+
+    @property
+    def spot_in_shade(self) -> bool:
+        """Whether less than half of the sun reaches it, for tools that can only light it by the sun or not."""
+        return self.spot_lit < _IN_SHADE
+
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of the light and, where the spot lies out of the picture, one that says so."""
-        camera = camera_of(self.lighting, self.width, self.height)
-        x, y = camera_pixel(self.spot - self.camera_position, camera)
-        if 0 <= x <= self.width and 0 <= y <= self.height:
-            return self.lighting.warnings
-        return (*self.lighting.warnings, _HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))))
+        """Those of the light, and one where the spot lies out of the picture or in shade."""
+        x, y = camera_pixel(self._sight, self._camera)
+        if not (0 <= x <= self.width and 0 <= y <= self.height):
+            return (*self.lighting.warnings, _HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))))
+        return (*self.lighting.warnings, _SHADED_SPOT) if self.spot_in_shade else self.lighting.warnings
+
+    @property
+    def _camera(self) -> Pinhole:
+        return camera_of(self.lighting, self.width, self.height)
+
+    @property
+    def _sight(self) -> Floats:
+        """The spot (3,) from the camera."""
+        return self.spot - self.camera_position
 
 
 def make_scene(

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lighting.geometry import Floats
-from lighting.scene.common import Scene
+from lighting.scene.common import BALL, Scene
 from lighting.spheres import DIFFUSE_REFLECTANCE
 
 PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' grey ball
-_BALL_IN_PICTURE = 0.16  # the ball's radius / half the picture's height
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,4 +39,4 @@ class Placeholder:
 def placeholder_of(scene: Scene) -> Placeholder:
     """The placeholder of a scene, which always takes up the same part of the picture."""
     distance = float(np.linalg.norm(scene.spot - scene.camera_position))
-    return Placeholder(_BALL_IN_PICTURE * distance * float(np.tan(np.radians(scene.vertical_fov) / 2)))
+    return Placeholder(2 * BALL * distance * float(np.tan(np.radians(scene.vertical_fov) / 2)))

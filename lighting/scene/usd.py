@@ -78,7 +78,7 @@ def _camera_values(scene: Scene, placed: Placed) -> dict[str, str]:
     }
 
 
-def _light_values(scene: Scene, placed: Placed) -> dict[str, str]:
+def _light_values(scene: Scene, placed: Placed) -> dict[str, Any]:
     colour, intensity = colour_and_strength(scene.sun_irradiance)
     return {
         "sky_matrix": _matrix(placed([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
@@ -86,6 +86,8 @@ def _light_values(scene: Scene, placed: Placed) -> dict[str, str]:
         "sun_angle": _number(SUN_ANGLE),
         "sun_colour": _vector(colour),
         "sun_intensity": _number(intensity),
+        "sun_on_all": int(not scene.spot_in_shade),
+        "sun_on": "</World/Ground>" if scene.spot_in_shade else "[]",
     }
 
 

@@ -12,8 +12,17 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import srgb_decode, tone_map
-from lighting.envmap import camera_of, lit_ground
-from lighting.geometry import EYE_HEIGHT, Floats, Pinhole, camera_directions, camera_pixel, ray_sphere, window_of
+from lighting.envmap import camera_of, lit_around, lit_ground
+from lighting.geometry import (
+    EYE_HEIGHT,
+    Floats,
+    Pinhole,
+    camera_directions,
+    camera_pixel,
+    ray_sphere,
+    slice_around,
+    window_of,
+)
 from lighting.records import Lighting
 from lighting.spheres.bounces import in_shade
 from lighting.spheres.render import SPACING
@@ -42,7 +51,8 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
     there = replace(stage, centres=centres)
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
     lit = lit_ground(np.asarray(picture), lighting)
-    standing = in_shade(there, share) if (share := _lit_at(lit, camera, centres)) < 1.0 else there
+    share = lit_around(lit, camera, centres - [0.0, 1.0, 0.0], ball_radius(camera))
+    standing = in_shade(there, share) if share < 1.0 else there
     shaded = linear * _left_light(lit, camera, replace(there, exchange=standing.exchange))
     return Image.fromarray(tone_map(_over(shaded, camera, standing)))
 
@@ -66,21 +76,6 @@ def ball_centres(camera: Pinhole, spot: tuple[float, float]) -> Floats:
     radius = ball_radius(camera) / camera.focal_length * depth
     middle = sight * depth / radius + [0.0, 1.0, 0.0]
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
-
-
-def _lit_at(lit: NDArray[np.float32], camera: Pinhole, centres: Floats) -> float:
-    """How far the ground under spheres at `centres` (3, 3) lies in sunlight, by the picture's ground `lit` (H, W)."""
-    feet = np.array([camera_pixel(centre - [0.0, 1.0, 0.0], camera) for centre in centres])
-    if not np.isfinite(feet).all():  # behind the camera
-        return 1.0
-    x, y = (feet * (len(lit) / camera.height)).T
-    around = ball_radius(camera) * len(lit) / camera.height
-    columns, rows = (
-        _span(float(x.mean()), float(np.ptp(x) / 2 + around), lit.shape[1]),
-        _span(float(y.mean()), around, len(lit)),
-    )
-    under = lit[rows, columns]
-    return float(under.mean()) if under.size else 1.0
 
 
 def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
@@ -149,17 +144,11 @@ def _over(linear: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray
             continue
         x, y = camera_pixel(centre, camera)
         reach = 1.2 * camera.focal_length / depth
-        rows, columns = _span(y, reach, camera.height), _span(x, reach, camera.width)
+        rows, columns = slice_around(y, reach, camera.height), slice_around(x, reach, camera.width)
         window = result[rows, columns]
         if window.size:
             _draw_ball(window, kind, _rays(camera, rows, columns), stage)
     return result
-
-
-def _span(middle: float, reach: float, count: int) -> slice:
-    """Which of `count` rows or columns lie within `reach` of the middle; an empty slice where none does."""
-    first = max(0, int(middle - reach))
-    return slice(first, max(first, min(count, int(middle + reach) + 1)))
 
 
 def _rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:

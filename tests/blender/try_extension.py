@@ -85,6 +85,7 @@ def own(scene: Any, photo: str) -> list[Any]:
     kept += [props.name in collection.children, below.name in props.objects, len(scene.objects) == count]
     names = [thing.name for thing in (settings.camera, settings.sun, settings.ground, settings.spot)]
     found = [all(kept), child.parent == settings.spot, at, settings.spot.location == scene.cursor.location, names]
+    found.append(lit_by_the_sun(settings))
     for thing in (mine, below, copy, child):
         bpy.data.objects.remove(thing)
     bpy.data.collections.remove(props)
@@ -120,11 +121,18 @@ def state(scene: Any) -> dict[str, Any]:
         "zenith": pixels[-4 * (width // 2) :][:3],
         "sun": list(sun.rotation_euler.to_matrix().col[2]),
         "energy": sun.data.energy,
+        "lit by the sun": lit_by_the_sun(settings),
         "camera": scene.camera.name,
         "plate": scene.camera.data.background_images[0].image.name,
         "catcher": [thing.name for thing in scene.objects if thing.is_shadow_catcher],
         "packed": all(image.packed_file for image in bpy.data.images if image.source == "FILE"),
     }
+
+
+def lit_by_the_sun(settings: Any) -> list[str]:
+    """What the sun lights, if it does not light all."""
+    lit = settings.sun.light_linking.receiver_collection
+    return [thing.name for thing in lit.objects] if lit else []
 
 
 def render(scene: Any, path: str) -> None:

@@ -291,13 +291,16 @@ def test_the_photos_that_are_offered_are_those_that_the_command_reads(answers: A
 @needs_blender
 def test_in_blender(package: Path, tmp_path: Path) -> None:
     program = tmp_path / "lighting"
-    program.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m lighting "$@"\n')
+    program.write_text(
+        f'#!/bin/sh\nPYTHONPATH="{ROOT}" "{sys.executable}" -m lighting "$@" || exit\n'
+        'sed -i \'s/"spot_in_shade": false/"spot_in_shade": true/\' "$6/scene.json"\n'
+    )
     program.chmod(0o755)
     arguments = [ROOT / "tests" / "blender" / "try_extension.py", package, program, ROOT / "examples/wide_street.jpg"]
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "user")}
     done = subprocess.run([PYTHON, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300)
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")] or [done.stderr]
-    found = json.loads(line.removeprefix("FOUND "))
+    found, said = json.loads(line.removeprefix("FOUND ")), done.stdout + done.stderr
     assert found["estimate"] == ["FINISHED"]
     assert found["kept"]
     assert {name.split(".")[0] for name in found["made"]} == {"Camera", "Ground", "Sun", "Your object here"}
@@ -305,6 +308,7 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert first["image"] == "environment.exr"
     assert first["packed"]
     assert "Ground" in first["catcher"]
+    assert first["lit by the sun"] == ["Ground"]
     assert moved["sun"] == pytest.approx([-np.cos(np.radians(40)), 0, np.sin(np.radians(40))], abs=1e-5)
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
     stated = Lighting.from_dict(found["record"])
@@ -314,14 +318,16 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
     assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)
     assert reset == first
-    all_kept, same_parent, above, moved_along, names = found["own"]
+    all_kept, same_parent, above, moved_along, names, lit = found["own"]
+    assert lit == [name for name in names if name.startswith("Ground")]
     assert (all_kept, same_parent, moved_along) == (True, True, True)
     assert above == pytest.approx([0, 0, 3])  # the child's metre under a parent that the artist has scaled
     assert {name.split(".")[0] for name in names} == {"Camera", "Ground", "Sun", "Your object here"}
     assert found["undone"] == [4, 0, 4, 0]
     assert found["sun lamps"] == 1
     assert found["seen"] == [True, False]
-    assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in done.stdout + done.stderr
+    assert "Warning: Your object would stand in the photo's shade: the sun lights the ground alone." in said
+    assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in said
     assert "World" in found["worlds"]  # the artist's own
     assert found["reopened"]["sliders"][0] == 12.0
     assert found["reopened"]["image"].startswith("Sky of the sliders")

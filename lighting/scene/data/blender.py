@@ -5,7 +5,8 @@
 
 `python scene.py --save` does the same where the module bpy is installed. The light's units are those of the photo's
 linear values; +Z is up and the camera looks along +Y. The value "Native sky" in the world's nodes blends from the
-environment map (0) to Blender's own sky with the same sun and turbidity (1).
+environment map (0) to Blender's own sky with the same sun and turbidity (1). Where the spot lies in the photo's shade,
+the sun lights the collection "Lit by the Sun" alone, which holds the ground.
 """
 
 import json
@@ -51,9 +52,11 @@ def build(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any:
     environment = load_image(folder / numbers["environment"], "Linear Rec.709")
     set_up_render(scene, numbers)
     add_camera(scene, numbers["camera"], plate)
-    add_sun(scene, numbers["sun"])
+    sun = add_sun(scene, numbers["sun"])
     scene.world = make_world(numbers["sky"], environment)
-    add_ground(scene, numbers["ground"])
+    ground = add_ground(scene, numbers["ground"])
+    if numbers["spot_in_shade"]:
+        keep_from_object(sun, ground, numbers["shade"])
     add_placeholder(scene, numbers["placeholder"])
     if not has_compositor(scene):
         lit = load_image(folder / numbers["lit_ground"], "Non-Color")
@@ -103,10 +106,12 @@ def add_camera(scene: Any, numbers: dict[str, Any], plate: Any) -> None:
     scene.camera = camera
 
 
-def add_sun(scene: Any, numbers: dict[str, Any]) -> None:
+def add_sun(scene: Any, numbers: dict[str, Any]) -> Any:
     data = bpy.data.lights.new("Sun", "SUN")
     data.angle = math.radians(numbers["angle"])
-    aim_sun(add_object(scene, "Sun", data), numbers)
+    sun = add_object(scene, "Sun", data)
+    aim_sun(sun, numbers)
+    return sun
 
 
 def aim_sun(sun: Any, numbers: dict[str, Any]) -> None:
@@ -177,13 +182,35 @@ def diffuse(name: str, albedo: list[float]) -> Any:
     return material
 
 
-def add_ground(scene: Any, numbers: dict[str, Any]) -> None:
+def add_ground(scene: Any, numbers: dict[str, Any]) -> Any:
     reach = numbers["radius"]
     mesh = bpy.data.meshes.new("Ground")
     corners = [(-reach, -reach, 0.0), (reach, -reach, 0.0), (reach, reach, 0.0), (-reach, reach, 0.0)]
     mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
     mesh.materials.append(diffuse("Ground", numbers["albedo"]))
-    add_object(scene, "Ground", mesh).is_shadow_catcher = True
+    ground = add_object(scene, "Ground", mesh)
+    ground.is_shadow_catcher = True
+    return ground
+
+
+def keep_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
+    """Let the sun light the ground alone, and the ground light the object as ground in shade does.
+
+    Shadows on the ground stay, since the camera sees the ground as it was. `shade` is the sky's share of open ground's
+    light; the value "Object in shade" in the ground's material says how far it counts.
+    """
+    sun.light_linking.receiver_collection = bpy.data.collections.new("Lit by the Sun")
+    sun.light_linking.receiver_collection.objects.link(ground)
+    tree = ground.data.materials[0].node_tree
+    switch, path, unseen = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Value", "LightPath", "Math"))
+    switch.label = switch.name = "Object in shade"
+    switch.outputs[0].default_value = 1.0
+    unseen.operation, unseen.use_clamp = "SUBTRACT", True
+    tree.links.new(switch.outputs[0], unseen.inputs[0])
+    tree.links.new(path.outputs["Is Camera Ray"], unseen.inputs[1])
+    colour = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE").inputs["Color"]
+    tree.links.new(blended(tree, "MULTIPLY", tuple(colour.default_value), (*shade, 1.0), unseen.outputs[0]), colour)
+    spread(tree.nodes)
 
 
 def add_placeholder(scene: Any, numbers: dict[str, Any]) -> None:
@@ -270,7 +297,8 @@ def shadow_on(tree: Any, shadow: Any, lit: Any, shade: tuple[float, ...]) -> Any
 
 def blended(tree: Any, kind: str, a: Any, b: Any, share: Any = 1.0) -> Any:
     """Two pictures or colours (4,) in one; `share` is how much of the blend replaces the first."""
-    mix = tree.nodes.new("ShaderNodeMix" if bpy.app.version >= (5, 0, 0) else "CompositorNodeMixRGB")
+    shared = bpy.app.version >= (5, 0, 0) or tree.type == "SHADER"
+    mix = tree.nodes.new("ShaderNodeMix" if shared else "CompositorNodeMixRGB")
     if hasattr(mix, "data_type"):
         mix.data_type = "RGBA"
     mix.blend_type = kind

@@ -9,8 +9,8 @@ npm init --yes >/dev/null
 npm install --silent --no-audit --no-fund three@0.187.0 esbuild@0.28.2
 cat >entry.js <<'END'
 export {
-  Box3, CircleGeometry, Color, CylinderGeometry, DataTexture, DirectionalLight, EquirectangularReflectionMapping, Group,
-  HalfFloatType, LinearFilter, LinearSRGBColorSpace, Matrix4, Mesh, MeshStandardMaterial, NoToneMapping,
+  Box3, CircleGeometry, Color, CylinderGeometry, DataTexture, DataUtils, DirectionalLight, EquirectangularReflectionMapping,
+  Group, HalfFloatType, LinearFilter, LinearSRGBColorSpace, Matrix4, Mesh, MeshStandardMaterial, NoToneMapping,
   PCFShadowMap, PerspectiveCamera, Raycaster, Scene, ShadowMaterial, Sphere, SphereGeometry, SRGBColorSpace, TextureLoader, Vector2,
   Vector3, WebGLRenderer,
 } from "three";

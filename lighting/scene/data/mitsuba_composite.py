@@ -2,12 +2,14 @@
 
 Renders with the object and without differ by its shadow and its reflected light: the plate is multiplied by their ratio
 (Debevec 1998). Where lit_ground.png says that the photo's ground lies in shade, the sun is left out of both, so that no
-shadow darkens shade. The object's own pixels come from the render as they are. Writes composite.png.
+shadow darkens shade. The object's own pixels have as much of the sun as `sun_on_object` in object.xml says. Writes
+composite.png.
 """
 
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mitsuba
 import numpy as np
@@ -21,11 +23,11 @@ def main(samples: str = "64", variant: str = "scalar_rgb") -> None:
     mi.set_variant(variant)
     plate = linear(mi.Bitmap(str(FOLDER / "plate.png")))
     lit = lit_ground(plate.shape[1], plate.shape[0])
-    full, full_lit = lights(int(samples), lit, "camera.xml", "light.xml", "object.xml")
-    _, empty_lit = lights(int(samples), lit, "camera.xml", "light.xml")
+    sky, sun = lights(int(samples), "camera.xml", "light.xml", "object.xml")
+    empty_sky, empty_sun = lights(int(samples), "camera.xml", "light.xml")
     covered = np.clip(rendered(16, "camera.xml", "object.xml")[..., 3:], 0, 1)
-    shadowed = plate * full_lit / np.maximum(empty_lit, 1e-6)
-    picture = covered * full + (1 - covered) * shadowed
+    shadowed = plate * (sky + lit * sun) / np.maximum(empty_sky + lit * empty_sun, 1e-6)
+    picture = covered * (sky + sun_on_object() * sun) + (1 - covered) * shadowed
     mi.util.write_bitmap(str(FOLDER / "composite.png"), mi.Bitmap(picture.astype(np.float32)), write_async=False)
 
 
@@ -40,11 +42,16 @@ def lit_ground(width: int, height: int) -> Any:
     return np.clip(np.array(fitted).reshape(height, width, 1), 0, 1)
 
 
-def lights(samples: int, lit: Any, *parts: str) -> tuple[Any, Any]:
-    """Linear pixels (H, W, 3) of a scene of these files, and those with the sun only as far as the ground is lit."""
-    full = rendered(samples, *parts)[..., :3]
+def sun_on_object() -> float:
+    """How much of the sun reaches the object, 0 to 1."""
+    root = ElementTree.parse(FOLDER / "object.xml").getroot()
+    return next(float(part.attrib["value"]) for part in root.iter("default") if part.get("name") == "sun_on_object")
+
+
+def lights(samples: int, *parts: str) -> tuple[Any, Any]:
+    """Linear pixels (H, W, 3) of a scene of these files without the sun, and what the sun adds to them."""
     sky = rendered(samples, *parts, sun_radiance="0 0 0")[..., :3]
-    return full, sky + lit * (full - sky)
+    return sky, rendered(samples, *parts)[..., :3] - sky
 
 
 def rendered(samples: int, *parts: str, **values: str) -> Any:

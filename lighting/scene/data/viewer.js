@@ -16,7 +16,7 @@
   plate.colorSpace = THREE.SRGBColorSpace;
   const lit = await new THREE.TextureLoader().loadAsync(data.litGround);
   scene.background = plate;
-  scene.environment = environment();
+  const map = new THREE.HDRLoader().parse(bytes(data.environment).buffer);
 
   const camera = new THREE.PerspectiveCamera(data.verticalFov, data.width / data.height, data.near, data.far);
   camera.applyMatrix4(new THREE.Matrix4().set(...data.cameraMatrix));
@@ -36,10 +36,15 @@
   object.position.copy(vector(data.spot));
   scene.add(object);
 
-  // Each texel is the map's radiance; the map is turned so that three.js has the photo's direction at -Z.
-  function environment() {
-    const { data: texels, width, height } = new THREE.HDRLoader().parse(bytes(data.environment).buffer);
-    const texture = new THREE.DataTexture(texels, width, height, undefined, THREE.HalfFloatType);
+  // Each texel is the map's radiance; the map is turned so that three.js has the photo's direction at -Z. Its lower half
+  // is the ground, which the sun reaches as far as `share` says.
+  function environment(share) {
+    const texture = new THREE.DataTexture(map.data.slice(), map.width, map.height, undefined, THREE.HalfFloatType);
+    const ground = texture.image.data.subarray(map.data.length / 2);
+    const gain = [...data.shadow.map((shade) => shade + share * (1 - shade)), 1];
+    ground.forEach((half, i) => {
+      ground[i] = THREE.DataUtils.toHalfFloat(THREE.DataUtils.fromHalfFloat(half) * gain[i % 4]);
+    });
     texture.mapping = THREE.EquirectangularReflectionMapping;
     texture.colorSpace = THREE.LinearSRGBColorSpace;
     texture.minFilter = texture.magFilter = THREE.LinearFilter;
@@ -97,6 +102,38 @@
     draw();
   }
 
+  // How much of the sun reaches the object: as far as the plate's ground is lit in a square around its foot. It is the rule
+  // of `lit_around` in lighting/envmap.
+  function litAtFoot() {
+    const { width, height } = lit.image;
+    const foot = object.position.clone().project(camera);
+    const depth = camera.position.distanceTo(object.position) * Math.tan((data.verticalFov * Math.PI) / 360);
+    const reach = (height * data.ballRadius) / (2 * depth);
+    const span = (middle, count) => {
+      const first = Math.max(0, Math.floor(middle - reach));
+      return [first, Math.min(count, Math.floor(middle + reach) + 1) - first];
+    };
+    const [left, columns] = span(((1 + foot.x) / 2) * width, width);
+    const [top, rows] = span(((1 - foot.y) / 2) * height, height);
+    if (columns <= 0 || rows <= 0) return 1;
+    const pen = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
+    pen.drawImage(lit.image, 0, 0);
+    const pixels = pen.getImageData(left, top, columns, rows).data;
+    return pixels.reduce((sum, value, i) => (i % 4 ? sum : sum + value), 0) / (255 * columns * rows);
+  }
+
+  // Where the plate's ground is in shade, the sun reaches neither the object nor the ground that reflects light to it. The
+  // ground that is seen has its sun from the mask.
+  let lastShare;
+  function shine() {
+    const share = litAtFoot();
+    if (share === lastShare) return;
+    lastShare = share;
+    sun.intensity = share * data.sunIntensity;
+    scene.environment?.dispose();
+    scene.environment = environment(share);
+  }
+
   // The shadow map covers the object as the sun sees it, and reaches as far as its shadow.
   function aim() {
     const sphere = new THREE.Box3().setFromObject(object).getBoundingSphere(new THREE.Sphere());
@@ -117,6 +154,8 @@
     renderer.setPixelRatio(devicePixelRatio);
     renderer.setSize(Math.round(data.width * scale), Math.round(data.height * scale));
     renderer.getDrawingBufferSize(resolution);
+    camera.updateMatrixWorld();
+    shine();
     aim();
     renderer.render(scene, camera);
   }

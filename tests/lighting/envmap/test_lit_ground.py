@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.colour import tone_map
-from lighting.envmap import lit_ground
+from lighting.envmap import lit_around, lit_ground
+from lighting.geometry import Pinhole
 from lighting.records import Lighting
 from tests.lighting.envmap.test_render import given_light
 
@@ -119,3 +120,35 @@ def test_the_caller_may_say_whether_the_sun_shines() -> None:
 
 def test_a_picture_of_one_pixel_is_answered() -> None:
     assert lit_ground(np.zeros((1, 1, 3), np.uint8), replace(LIGHT, camera_elevation=-60.0)).tolist() == [[0.0]]
+
+
+# What stands on it
+
+CAMERA = Pinhole(160, 120, LIGHT.vertical_fov, elevation=-90.0)  # looks straight down, so that metres are pixels
+
+
+def around(x: float, y: float, reach: float) -> float:
+    """By a mask that is in shade in its left half, around the point of the ground that a pixel shows."""
+    half = np.repeat(np.array([0.0, 1.0], np.float32), 40)[None].repeat(60, axis=0)
+    right, up, forward = CAMERA.axes
+    foot = forward + ((x - 80) * right - (y - 60) * up) / CAMERA.focal_length
+    return lit_around(half, CAMERA, foot[None], reach)
+
+
+def test_what_stands_on_the_ground_is_lit_as_the_ground_around_its_foot() -> None:
+    assert around(40.0, 60.0, 8.0) == 0.0
+    assert around(120.0, 60.0, 8.0) == 1.0
+    assert around(81.0, 60.0, 8.0) == pytest.approx(0.5, abs=0.06)
+
+
+def test_several_things_are_lit_as_the_ground_from_one_to_the_other() -> None:
+    right = CAMERA.axes[0]
+    feet = CAMERA.axes[2] + np.array([[-20.0], [20.0]]) / CAMERA.focal_length * right
+    half = np.repeat(np.array([0.0, 1.0], np.float32), 40)[None].repeat(60, axis=0)
+    assert lit_around(half, CAMERA, feet, 4.0) == pytest.approx(0.5, abs=0.03)
+
+
+def test_where_the_picture_does_not_show_the_foot_the_sun_is_whole() -> None:
+    assert around(-50.0, 60.0, 8.0) == 1.0
+    assert around(40.0, 300.0, 8.0) == 1.0
+    assert lit_around(np.zeros((2, 2), np.float32), CAMERA, -CAMERA.axes[2][None], 8.0) == 1.0

@@ -18,7 +18,7 @@ from lighting.geometry import direction
 from lighting.scene import blender, write_scene
 from lighting.scene.axes import to_z_up
 from tests.blender import PYTHON, needs_blender
-from tests.scenes import half_shaded_scene, known_scene
+from tests.scenes import half_shaded_scene, known_scene, shaded_spot_scene
 
 
 @pytest.fixture
@@ -75,6 +75,12 @@ def test_what_the_compositor_knows_of_shade(folder: Path, numbers: dict[str, Any
         assert mask.mode == "L"
 
 
+def test_what_blender_knows_of_the_spot(folder: Path, numbers: dict[str, Any]) -> None:
+    assert numbers["spot_in_shade"] is False
+    blender.write(shaded_spot_scene(), folder)
+    assert json.loads((folder / "scene.json").read_text())["spot_in_shade"] is True
+
+
 def test_sun_and_lens(numbers: dict[str, Any]) -> None:
     irradiance = np.array(numbers["sun"]["colour"]) * numbers["sun"]["irradiance"]
     assert irradiance == pytest.approx(known_scene().sun_irradiance)
@@ -117,3 +123,36 @@ def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
     assert np.median(ratio[297:305, 230:235]) < 0.3
     assert np.median(ratio[308:316, 284:292]) > 0.6
     assert np.median(ratio[320:325, 400:412]) > 0.9  # the stick's
+
+
+@pytest.mark.slow
+@needs_blender
+def test_an_object_in_the_photos_shade_is_in_shade(folder: Path) -> None:
+    """The ball is much darker at its top than one in the sun; its shadow on sunlit ground is the same."""
+    blender.write(shaded_spot_scene(), folder)
+    told = json.loads((folder / "scene.json").read_text()) | {"samples": 4}
+    seen = {}
+    for in_shade in (True, False):
+        (folder / "scene.json").write_text(json.dumps(told | {"spot_in_shade": in_shade}))
+        subprocess.run([PYTHON, "scene.py", "--render"], cwd=folder, capture_output=True, check=True)
+        seen[in_shade] = srgb_decode(np.asarray(Image.open(folder / "render.png").convert("RGB")) / 255.0)
+    top, shadow = np.s_[238:250, 223:254], np.s_[308:316, 284:292]
+    assert seen[True][top].mean() < 0.7 * seen[False][top].mean()
+    assert seen[True][shadow] == pytest.approx(seen[False][shadow], rel=0.1, abs=0.005)
+
+
+@pytest.mark.slow
+@needs_blender
+def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(folder: Path) -> None:
+    look = (
+        "import bpy; bpy.ops.wm.open_mainfile(filepath='scene.blend');"
+        "lit = bpy.data.objects['Sun'].light_linking.receiver_collection;"
+        "print(lit and (lit.name, [thing.name for thing in lit.objects]))"
+    )
+    found = []
+    for scene in (shaded_spot_scene(), known_scene()):
+        blender.write(scene, folder)
+        subprocess.run([PYTHON, "scene.py", "--save"], cwd=folder, capture_output=True, check=True)
+        done = subprocess.run([PYTHON, "-c", look], cwd=folder, capture_output=True, text=True, check=True)
+        found.append(done.stdout.splitlines()[-1])
+    assert found == ["('Lit by the Sun', ['Ground'])", "None"]

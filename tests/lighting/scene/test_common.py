@@ -22,7 +22,7 @@ from lighting.geometry import (
 )
 from lighting.photo.read import Photo
 from lighting.scene import make_scene
-from tests.scenes import LIGHT, PLAIN, known_scene, plain_scene
+from tests.scenes import LIGHT, PLAIN, half_shaded_scene, known_scene, plain_scene, shaded_spot_scene
 
 CASE = Path(__file__).with_name("spot.json")
 
@@ -128,3 +128,25 @@ def test_where_a_channel_has_no_light_its_shadow_is_none() -> None:
     shadow = plain_scene(sky_irradiance=(0.3, 0.3, 0.0), sun_irradiance=(1.0, 0.5, 0.0)).shadow
     assert shadow[2] == 1.0
     assert (shadow[:2] < 1.0).all()
+
+
+# The spot in shade
+
+
+def test_the_spot_is_lit_as_the_plates_ground_around_it() -> None:
+    assert known_scene().spot_lit == 1.0
+    assert half_shaded_scene().spot_lit == pytest.approx(0.5, abs=0.1)
+    assert shaded_spot_scene().spot_lit == 0.0
+    assert (known_scene().spot_in_shade, shaded_spot_scene().spot_in_shade) == (False, True)
+
+
+def test_a_spot_in_shade_has_a_warning() -> None:
+    assert known_scene().warnings == ()
+    (shaded,) = shaded_spot_scene().warnings
+    assert shaded.startswith("The object would stand in the photo's shade, so the sun of the scene does not light it;")
+
+
+def test_a_scene_without_sun_has_no_spot_in_shade() -> None:
+    scene = shaded_spot_scene()
+    photo = Photo(scene.plate, scene.width, scene.height, "PNG")
+    assert make_scene(photo, scene.lighting, map_height=32, sun=False).spot_lit == 1.0

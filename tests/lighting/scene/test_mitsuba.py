@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import luminance, srgb_decode
+from lighting.envmap import camera_of
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.common import Scene
 from lighting.scene.placeholder import placeholder_of
-from tests.scenes import LIGHT, half_shaded_scene, known_scene
+from tests.scenes import LIGHT, half_shaded_scene, known_scene, shaded_spot_scene
 
 mi: Any = mitsuba_renderer
 
@@ -93,8 +94,7 @@ def composite(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.uint8]:
     """What composite.py makes of a plate whose right half lies in shade."""
     folder = tmp_path_factory.mktemp("half_shaded")
     mitsuba.write(half_shaded_scene(), folder)
-    subprocess.run([sys.executable, "composite.py", "4"], cwd=folder, check=True, capture_output=True)
-    return np.asarray(Image.open(folder / "composite.png").convert("RGB"))
+    return composited(folder)
 
 
 @pytest.mark.slow
@@ -113,3 +113,33 @@ def test_no_shadow_darkens_shade(composite: NDArray[np.uint8]) -> None:
     assert np.median(ratio[297:305, 230:235]) < 0.3
     assert np.median(ratio[308:316, 284:292]) > 0.6
     assert np.median(ratio[320:325, 400:412]) > 0.9  # the stick's
+
+
+@pytest.mark.slow
+def test_an_object_in_the_photos_shade_is_in_shade(tmp_path: Path) -> None:
+    """And `sun_on_object` gives it the sun again, while nothing else changes."""
+    scene = shaded_spot_scene()
+    mitsuba.write(scene, tmp_path)
+    shade = composited(tmp_path)
+    objects = (tmp_path / "object.xml").read_text()
+    assert objects.count('name="sun_on_object" value="0"') == 1
+    (tmp_path / "object.xml").write_text(objects.replace('"sun_on_object" value="0"', '"sun_on_object" value="1"'))
+    sun = composited(tmp_path)
+    x, y = ball_pixel(scene)
+    top = np.s_[y - 22 : y - 10, x - 15 : x + 16]
+    assert srgb_decode(shade[top] / 255.0).mean() < 0.6 * srgb_decode(sun[top] / 255.0).mean()
+    assert (shade[300:] == sun[300:]).all()  # the shadows on sunlit ground
+    assert (shade[:, : x - 40] == sun[:, : x - 40]).all()
+
+
+def ball_pixel(scene: Scene) -> tuple[int, int]:
+    """Where the plate's camera sees the ball's centre."""
+    centre = scene.spot + placeholder_of(scene).ball_centre - scene.camera_position
+    x, y = camera_pixel(centre, camera_of(scene.lighting, scene.width, scene.height))
+    return int(x), int(y)
+
+
+def composited(folder: Path) -> NDArray[np.uint8]:
+    """What composite.py makes of a folder's scene."""
+    subprocess.run([sys.executable, "composite.py", "4"], cwd=folder, check=True, capture_output=True)
+    return np.asarray(Image.open(folder / "composite.png").convert("RGB"))

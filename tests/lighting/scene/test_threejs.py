@@ -30,7 +30,7 @@ from lighting.scene import gltf, threejs
 from lighting.scene.common import Scene
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 from tests.browser import drawings
-from tests.scenes import half_shaded_scene, known_scene
+from tests.scenes import half_shaded_scene, known_scene, shaded_spot_scene
 
 Pictures = dict[str, NDArray[Any]]
 
@@ -158,6 +158,56 @@ def test_no_shadow_darkens_shade(tmp_path: Path) -> None:
     right = page[290:, scene.width // 2 + 40 :]  # below the stick, which throws its shadow there, and beside the ball
     assert np.abs(right - scene.plate[290:, scene.width // 2 + 40 :]).max() <= 1
     assert (page - scene.plate)[297:305, 230:235].mean() < -30  # the shadow's beginning on lit ground
+
+
+@pytest.mark.slow
+def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_sun(tmp_path: Path) -> None:
+    scene = shaded_spot_scene()
+    seen = {}
+    for name, of in (("shade", scene), ("sun", known_scene())):
+        (tmp_path / name).mkdir()
+        threejs.write(of, tmp_path / name)
+        seen[name] = drawings(tmp_path / name / threejs.PAGE, CLICKED, scene.width, scene.height)
+    centre, radius = scene.spot + placeholder_of(scene).ball_centre, placeholder_of(scene).ball_radius
+    to_camera = scene.camera_position - centre
+    normal = to_camera / np.linalg.norm(to_camera)
+    dark = scene.environment.copy()
+    dark[len(dark) // 2 :] *= scene.shadow
+    light = sky_irradiance(replace(scene, environment=dark), normal)
+    found = seen_at(seen["shade"]["page"], scene, centre + radius * normal)
+    assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
+    for name, window in (("page", np.s_[290:, 280:]), ("moved", np.s_[:, 330:])):  # shadows on lit ground; all
+        change = np.abs(seen["shade"][name][window].astype(int) - seen["sun"][name][window])
+        assert change.max() <= 1
+    assert np.abs(seen["shade"]["moved"].astype(int) - scene.plate)[230:, 330:].max() > 30  # the object is there
+
+
+@pytest.mark.slow
+def test_the_page_finds_the_same_share_of_the_sun(tmp_path: Path) -> None:
+    """Shown as a grey background."""
+    scene = half_shaded_scene()
+    threejs.write(scene, tmp_path)
+    told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
+    script = SHARE.replace("WHOLE", str(told["sunIntensity"]))
+    shown = drawings(tmp_path / threejs.PAGE, script, scene.width, scene.height)["share"]
+    assert 0.4 < scene.spot_lit < 0.6
+    assert srgb_decode(shown[0, 0] / 255.0) == pytest.approx(scene.spot_lit, abs=0.02)
+
+
+SHARE = """
+  const { scene, camera, renderer, sun, ground, object } = lightingScene;
+  scene.background = new THREE.Color().setScalar(sun.intensity / WHOLE);
+  ground.visible = object.visible = false;
+  renderer.render(scene, camera);
+  drawn("share");
+"""
+CLICKED = """
+  drawn("page");
+  const canvas = lightingScene.renderer.domElement, frame = canvas.getBoundingClientRect();
+  const [clientX, clientY] = [frame.left + (390 / 480) * frame.width, frame.top + (300 / 360) * frame.height];
+  canvas.dispatchEvent(new MouseEvent("click", { clientX, clientY }));
+  drawn("moved");
+"""
 
 
 @pytest.mark.slow

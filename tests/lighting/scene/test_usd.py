@@ -14,12 +14,13 @@ from lighting.files.exr import read_exr
 from lighting.geometry import latlong_directions
 from lighting.scene import UP_AXES, usd
 from lighting.scene.placeholder import placeholder_of
-from tests.scenes import known_scene
+from tests.scenes import known_scene, shaded_spot_scene
 
 BOTH_AXES = pytest.mark.parametrize("up_axis", UP_AXES)
 
 
 def opened(folder: Path, up_axis: str) -> Any:
+    folder.mkdir(exist_ok=True)
     usd.write(known_scene(), folder, up_axis=up_axis)
     return Usd.Stage.Open(str(folder / usd.STAGE))
 
@@ -81,6 +82,23 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, u
     irradiance = sun.GetIntensityAttr().Get() * 2 ** sun.GetExposureAttr().Get() * np.array(sun.GetColorAttr().Get())
     assert irradiance == pytest.approx(scene.sun_irradiance, rel=1e-5)
     assert sun.GetAngleAttr().Get() == pytest.approx(0.5358)
+
+
+@BOTH_AXES
+def test_where_the_spot_is_in_shade_the_sun_lights_the_ground_alone(tmp_path: Path, up_axis: str) -> None:
+    (tmp_path / "shade").mkdir()
+    usd.write(shaded_spot_scene(), tmp_path / "shade", up_axis=up_axis)
+    shaded, lit = Usd.Stage.Open(str(tmp_path / "shade" / usd.STAGE)), opened(tmp_path / "sun", up_axis)
+    assert complaints(shaded) == []
+    parts = ("Ground", "YourObject", "YourObject/Ball", "YourObject/Stick", "YourObject/Mine")
+    assert [is_lit(shaded, part) for part in parts] == [True, False, False, False, False]
+    assert [is_lit(lit, part) for part in parts] == [True] * 5
+
+
+def is_lit(stage: Any, part: str) -> bool:
+    """By the sun."""
+    link = UsdLux.LightAPI(stage.GetPrimAtPath("/World/Sun")).GetLightLinkCollectionAPI()
+    return bool(link.ComputeMembershipQuery().IsPathIncluded(f"/World/{part}"))
 
 
 @BOTH_AXES
