@@ -232,12 +232,13 @@ def sky(data: Path, labels: Path, model: Path | None) -> None:
 @data
 @labels
 @network
-def ground(data: Path, labels: Path, model: Path | None) -> None:
+@option("--seen", "Folder of panoramas that the network learnt from; its places are left out. [default: none]")
+def ground(data: Path, labels: Path, model: Path | None, seen: Path | None) -> None:
     """Fit how far the network tells the ground's brightness better than the photo does; print what it gains."""
     from export.evaluation.ground import ground_report
     from lighting.model import Model
 
-    click.echo(ground_report(Model.load(model), data, labels))
+    click.echo(ground_report(Model.load(model), data, labels, seen))
 
 
 @cli.command("sun-power")

@@ -1,6 +1,7 @@
 """How far the network's ground all around tells the brightness of the ground better than the photo's own pixels do.
 
-The fit of lighting/envmap/ground.py, over crops of the HDR panoramas, whose ground is known.
+The fit of lighting/envmap/ground.py, over crops of panoramas, which tell all the ground. A network knows the places
+that it learnt from, so the fit needs one that never saw those it is asked about.
 """
 
 from dataclasses import dataclass
@@ -8,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from export.data import DataError
-from export.evaluation.light import estimates, judged
+from export.data import DataError, read_index
+from export.evaluation.light import WEATHER, estimates, judged_of
 from export.evaluation.records import Names
 from export.evaluation.tables import table
 from lighting.colour import luminance
@@ -18,8 +19,9 @@ from lighting.envmap.ground import brightness_below, photo_ground
 from lighting.geometry import Floats
 from lighting.model import Model
 
-SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground, tried
+SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground under a clear sky, tried
 DARKER = np.linspace(0.0, 0.6, 7)  # stops by which it is too dark, tried
+_BLACK = 1e-6  # luminance that stands for none
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,40 +31,48 @@ class Grounds:
     photo: Floats  # (N,) by the photo's pixels
     around: Floats  # (N,) by the network
     true: Floats  # (N,) of all the ground that the panorama shows
+    cover: Floats  # (N,) of the sky, 0 clear to 1 overcast, by the network
     weather: Names  # (N,)
     place: Names  # (N,)
 
     def errors(self, share: float, darker: float) -> Floats:
-        """Sizes (N,) of the errors [stops] where the network's ground counts for that share."""
-        return np.abs(self.photo + share * (self.around + darker - self.photo) - self.true)
+        """Sizes (N,) of the errors [stops] where the network's ground counts for that share, less under cloud."""
+        share_here = share * (1 - self.cover)
+        return np.abs(self.photo + share_here * (self.around + darker - self.photo) - self.true)
 
 
-def look(model: Model, data: Path, labels: Path, part: str) -> Grounds:
-    """The grounds of a split's HDR panoramas; DataError where their crops show none."""
-    shown = judged(data, labels, model.spec, part)
-    found: list[tuple[float, float, float]] = []
+def look(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> Grounds:
+    """The grounds of a split's panoramas of WEATHER, of 8 bits as well, at places that the folder `seen` has not.
+
+    DataError where there are none or their crops show no ground.
+    """
+    known = {panorama.place for panorama in read_index(seen)} if seen else set()
+    panoramas = [p for p in read_index(data, part) if (p.sun, p.direct) in WEATHER and p.place not in known]
+    shown = judged_of(panoramas, labels, model.spec)
+    found: list[tuple[float, ...]] = []
     kinds: list[tuple[str, str]] = []
     answers = estimates(model, shown.crops)
     for (estimate, place), truth, weather, (source, _) in zip(
         answers, shown.truth, shown.sunny, shown.views, strict=True
     ):
-        reflectance = photo_ground(place.photo, estimate.lighting)
+        light = estimate.lighting
+        reflectance = photo_ground(place.photo, light)
         if reflectance is None or place.around is None:
             continue
-        radiance = float(luminance(reflectance * level_irradiance(estimate.lighting))) / np.pi
-        found.append((radiance, brightness_below(place.around), float(luminance(truth.ground))))
+        radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
+        levels = radiance, brightness_below(place.around), max(float(luminance(truth.ground)), _BLACK)
+        found.append((*np.log2(levels), light.sky_cover or 0.0))
         kinds.append((str(weather), source.panorama.place))
     if not found:
-        raise DataError(f"No crop of the HDR panoramas of {part} shows ground.")
-    photo, around, true = np.log2(np.array(found)).T
-    return Grounds(photo, around, true, *np.array(kinds).T)
+        raise DataError(f"No crop of the panoramas of {part} that are sunny or overcast shows ground.")
+    return Grounds(*np.array(found).T, *np.array(kinds).T)
 
 
 def fit(grounds: Grounds) -> tuple[float, float]:
     """The smallest share, with its stops, that is no worse than the best one by more than a standard error.
 
     The error is that of their difference in the mean, for the same crops judge both, over places, for the crops of one
-    are not independent. The network has seen the places of `train`; of others it knows less.
+    are not independent.
     """
     errors = np.array([[grounds.errors(share, darker) for darker in DARKER] for share in SHARES])
     darker = errors.mean(axis=-1).argmin(axis=1)  # the best stops of each share
@@ -79,9 +89,9 @@ def standard_error(values: Floats, places: Names) -> float:
     return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))
 
 
-def ground_report(model: Model, data: Path, labels: Path) -> str:
-    """The fit on `train`, both weathers counting alike, and errors in both splits."""
-    parts = {part: look(model, data, labels, part) for part in ("train", "val")}
+def ground_report(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:
+    """The fit on places of `train` that the folder `seen` has not, both weathers alike, and errors in both splits."""
+    parts = {"train": look(model, data, labels, "train", seen), "val": look(model, data, labels, "val")}
     share, darker = fit(_balanced(parts["train"]))
     rows = []
     for part, grounds in parts.items():
@@ -99,7 +109,8 @@ def ground_report(model: Model, data: Path, labels: Path) -> str:
         "photo, mean",
         "with the network",
     ]
-    return f"Share of the network: {share:.1f}, {darker:.1f} stops brighter\n\n{table(header, rows)}"
+    first = f"Share of the network: {share:.1f} x (1 - cover), {darker:.1f} stops brighter"
+    return f"{first}\n\n{table(header, rows)}"
 
 
 def _balanced(grounds: Grounds) -> Grounds:
@@ -108,5 +119,5 @@ def _balanced(grounds: Grounds) -> Grounds:
     chosen = np.concatenate([
         np.resize(np.flatnonzero(grounds.weather == kind), int(counts.max())) for kind in kinds
     ])  # fmt: skip
-    known = (grounds.photo, grounds.around, grounds.true, grounds.weather, grounds.place)
+    known = (grounds.photo, grounds.around, grounds.true, grounds.cover, grounds.weather, grounds.place)
     return Grounds(*(values[chosen] for values in known))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from export.crops import Crop, Source, load_sources, take
-from export.data import DataError, read_index
+from export.data import DataError, Panorama, linear_of, read_index
 from export.evaluation.models import load_models
 from export.evaluation.objects import OBJECTS, differences, pictures
 from export.evaluation.records import Names
@@ -67,8 +67,13 @@ def judged(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: i
     found = [p for p in read_index(data, part) if p.kind == "hdr" and (p.sun, p.direct) in WEATHER]
     if not found:
         raise DataError(f"{data} has no HDR panorama in `{part}` that is sunny or overcast.")
-    sources = load_sources(found, labels)
-    apart = {s.panorama.name: split(s.levels[0], _sun_of(s)) for s in sources}
+    return judged_of(found, labels, spec, each)
+
+
+def judged_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH) -> Judged:
+    """`each` paper-protocol crops of each of some panoramas of WEATHER; what is clipped in one is so in its light."""
+    sources = load_sources(panoramas, labels)
+    apart = {s.panorama.name: split(linear_of(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
     views = [view for i, view in enumerate(cameras(sources, "paper")) if i % CROPS_EACH < each]
     crops = [take(source, camera, spec) for source, camera in views]
     truth = [

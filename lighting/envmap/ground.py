@@ -15,8 +15,8 @@ _LEAST = 0.02  # share of the picture that must show ground
 _KEPT = (0.25, 0.75)  # quantiles of brightness between which pixels count
 _RANGE = (0.02, 0.9)  # of the reflectance
 _BLACK = 1e-6  # radiance or irradiance that stands for none
-_OTHER = 0.4  # how far the brightness goes to that of the ground all around, as the network has it; with
-_DARKER = 0.2  # the stops by which that is too dark, fitted on the HDR panoramas of `train`
+_OTHER = 0.6  # how far the brightness goes, under a clear sky, to that of the ground all around as the network has it;
+_DARKER = 0.2  # with the stops by which that is too dark: `python -m export ground`, on places that a network never saw
 
 
 def photo_ground(
@@ -26,8 +26,8 @@ def photo_ground(
 
     It is the mean of the linear values well below the estimated horizon (near it things stand upright), without the
     darkest and the brightest quarter, over (sky + sin(elevation) x sun) / pi. With `around`, an estimate's, its
-    brightness is drawn to that of the ground which the photo does not show. None where the photo shows too little
-    ground or the irradiances are not known.
+    brightness is drawn to that of the ground which the photo does not show, the less the cloudier the sky is, for there
+    the network errs more. None where the photo shows too little ground or the irradiances are not known.
     """
     if lighting.sky_irradiance is None or lighting.sun_irradiance is None:
         return None
@@ -43,7 +43,8 @@ def photo_ground(
     level = np.maximum(level_irradiance(lighting), _BLACK)
     found = ground[inside].mean(axis=0)
     if around is not None:
-        found = found * (2**_DARKER * brightness_below(around) / max(float(luminance(found)), _BLACK)) ** _OTHER
+        share = _OTHER * (1 - (lighting.sky_cover or 0.0))
+        found = found * (2**_DARKER * brightness_below(around) / max(float(luminance(found)), _BLACK)) ** share
     return np.asarray(np.clip(np.pi * found / level, *_RANGE))
 
 

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import checked_pixels
+from lighting.colour import checked_pixels, luminance
 from lighting.envmap.continued import RATIO, continued
 from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.photo_view import Shown, shown, shown_size
@@ -31,6 +31,7 @@ _BAND = 32  # rows that are multiplied at once
 _SAMPLES = 4  # rows and columns of the bare map that are looked at for each cell
 _GLOW = 40.0  # deg around a sun within which the sky's brightness is the sun's
 _MOVED = 20.0  # deg by which a sun was moved for its glow to have gone
+_CONTRAST = 0.7  # power of what the network says of the place, for of other places than it saw it says too much
 _EXACT = 1e-5  # share by which an irradiance may differ from the one aimed at
 _LEAST = 1e-9  # irradiance, radiance or exposure that stands for none
 
@@ -176,10 +177,19 @@ def _pooled(image: Image) -> Image:
 
 
 def _ratio(around: Image, bare: Image) -> Image:
-    """The coarse panorama (R, 2R, 3) over the same cells of the bare map (_ROWS, 2 _ROWS, 3)."""
+    """The coarse panorama (R, 2R, 3) over the same cells of the bare map (_ROWS, 2 _ROWS, 3), with less contrast."""
     rows, step = len(around), _ROWS // len(around)
     pooled = bare.reshape(rows, step, 2 * rows, step, 3).mean(axis=(1, 3))
-    return np.asarray(np.clip(around / np.maximum(pooled, np.float32(_LEAST)), *RATIO))
+    return _softened(np.clip(around / np.maximum(pooled, np.float32(_LEAST)), *RATIO))
+
+
+def _softened(ratio: Image) -> Image:
+    """Ratios (R, 2R, 3) drawn to their geometric mean in each half: above the horizon in brightness alone."""
+    sky, ground = np.split(np.log(ratio), 2)
+    grey = np.log(luminance(ratio[: len(sky)]))[..., None]
+    sky -= np.float32(1 - _CONTRAST) * (grey - grey.mean())
+    ground -= np.float32(1 - _CONTRAST) * (ground - ground.mean(axis=(0, 1)))
+    return np.asarray(np.exp(np.concatenate([sky, ground])))
 
 
 def _multiply(image: Image, cells: Image) -> None:

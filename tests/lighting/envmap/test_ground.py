@@ -31,8 +31,9 @@ def test_a_camera_that_looks_up_sees_no_ground() -> None:
     assert photo_ground(photo([0.2] * 3), given_light(camera_elevation=50.0)) is None
 
 
-def test_the_network_s_ground_counts_for_a_share_of_the_brightness_and_not_for_the_colour() -> None:
-    picture, light = photo([0.2, 0.15, 0.1]), given_light()
+@pytest.mark.parametrize("cover", [0.0, 0.5, 1.0])
+def test_the_network_s_ground_counts_for_brightness_the_less_the_cloudier_and_not_for_colour(cover: float) -> None:
+    picture, light = photo([0.2, 0.15, 0.1]), given_light(sky_cover=cover)
     shown = photo_ground(picture, light)
     assert shown is not None
     radiance = shown * LEVEL / np.pi
@@ -40,7 +41,7 @@ def test_the_network_s_ground_counts_for_a_share_of_the_brightness_and_not_for_t
         around = np.full((12, 24, 3), 9.0, np.float32)  # its sky does not count
         around[6:] = luminance(radiance) * 2.0 ** (stops - 0.2)
         found = photo_ground(picture, light, around)
-        assert found == pytest.approx(shown * 2.0 ** (0.4 * stops), rel=1e-4)
+        assert found == pytest.approx(shown * 2.0 ** (0.6 * (1 - cover) * stops), rel=1e-4)
 
 
 def test_a_network_without_ground_stays_in_range() -> None:

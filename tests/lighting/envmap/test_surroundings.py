@@ -79,8 +79,28 @@ def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
     image = surround(light, Place(np.zeros((32, 32, 3), np.uint8), cells), HEIGHT, disc=False)
     bare = render(light, HEIGHT, disc=False)
     row = HEIGHT // 2 - HEIGHT // 12
-    assert image[row, 20, 1] < 0.4 * bare[row, 20, 1]
+    assert image[row, 20, 1] < 0.65 * bare[row, 20, 1]
     assert image[row, 150, 1] > bare[row, 150, 1]
+
+
+@pytest.mark.parametrize("half", [slice(0, 6), slice(6, 12)])
+def test_the_place_differs_less_from_the_bare_map_than_the_network_says(half: slice) -> None:
+    light = replace(given_light(), camera_elevation=-80.0, vertical_fov=10.0)  # the photo hides little
+    cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
+    plain = place_factors(light, Place(nothing, cells))
+    cells[half, :12] *= np.float32(4.0)
+    there = (place_factors(light, Place(nothing, cells)) / plain)[2 * half.start + 1]
+    assert there[4] / there[40] == pytest.approx([4.0**0.7] * 3, rel=1e-3)
+
+
+@pytest.mark.parametrize(("half", "kept"), [(slice(0, 6), 1.0), (slice(6, 12), 0.7)])
+def test_colours_of_the_place_are_weaker_below_the_horizon(half: slice, kept: float) -> None:
+    light = replace(given_light(), camera_elevation=-80.0, vertical_fov=10.0)
+    cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
+    plain = place_factors(light, Place(nothing, cells))
+    cells[half, :12] *= np.array([1.5, 1.0, 0.75], np.float32)
+    there = (place_factors(light, Place(nothing, cells)) / plain)[2 * half.start + 1]
+    assert there[4, 0] / there[4, 2] / (there[40, 0] / there[40, 2]) == pytest.approx(2.0**kept, rel=1e-3)
 
 
 def test_the_photo_lies_ahead_in_its_own_values() -> None:
