@@ -119,7 +119,7 @@ def _stored(data: bytes) -> _Stored:
     check_bits(image, all_bits=True)
     if image.format != "TIFF":  # asked for EXIF once it is decoded, for Pillow decodes a PNG to find that
         return _Stored(_samples(image, shown), image, image, read_orientation(image))
-    told, own = _opened(data), read_orientation(image)
+    told, own = _opened(shown if page and page.has_exif else data), read_orientation(image)
     samples = as_stored(_samples(image, shown), own)  # Pillow has turned it
     return _Stored(samples, image, told, own if page is None or page.has_orientation else read_orientation(told))
 

@@ -50,6 +50,15 @@ def phone() -> Image.Exif:
     return block
 
 
+def with_own_exif() -> bytes:
+    """A TIFF whose whole picture has the EXIF block; of its thumbnail there is the directory alone."""
+    block = munich()
+    block[ExifTags.Base.Orientation] = 6
+    data = encode(WHOLE, "TIFF", exif=block.tobytes())
+    (place,) = struct.unpack_from("<I", data, 4)
+    return data[:4] + struct.pack("<I", len(data)) + data[8:] + directory("<", (SUBFILE, 4, 1, 1), following=place)
+
+
 def shows(data: bytes, pixels: NDArray[Any]) -> bool:
     photo = read_photo(data)
     return photo.pixels.shape == pixels.shape and bool(np.array_equal(photo.pixels, pixels))
@@ -98,6 +107,12 @@ def test_the_thumbnail_s_exif_block_counts() -> None:
 def test_the_picture_s_own_orientation_counts_before_the_thumbnail_s() -> None:
     photo = read_photo(tiff((THUMBNAIL, phone()), (WHOLE, {ExifTags.Base.Orientation: 3})))
     assert np.array_equal(photo.pixels, np.rot90(WHOLE, 2))
+    assert photo.facts.latitude == pytest.approx(48.1375)
+
+
+def test_the_picture_s_own_exif_block_counts_before_the_thumbnail_s() -> None:
+    photo = read_photo(with_own_exif())
+    assert np.array_equal(photo.pixels, np.rot90(WHOLE, 3))
     assert photo.facts.latitude == pytest.approx(48.1375)
 
 
