@@ -90,7 +90,7 @@ def _read_photo(path: Path, curve: Curve | None) -> Shot:
 
 def _exposure(path: Path) -> Exposure:
     try:
-        with Image.open(path) as header:
+        with Image.open(path, formats=["JPEG", "PNG", "TIFF"]) as header:
             tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
     except Exception:  # EXIF is hostile input
         return Exposure()
