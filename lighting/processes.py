@@ -5,7 +5,6 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -41,11 +40,11 @@ def ending_after(seconds: float) -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
-    signal.alarm(ceil(min(seconds, _LONGEST)) + 1)
+    signal.setitimer(signal.ITIMER_REAL, min(seconds, _LONGEST) + 1)
     try:
         yield
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def own_stdout() -> BinaryIO:

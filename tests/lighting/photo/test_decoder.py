@@ -1,6 +1,7 @@
 """The process that decodes: it says nothing of photos, ends with who asks, and survives damaged photos."""
 
 import random
+import signal
 import subprocess
 import sys
 
@@ -27,13 +28,14 @@ def test_it_ends_with_the_process_that_asks() -> None:
 def test_with_nobody_left_it_ends_when_its_photo_takes_too_long() -> None:
     """A photo that would take a minute, of which the process that asked does not wait for the end."""
     code = (
-        "import os, threading, time; from lighting.photo import apart; from lighting.photo.apart import Decoder; "
+        "import os, threading; from lighting.photo import apart; from lighting.photo.apart import Decoder; "
         "from lighting.photo.decoder import Request; "
         "apart.CODE = 'import time, lighting.photo.decoder as d; d.read_photo = lambda *_, **__: time.sleep(60); ' "
         "+ apart.CODE; d = Decoder(); d.prepare(); print(d.pid, flush=True); "
         "threading.Timer(0.5, os.kill, (os.getpid(), 9)).start(); d.read(Request(1, 10, 10, 448, 1), b'x')"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr  # else it had its answer
     wait_until_ended(int(done.stdout))
 
 
