@@ -43,12 +43,16 @@ class Server:
 
     def _logged_port(self) -> int:
         """The free port that the service found; its log names it."""
+        return int(self.until_logged(r" running on http://127\.0\.0\.1:(\d+) ")[1])
+
+    def until_logged(self, words: str) -> re.Match[str]:
+        """Wait until the log holds what the pattern says."""
         deadline = time.monotonic() + 60
-        while not (listening := re.search(r" running on http://127\.0\.0\.1:(\d+) ", self.log)):
+        while not (found := re.search(words, self.log)):
             assert self.process.poll() is None, self.log
-            assert time.monotonic() < deadline, "it does not listen"
-            time.sleep(0.05)
-        return int(listening[1])
+            assert time.monotonic() < deadline, f"it does not log {words!r}"
+            time.sleep(0.02)
+        return found
 
     @property
     def log(self) -> str:
@@ -313,8 +317,7 @@ def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, first: signal.Sig
         with server.send(PHOTO):
             server.until("lighting_running", 1)
             server.process.send_signal(first)
-            while "Shutting down" not in server.log:
-                time.sleep(0.02)
+            server.until_logged("Shutting down")
             server.process.send_signal(signal.SIGINT)
             assert server.process.wait(20) == -signal.SIGINT
         assert "Traceback" not in server.log
