@@ -155,11 +155,11 @@ class Scene:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of the light, and one where the spot lies out of the picture or in shade."""
+        """Those of the light, and one each where the spot lies out of the picture and where it lies in shade."""
         x, y = camera_pixel(self._sight, self._camera)
-        if not (0 <= x <= self.width and 0 <= y <= self.height):
-            return (*self.lighting.warnings, _HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))))
-        return (*self.lighting.warnings, _SHADED_SPOT) if self.spot_in_shade else self.lighting.warnings
+        seen = 0 <= x <= self.width and 0 <= y <= self.height
+        hidden = () if seen else (_HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))),)
+        return (*self.lighting.warnings, *hidden, *((_SHADED_SPOT,) if self.spot_in_shade else ()))
 
     @property
     def _camera(self) -> Pinhole:

@@ -1,6 +1,7 @@
 """What every scene shares: its geometry and its light."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -144,6 +145,15 @@ def test_a_spot_in_shade_has_a_warning() -> None:
     assert known_scene().warnings == ()
     (shaded,) = shaded_spot_scene().warnings
     assert shaded.startswith("The object would stand in the photo's shade, so the sun of the scene does not light it;")
+
+
+def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
+    """Tools take the sun from the object by the shade at the picture's edge."""
+    scene = plain_scene(camera_elevation=1.0, vertical_fov=7.0)
+    scene = replace(scene, lit_ground=np.zeros_like(scene.lit_ground))
+    hidden, shaded = scene.warnings
+    assert hidden.startswith("The picture shows no ground")
+    assert shaded.startswith("The object would stand in the photo's shade")
 
 
 def test_a_scene_without_sun_has_no_spot_in_shade() -> None:
