@@ -32,10 +32,14 @@ def furnish(scene: Any, folder: Path) -> dict[str, Any]:
 
 
 def _make_way(scene: Any) -> None:
-    """Stop the sliders, and remove the compositor that an earlier photo brought; what is the user's own stays."""
+    """Stop the sliders, and remove the compositor that an earlier photo brought and the list of what its sun lights.
+
+    What is the user's own stays.
+    """
     if scene.world is not None and scene.world != scene.light_from_photo.world:
         scene.world.use_fake_user = True  # else the file, once saved, has lost the world that the photo's replaces
     scene.light_from_photo.world = None
+    _light_all(scene.light_from_photo.sun)
     if scene.light_from_photo_compositor:
         if hasattr(scene, "compositing_node_group"):
             scene.compositing_node_group = None
@@ -43,6 +47,13 @@ def _make_way(scene: Any) -> None:
             scene.node_tree.nodes.clear()
         scene.light_from_photo_compositor = False
     scene.light_from_photo_compositor = not script.has_compositor(scene)
+
+
+def _light_all(sun: Any) -> None:
+    """Remove the collection that the script made of what the sun lights, so that another one has its name."""
+    lit = sun.light_linking.receiver_collection if sun else None
+    if lit and lit.name.startswith(script.LIT_BY_THE_SUN):
+        bpy.data.collections.remove(lit)
 
 
 def _take_over(made: list[Any], scene: Any) -> None:

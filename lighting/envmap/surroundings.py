@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import checked_pixels, luminance
+from lighting.envmap.changing import change
 from lighting.envmap.continued import RATIO, continued
 from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.photo_view import Shown, shown, shown_size
@@ -51,6 +52,10 @@ class Place:
     def gain(self, lighting: Lighting) -> float:
         """What brings the place to the exposure of a light that may have been changed since."""
         return 1.0 if self.exposure is None else lighting.exposure / max(self.exposure, _LEAST)
+
+    def shown_light(self, lighting: Lighting) -> Lighting:
+        """A light that may have been changed since, at the exposure at which the photo is as it is."""
+        return lighting if self.exposure is None else change(lighting, {"exposure": self.exposure})
 
 
 def known_place(

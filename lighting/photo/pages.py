@@ -15,7 +15,7 @@ MAKERS = (32767, 32769, 34713, 65000, 65535)  # compressions of Sony, Epson, Nik
 
 _SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC = 0xFE, 0x100, 0x101, 0x103, 0x106
 _ORIENTATION, _BELOW, _EXIF = 0x112, 0x14A, 0x8769
-_REDUCED = 1  # bit of NewSubfileType
+_REDUCED, _MASK = 1, 4  # bits of NewSubfileType
 _SMALL = 640  # pixels along the longer side of a thumbnail that does not say that it is one, at most
 _BIG, _PLAIN = 43, 42  # in the header of a TIFF with places of 64 and of 32 bits
 _NUMBERS = {3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # a tag's types of whole numbers, as struct names them
@@ -128,9 +128,9 @@ def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) 
 
 
 def _is_photo(tags: _Tags) -> bool:
-    """Whether a page is a whole picture in colours, not a sensor's."""
+    """Whether a page is a whole picture in colours, not a sensor's, and no mask of another one."""
     finished = _one(tags, _PHOTOMETRIC) not in SENSOR and _one(tags, _COMPRESSION) not in MAKERS
-    return finished and not _is_reduced(tags) and _pixels(tags) > 0
+    return finished and not _one(tags, _SUBFILE) & (_REDUCED | _MASK) and _pixels(tags) > 0
 
 
 def _is_thumbnail(first: _Tags, whole: _Tags) -> bool:

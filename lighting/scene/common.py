@@ -44,8 +44,7 @@ _HIDDEN_SPOT = (
     "The picture shows no ground where an object could stand: it would stand {:.0f} m ahead, below the picture's edge."
 )
 _SHADED_SPOT = (
-    "The object would stand in the photo's shade, so the sun of the scene does not light it; only that of glTF does, "
-    "since glTF cannot say so."
+    "The object would stand in the photo's shade, so the scene takes the sun from it, as far as the tool knows how."
 )
 _IN_SHADE = 0.5  # share of the sun at the spot, below which what stands there counts as in shade
 
@@ -193,5 +192,5 @@ def make_scene(
     else:
         environment = surround(lighting, place, map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
-    lit = lit_ground(photo.pixels, lighting, sun=shines)
+    lit = lit_ground(photo.pixels, place.shown_light(lighting) if place else lighting, sun=shines)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)

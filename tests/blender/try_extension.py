@@ -42,6 +42,7 @@ def main() -> None:
     found["again"] = sorted({thing.name.split(".")[0] for thing in scene.objects} - kept)
     found["sun lamps"] = sum(thing.type == "LIGHT" and thing.data.type == "SUN" for thing in scene.objects)
     found["own"] = own(scene, photo)
+    found["lit"] = [group.name for group in bpy.data.collections if group.name.startswith("Lit")]
     found |= undone(photo)
     scene = bpy.context.scene
     settings = scene.light_from_photo

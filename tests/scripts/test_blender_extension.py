@@ -309,6 +309,7 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert first["packed"]
     assert "Ground" in first["catcher"]
     assert first["lit by the sun"] == ["Ground"]
+    assert found["lit"] == ["Lit by the Sun"]
     assert moved["sun"] == pytest.approx([-np.cos(np.radians(40)), 0, np.sin(np.radians(40))], abs=1e-5)
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
     stated = Lighting.from_dict(found["record"])

@@ -18,6 +18,8 @@ from typing import Any
 import bpy
 from mathutils import Matrix, Vector
 
+LIT_BY_THE_SUN = "Lit by the Sun"  # what its collection is called where it leaves out the object
+
 
 def main() -> None:
     arguments = {"--save", "--render"} & set(sys.argv)
@@ -199,7 +201,7 @@ def keep_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
     Shadows on the ground stay, since the camera sees the ground as it was. `shade` is the sky's share of open ground's
     light; the value "Object in shade" in the ground's material says how far it counts.
     """
-    sun.light_linking.receiver_collection = bpy.data.collections.new("Lit by the Sun")
+    sun.light_linking.receiver_collection = bpy.data.collections.new(LIT_BY_THE_SUN)
     sun.light_linking.receiver_collection.objects.link(ground)
     tree = ground.data.materials[0].node_tree
     switch, path, unseen = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Value", "LightPath", "Math"))

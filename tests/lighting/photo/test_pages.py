@@ -70,6 +70,11 @@ def test_the_picture_behind_a_thumbnail_is_read(options: dict[str, Any]) -> None
     assert shows(tiff((THUMBNAIL, {}), (WHOLE, {}), **options), WHOLE)  # small, and of the same shape
 
 
+def test_a_mask_is_no_picture() -> None:
+    mask = np.full((480, 640), 255, np.uint8)
+    assert shows(tiff((THUMBNAIL, REDUCED), (WHOLE, {}), (mask, {SUBFILE: 4})), WHOLE)
+
+
 def test_the_picture_below_a_thumbnail_is_read() -> None:
     assert shows(with_page_below({}), WHOLE)
 

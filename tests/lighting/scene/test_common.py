@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.envmap import Place, render
+from lighting.envmap import Place, change, render
 from lighting.errors import ParameterError
 from lighting.geometry import (
     EYE_HEIGHT,
@@ -144,7 +144,7 @@ def test_the_spot_is_lit_as_the_plates_ground_around_it() -> None:
 def test_a_spot_in_shade_has_a_warning() -> None:
     assert known_scene().warnings == ()
     (shaded,) = shaded_spot_scene().warnings
-    assert shaded.startswith("The object would stand in the photo's shade, so the sun of the scene does not light it;")
+    assert shaded.startswith("The object would stand in the photo's shade, so the scene takes the sun from it")
 
 
 def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
@@ -154,6 +154,15 @@ def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
     hidden, shaded = scene.warnings
     assert hidden.startswith("The picture shows no ground")
     assert shaded.startswith("The object would stand in the photo's shade")
+
+
+@pytest.mark.parametrize("stops", [-3.0, 3.0])
+def test_shade_is_where_the_photo_has_it_whatever_the_exposure_of_the_scene(stops: float) -> None:
+    scene = half_shaded_scene()
+    photo, shown = Photo(scene.plate, scene.width, scene.height, "PNG"), scene.lighting.exposure
+    light = change(scene.lighting, {"exposure": shown * 2.0**stops})
+    place = Place(scene.plate, exposure=shown)
+    assert np.array_equal(make_scene(photo, light, map_height=32, place=place).lit_ground, scene.lit_ground)
 
 
 def test_a_scene_without_sun_has_no_spot_in_shade() -> None:
