@@ -19,12 +19,12 @@ def test_lights_are_averaged_by_their_numbers() -> None:
 
 def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert fading(1.0) == fading(0.8) == 1.0
-    assert 0.1 < fading(0.5) < 0.2
+    assert 0.05 < fading(0.5) < 0.15
     assert fading(0.1) < 1e-3
     light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
     doubtful, sure = (strength_of(light, visibility) for visibility in (0.4, 0.9))
     assert np.array(sure["sun_irradiance"]) == pytest.approx(4.0 * 2**0.18, rel=1e-5)
-    assert np.array(doubtful["sun_irradiance"]) == pytest.approx(0.25 * 2**0.18, rel=1e-5)
+    assert np.array(doubtful["sun_irradiance"]) == pytest.approx(0.125 * 2**0.18, rel=1e-5)
     assert doubtful["sky_irradiance"] == sure["sky_irradiance"]
 
 
