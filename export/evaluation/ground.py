@@ -16,6 +16,7 @@ from export.evaluation.tables import table
 from lighting.colour import luminance
 from lighting.envmap import level_irradiance
 from lighting.envmap.ground import brightness_below, photo_ground
+from lighting.errors import ModelError
 from lighting.geometry import Floats
 from lighting.model import Model
 
@@ -44,7 +45,7 @@ class Grounds:
 def look(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> Grounds:
     """The grounds of a split's panoramas of WEATHER, of 8 bits as well, at places that the folder `seen` has not.
 
-    DataError where there are none or their crops show no ground.
+    DataError where there are none or their crops show no ground, ModelError if the network states no light.
     """
     known = {panorama.place for panorama in read_index(seen)} if seen else set()
     panoramas = [p for p in read_index(data, part) if (p.sun, p.direct) in WEATHER and p.place not in known]
@@ -56,6 +57,8 @@ def look(model: Model, data: Path, labels: Path, part: str, seen: Path | None = 
         answers, shown.truth, shown.sunny, shown.views, strict=True
     ):
         light = estimate.lighting
+        if light.sky_irradiance is None:
+            raise ModelError("The network states no light.")
         reflectance = photo_ground(place.photo, light)
         if reflectance is None or place.around is None:
             continue

@@ -33,6 +33,14 @@ PHOTO = encode(scene(320, 240))
 ENDING = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
 
 
+@pytest.fixture(autouse=True)
+def heard_sighup() -> Iterator[None]:
+    """A service inherits that SIGHUP is ignored, as it is where nohup has started the tests."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 class Server:
     """A started service."""
 
