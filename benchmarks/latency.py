@@ -53,9 +53,8 @@ from lighting.evidence.calibration import MOST_SIDE, with_lines
 from lighting.files import write_exr
 from lighting.files.compression import packed_with
 from lighting.geometry import latlong_directions
-from lighting.photo import TARGET, read_photo, to_tensor
+from lighting.photo import TARGET, fitted, read_photo, to_tensor
 from lighting.photo.apart import read_apart
-from lighting.photo.canvas import fit_size
 from lighting.pipeline import Estimator
 from lighting.records import Lighting
 
@@ -68,11 +67,6 @@ def decode_alone(path: Path) -> Image.Image:
     image.draft(None, (TARGET, TARGET * image.height // image.width))
     image.load()
     return image
-
-
-def canvas_alone(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Image.Image:
-    """Pillow's resizing of pixels (h, w, 3) to the network's input."""
-    return Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING)
 
 
 def small_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -179,7 +173,6 @@ def measure_parts(
     image = surround(light, there, height, sun=True)
     assert estimate.around is not None
     around, size = estimate.around, shown_size(photo.pixels, light.vertical_fov, height)
-    fits = fit_size(photo.width, photo.height, estimator.model.spec)
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:
@@ -199,7 +192,7 @@ def measure_parts(
         "decode apart": lambda: read_apart(jpeg.read_bytes()),
         "network": lambda: estimator(photo),
         "network floor": lambda: (
-            canvas_alone(photo.pixels, fits),
+            fitted(photo, estimator.model.spec),
             estimator.model.session.run(None, {"photo": tensor}),
         ),
         "lines": lambda: with_lines(alone, photo.pixels),

@@ -114,7 +114,7 @@ def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
 
 def _stored(data: bytes) -> _Stored:
     page = photo_page(data)
-    shown = page.data if page else data
+    shown = page.as_first(data) if page else data
     image = _opened(shown)
     check_bits(image, all_bits=True)
     if image.format != "TIFF":  # asked for EXIF once it is decoded, for Pillow decodes a PNG to find that

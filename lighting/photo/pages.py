@@ -27,9 +27,14 @@ _Tags = dict[int, tuple[int, ...]]
 class Page:
     """A page behind a TIFF's thumbnail."""
 
-    data: bytes  # the TIFF with this page as its first
+    place: bytes  # where its directory lies, as the TIFF writes it
+    named: slice  # where the TIFF names the place of its first directory
     has_orientation: bool  # whether the page itself says how it is turned
     has_exif: bool  # whether the page itself has an EXIF block
+
+    def as_first(self, data: bytes) -> bytes:
+        """A copy of the TIFF that has this page as its first."""
+        return b"".join((memoryview(data)[: self.named.start], self.place, memoryview(data)[self.named.stop :]))
 
 
 @dataclass(frozen=True)
@@ -74,12 +79,8 @@ def photo_page(data: bytes) -> Page | None:
     if not found:
         return None
     place, tags = max(found, key=lambda page: _pixels(page[1]))
-    parts = (
-        memoryview(data)[: layout.first],
-        layout.place.pack(place),
-        memoryview(data)[layout.first + layout.place.size :],
-    )
-    return Page(b"".join(parts), _ORIENTATION in tags, _EXIF in tags)
+    named = slice(layout.first, layout.first + layout.place.size)
+    return Page(layout.place.pack(place), named, _ORIENTATION in tags, _EXIF in tags)
 
 
 def _layout(data: bytes) -> _Layout | None:

@@ -88,7 +88,7 @@ def read_photo(
         with _no_warnings():
             raw = is_raw(data)
         page = None if raw else photo_page(data)
-        image = _open(page.data if page else preview(data) if raw else data, max_pixels)
+        image = _open(page.as_first(data) if page else preview(data) if raw else data, max_pixels)
         width, height = image.size
         told = described(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)

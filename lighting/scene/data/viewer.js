@@ -42,9 +42,11 @@
     const texture = new THREE.DataTexture(map.data.slice(), map.width, map.height, undefined, THREE.HalfFloatType);
     const ground = texture.image.data.subarray(map.data.length / 2);
     const gain = [...data.shadow.map((shade) => shade + share * (1 - shade)), 1];
-    ground.forEach((half, i) => {
-      ground[i] = THREE.DataUtils.toHalfFloat(THREE.DataUtils.fromHalfFloat(half) * gain[i % 4]);
-    });
+    if (share < 1) {
+      ground.forEach((half, i) => {
+        ground[i] = THREE.DataUtils.toHalfFloat(THREE.DataUtils.fromHalfFloat(half) * gain[i % 4]);
+      });
+    }
     texture.mapping = THREE.EquirectangularReflectionMapping;
     texture.colorSpace = THREE.LinearSRGBColorSpace;
     texture.minFilter = texture.magFilter = THREE.LinearFilter;
@@ -102,10 +104,14 @@
     draw();
   }
 
+  const mask = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  Object.assign(mask.canvas, { width: lit.image.width, height: lit.image.height });
+  mask.drawImage(lit.image, 0, 0);
+
   // How much of the sun reaches the object: as far as the plate's ground is lit in a square around its foot. It is the rule
   // of `lit_around` in lighting/envmap.
   function litAtFoot() {
-    const { width, height } = lit.image;
+    const { width, height } = mask.canvas;
     const foot = object.position.clone().project(camera);
     const depth = camera.position.distanceTo(object.position) * Math.tan((data.verticalFov * Math.PI) / 360);
     const reach = (height * data.ballRadius) / (2 * depth);
@@ -116,9 +122,7 @@
     const [left, columns] = span(((1 + foot.x) / 2) * width, width);
     const [top, rows] = span(((1 - foot.y) / 2) * height, height);
     if (columns <= 0 || rows <= 0) return 1;
-    const pen = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
-    pen.drawImage(lit.image, 0, 0);
-    const pixels = pen.getImageData(left, top, columns, rows).data;
+    const pixels = mask.getImageData(left, top, columns, rows).data;
     return pixels.reduce((sum, value, i) => (i % 4 ? sum : sum + value), 0) / (255 * columns * rows);
   }
 
