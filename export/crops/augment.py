@@ -1,6 +1,14 @@
-"""Random versions of what cameras and their software do to a picture, applied to training crops."""
+"""Random versions of what cameras and their software do to a picture, applied to training crops.
 
+Each effect draws from a random stream of its own, made of the crop's seed and the effect's name. A new effect changes
+no draw of another: it takes one function, and one entry of SCENE_EFFECTS, CAMERA_EFFECTS or PICTURE_EFFECTS.
+"""
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from io import BytesIO
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,28 +19,55 @@ from export.crops.crops import Crop
 from lighting.colour import luminance, tone_map
 from lighting.geometry import Floats, camera_directions
 
+Linear = NDArray[np.float32]  # (h, w, 3) linear Rec.709
+Picture = NDArray[np.uint8]  # (h, w, 3) sRGB
+Pixels = TypeVar("Pixels", Linear, Picture)
+
 _BOX, _BICUBIC = Image.Resampling.BOX, Image.Resampling.BICUBIC
 _CASTS = (0.025, 0.0075, 0.025)  # spread of the logarithms of red, green and blue; a low sun is told by its colour
+JPEG_SHARE = 0.6  # of the pictures, which are compressed once more
+_GAIN_STOPS = (-1.2, 1.0)  # range of the change of exposure
 
 
-def augment(crop: Crop, rng: np.random.Generator) -> tuple[NDArray[np.uint8], Floats, bool]:
+@dataclass(frozen=True)
+class Effect(Generic[Pixels]):
+    """One thing that happens to a share of the crops."""
+
+    name: str  # of its random stream, so no two have the same
+    probability: float
+    apply: Callable[[Pixels, Crop, np.random.Generator], Pixels]
+
+
+def augment(crop: Crop, rng: np.random.Generator) -> tuple[Picture, Floats, bool]:
     """The processed picture (h, w, 3), the factors (3,) on its linear values, and whether the sun it showed is hidden.
 
-    The factors' mean is the change of exposure, the rest of them the change of white balance.
+    The factors' mean is the change of exposure, the rest of them the change of white balance. `rng` gives one number,
+    whatever effects there are.
     """
-    gain = float(2.0 ** rng.uniform(-1.2, 1.0))
+    seed = int(rng.integers(2**63))
+    gain = float(2.0 ** effect_stream(seed, "exposure").uniform(*_GAIN_STOPS))
     recovered = _recover(crop.linear) if gain < 1 else crop.linear
-    shown = _hide_sky(_occlude(recovered, crop, rng), crop, rng)
-    hidden = _differ_at_the_sun(shown, recovered, crop)
-    gains = gain * _white_balance(rng)
-    linear = shown * gains * _vignette(shown.shape, rng)
-    linear = _haze(_tone_locally(linear, rng), rng)
-    linear = linear + rng.normal(0, 0.02 * rng.random() ** 2, linear.shape).astype(np.float32) * np.sqrt(linear + 0.02)
-    picture = _tone(tone_map(np.maximum(linear, 0.0)), rng)
-    return recompress(_sharpen(picture, rng), rng), gains.astype(np.float64), hidden
+    scene = _apply_all(SCENE_EFFECTS, recovered, crop, seed)
+    gains = gain * _white_balance(effect_stream(seed, "white balance"))
+    linear = _apply_all(CAMERA_EFFECTS, np.asarray(scene * gains, dtype=np.float32), crop, seed)
+    picture = _apply_all(PICTURE_EFFECTS, tone_map(np.maximum(linear, 0.0)), crop, seed)
+    return picture, gains.astype(np.float64), _differ_at_the_sun(scene, recovered, crop)
 
 
-def _differ_at_the_sun(one: NDArray[np.float32], other: NDArray[np.float32], crop: Crop) -> bool:
+def effect_stream(seed: int, name: str) -> np.random.Generator:
+    """The random numbers of the effect `name` in the crop `seed`."""
+    return np.random.default_rng([seed, zlib.crc32(name.encode())])
+
+
+def _apply_all(effects: tuple[Effect[Pixels], ...], pixels: Pixels, crop: Crop, seed: int) -> Pixels:
+    for effect in effects:
+        stream = effect_stream(seed, effect.name)
+        if stream.random() < effect.probability:
+            pixels = effect.apply(pixels, crop, stream)
+    return pixels
+
+
+def _differ_at_the_sun(one: Linear, other: Linear, crop: Crop) -> bool:
     place = crop.sun_pixel
     if place is None:
         return False
@@ -40,19 +75,21 @@ def _differ_at_the_sun(one: NDArray[np.float32], other: NDArray[np.float32], cro
     return not np.array_equal(one[y, x], other[y, x])
 
 
-def _recover(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+def _recover(linear: Linear) -> Linear:
     """Lift clipped highlights, so that an underexposed sun is still white."""
     return np.asarray(linear / (1.0 - 0.85 * np.minimum(linear, 1.0) ** 8), dtype=np.float32)
 
 
-def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) -> NDArray[np.float32]:
-    """At times cover the sun, or any other part, with a plain patch: shading and shadows then have to suffice."""
-    draw = rng.random()
-    if draw > 0.3:
-        return linear
+def _white_balance(rng: np.random.Generator) -> Linear:
+    gains = np.exp(rng.normal(0, _CASTS))
+    return np.asarray(gains / gains.mean(), dtype=np.float32)
+
+
+def _cover(linear: Linear, crop: Crop, rng: np.random.Generator) -> Linear:
+    """Cover the sun, or any other part, with a plain patch: shading and shadows then have to suffice."""
     height, width = linear.shape[:2]
     centre: Floats = rng.uniform((0, 0), (width, height))
-    if draw < 0.2:
+    if rng.random() < 2 / 3:
         if crop.sun_pixel is None:
             return linear
         centre = np.array(crop.sun_pixel)
@@ -64,20 +101,24 @@ def _occlude(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) 
     return hidden
 
 
-def _hide_sky(linear: NDArray[np.float32], crop: Crop, rng: np.random.Generator) -> NDArray[np.float32]:
-    """At times paint everything above the horizon in one colour: what lies on the ground then has to suffice."""
-    if rng.random() > 0.12:
-        return linear
+def _hide_sky(linear: Linear, crop: Crop, rng: np.random.Generator) -> Linear:
+    """Paint everything above the horizon in one colour: what lies on the ground then has to suffice."""
     height, width = linear.shape[:2]
     up = camera_directions(pinhole(crop.camera, width, height))[..., 1]
     colour = rng.uniform(0.15, 1.3) * np.exp(rng.normal(0, 0.08, 3)).astype(np.float32)
     return np.where((up > np.sin(np.radians(rng.uniform(0, 12))))[..., None], colour, linear).astype(np.float32)
 
 
-def _tone_locally(linear: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """At times compress large contrasts and raise small ones, as phones and tone mapping do."""
-    if rng.random() > 0.3:
-        return linear
+def _vignette(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
+    """Darken the corners."""
+    height, width = linear.shape[:2]
+    strength = 0.4 * rng.random() ** 3
+    y, x = np.linspace(-1, 1, height, dtype=np.float32), np.linspace(-1, 1, width, dtype=np.float32)
+    return np.asarray(linear * (1 - strength * (y[:, None] ** 2 + x**2) / 2)[..., None], dtype=np.float32)
+
+
+def _tone_locally(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
+    """Compress large contrasts and raise small ones, as phones and tone mapping do."""
     light = np.log(luminance(linear) + 1e-3).astype(np.float32)
     coarse = tuple(max(2, round(side / rng.uniform(8, 30))) for side in light.shape[::-1])
     base = np.asarray(Image.fromarray(light).resize(coarse, _BOX).resize(light.shape[::-1], _BICUBIC))
@@ -87,26 +128,19 @@ def _tone_locally(linear: NDArray[np.float32], rng: np.random.Generator) -> NDAr
     return np.asarray(linear * np.exp(change)[..., None], dtype=np.float32)
 
 
-def _haze(linear: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """At times a veil of one pale colour: mist, flare, a dirty lens."""
-    if rng.random() > 0.12:
-        return linear
+def _haze(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
+    """A veil of one pale colour: mist, flare, a dirty lens."""
     veil = rng.uniform(0.3, 0.9) * np.exp(rng.normal(0, 0.05, 3)).astype(np.float32)
     return np.asarray(linear + rng.uniform(0.05, 0.35) * (veil - linear), dtype=np.float32)
 
 
-def _white_balance(rng: np.random.Generator) -> NDArray[np.float32]:
-    gains = np.exp(rng.normal(0, _CASTS))
-    return np.asarray(gains / gains.mean(), dtype=np.float32)
+def _add_noise(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
+    """A sensor's noise."""
+    noise = rng.normal(0, 0.02 * rng.random() ** 2, linear.shape).astype(np.float32)
+    return np.asarray(linear + noise * np.sqrt(linear + 0.02), dtype=np.float32)
 
 
-def _vignette(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
-    strength = 0.4 * rng.random() ** 3
-    y, x = np.linspace(-1, 1, shape[0], dtype=np.float32), np.linspace(-1, 1, shape[1], dtype=np.float32)
-    return (1 - strength * (y[:, None] ** 2 + x**2) / 2)[..., None].astype(np.float32)
-
-
-def _tone(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+def _tone(picture: Picture, _: Crop, rng: np.random.Generator) -> Picture:
     """Gamma, an S-curve, lifted blacks by table; then saturation, at times down to grey."""
     v = np.linspace(0, 1, 256) ** np.exp(rng.normal(0, 0.15))
     v = v + rng.uniform(-0.15, 0.35) * v * (1 - v) * (2 * v - 1) * 2
@@ -118,21 +152,37 @@ def _tone(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.ui
     return np.asarray(np.clip(grey + saturation * (toned - grey), 0, 255), dtype=np.uint8)
 
 
-def _sharpen(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
-    draw = rng.random()
-    if draw < 0.35:
-        radius, percent = rng.uniform(0.5, 2.0), int(rng.uniform(20, 160))
-        kernel: ImageFilter.MultibandFilter = ImageFilter.UnsharpMask(radius, percent, 0)
-    elif draw < 0.5:
-        kernel = ImageFilter.GaussianBlur(rng.uniform(0.2, 1.0))
-    else:
-        return picture
+def _sharpen(picture: Picture, _: Crop, rng: np.random.Generator) -> Picture:
+    """Sharpen, or less often blur."""
+    kernel: ImageFilter.MultibandFilter = ImageFilter.GaussianBlur(rng.uniform(0.2, 1.0))
+    if rng.random() < 0.7:
+        kernel = ImageFilter.UnsharpMask(rng.uniform(0.5, 2.0), int(rng.uniform(20, 160)), 0)
     return np.asarray(Image.fromarray(picture).filter(kernel))
 
 
-def recompress(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
-    if rng.random() < 0.4:
-        return picture
+def _recompress(picture: Picture, _: Crop, rng: np.random.Generator) -> Picture:
+    return recompress(picture, rng)
+
+
+def recompress(picture: Picture, rng: np.random.Generator) -> Picture:
+    """The picture as a JPEG file of random quality holds it."""
     buffer = BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG", quality=int(rng.uniform(35, 96)))
     return np.asarray(Image.open(buffer))
+
+
+SCENE_EFFECTS: tuple[Effect[Linear], ...] = (  # what hides a part of the scene, perhaps the sun
+    Effect("cover", 0.3, _cover),
+    Effect("hidden sky", 0.12, _hide_sky),
+)
+CAMERA_EFFECTS: tuple[Effect[Linear], ...] = (  # on linear values, after the exposure
+    Effect("vignette", 1.0, _vignette),
+    Effect("local tone mapping", 0.3, _tone_locally),
+    Effect("haze", 0.12, _haze),
+    Effect("noise", 1.0, _add_noise),
+)
+PICTURE_EFFECTS: tuple[Effect[Picture], ...] = (  # on the developed picture
+    Effect("tone curve", 1.0, _tone),
+    Effect("sharpness", 0.5, _sharpen),
+    Effect("JPEG", JPEG_SHARE, _recompress),
+)

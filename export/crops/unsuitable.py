@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from export.crops.augment import recompress
+from export.crops.augment import JPEG_SHARE, recompress
 from export.crops.sources import Source
 from export.data import read_table
 from lighting.colour import tone_map
@@ -50,7 +50,8 @@ def varied(pixels: Picture, rng: np.random.Generator, spec: ModelSpec) -> Pictur
     part = np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING, box=box), dtype=np.float64)
     part = 255 * (part / 255) ** np.exp(rng.normal(0, 0.2)) * np.exp(rng.normal(0, 0.05, 3))
     part = part[:, ::-1] if rng.random() < 0.5 else part
-    return recompress(np.clip(part, 0, 255).astype(np.uint8), rng)
+    picture = np.clip(part, 0, 255).astype(np.uint8)
+    return recompress(picture, rng) if rng.random() < JPEG_SHARE else picture
 
 
 def made(kind: str, crop: Picture, source: Source, rng: np.random.Generator, spec: ModelSpec) -> Picture:

@@ -1,10 +1,12 @@
 """What augmentation changes, and what it tells."""
 
+import zlib
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from export.crops.augment import augment
+from export.crops.augment import CAMERA_EFFECTS, PICTURE_EFFECTS, SCENE_EFFECTS, Effect, Linear, Picture, augment
 from export.crops.cameras import Camera
 from export.crops.crops import Crop
 from tests.export.crops.examples import VIEWS, crop
@@ -39,3 +41,41 @@ def test_augmentation_tells_when_it_hides_the_sun() -> None:
         assert hidden or spot > beside + 20
     away = replace(one, sun_azimuth=170.0)
     assert not any(augment(away, rng)[2] for _ in range(40))
+
+
+def test_a_new_effect_changes_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two toy effects draw and do nothing, a third blackens half of the crops: the rest stays bit for bit."""
+    views = [crop(camera, 0.0, 20.0) for camera in VIEWS]
+
+    def drawn() -> list[tuple[Picture, list[float], bool]]:
+        rng = np.random.default_rng(11)
+        return [(p, gains.tolist(), hidden) for p, gains, hidden in (augment(v, rng) for v in views for _ in range(8))]
+
+    def draws_only(pixels: Linear, _: Crop, rng: np.random.Generator) -> Linear:
+        rng.random(1000)
+        return pixels
+
+    def blacken(picture: Picture, _: Crop, rng: np.random.Generator) -> Picture:
+        assert 0.0 <= rng.random() < 1.0
+        return np.zeros_like(picture)
+
+    before = drawn()
+    monkeypatch.setitem(augment.__globals__, "SCENE_EFFECTS", (Effect("toy scene", 1.0, draws_only), *SCENE_EFFECTS))
+    more = (Effect("toy", 1.0, draws_only), *CAMERA_EFFECTS)
+    monkeypatch.setitem(augment.__globals__, "CAMERA_EFFECTS", more)
+    for (one, *rest), (other, *others) in zip(before, drawn(), strict=True):
+        assert np.array_equal(one, other)
+        assert rest == others
+    monkeypatch.setitem(augment.__globals__, "PICTURE_EFFECTS", (*PICTURE_EFFECTS, Effect("toy night", 0.5, blacken)))
+    after = drawn()
+    black = [not picture.any() for picture, *_ in after]
+    assert 0 < sum(black) < len(after)
+    for (one, *rest), (other, *others), dark in zip(before, after, black, strict=True):
+        assert dark or np.array_equal(one, other)
+        assert rest == others
+
+
+def test_no_two_effects_share_a_stream() -> None:
+    names = ["exposure", "white balance", *(effect.name for effect in (*SCENE_EFFECTS, *CAMERA_EFFECTS))]
+    names += [effect.name for effect in PICTURE_EFFECTS]
+    assert len({zlib.crc32(name.encode()) for name in names}) == len(names)
