@@ -12,7 +12,7 @@ from starlette.middleware.cors import CORSMiddleware
 
 from lighting import __version__
 from lighting.pipeline import Estimator
-from server import icon, operations, page, problems, routes
+from server import operations, page, problems, routes
 from server.answers import WARNINGS
 from server.checks import refuse_repeats
 from server.schemas import LightingRecord, Problem
@@ -72,7 +72,6 @@ def _include(app: FastAPI, service: Service) -> None:
     )
     app.include_router(operations.router)
     app.include_router(page.page_router())
-    app.include_router(icon.router)
 
 
 def _wrap(app: FastAPI, service: Service) -> None:

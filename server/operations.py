@@ -13,11 +13,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
 from server.limiter import BusyError
-from server.problems import ProblemError
+from server.problems import ProblemError, route_path
 from server.schemas import Status
 from server.service import Service, Services
 
-UNCOUNTED = ("/livez", "/readyz", "/healthz", "/metrics")
+UNCOUNTED = ("/livez", "/readyz", "/metrics")
 SHUT_DOWN = "The service shut down before this request was finished; send it again."
 UNMATCHED = "unmatched"  # label of requests that match no route
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
@@ -44,11 +44,6 @@ async def readyz(service: Services) -> Status:
     if service.full:
         raise BusyError("The queue is full, or as many bodies arrive or answers wait as the service takes at once.")
     return Status()
-
-
-@router.get("/healthz", summary="The same as /readyz", responses=problems.documented(503))
-async def healthz(service: Services) -> Status:
-    return await readyz(service)
 
 
 @router.get(
@@ -107,8 +102,7 @@ class Observed:
 
 def _route(scope: Scope) -> str:
     """The template of a request's path; FastAPI's own route of the OpenAPI document names none, but an endpoint."""
-    path = scope["path"].removeprefix(scope.get("root_path", ""))
-    return str(getattr(scope.get("route"), "path", path if scope.get("endpoint") else UNMATCHED))
+    return str(getattr(scope.get("route"), "path", route_path(scope) if scope.get("endpoint") else UNMATCHED))
 
 
 def _request_id(headers: Headers) -> str:

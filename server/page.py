@@ -7,8 +7,10 @@ from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 
+FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
 PACKED = ".gz"  # the end of the name of a file's gzipped copy, which server/web/pack.mjs makes
+A_DAY = "public, max-age=86400"
 FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
 NOT_BUILT = """<!doctype html>
@@ -24,6 +26,7 @@ NOT_BUILT = """<!doctype html>
 def page_router(bundle: Path = BUNDLE) -> APIRouter:
     """Routes of the page in the folder `bundle`, which may be built after the service has started."""
     router = APIRouter(include_in_schema=False)
+    icon = FAVICON.read_bytes()
     whole = StaticFiles(directory=bundle, check_dir=False)
     files = StaticFiles(directory=bundle / "assets", check_dir=False)
 
@@ -32,6 +35,11 @@ def page_router(bundle: Path = BUNDLE) -> APIRouter:
         if not (bundle / "index.html").is_file():
             return HTMLResponse(NOT_BUILT)
         return await _served(whole, "index.html", request, "no-cache")
+
+    @router.get("/favicon.ico")
+    async def favicon() -> Response:
+        """A sun over a horizon, as PNG, which browsers take under this name."""
+        return Response(icon, media_type="image/png", headers={"Cache-Control": A_DAY})
 
     @router.get("/assets/{path:path}")
     async def asset(request: Request, path: str) -> Response:

@@ -12,6 +12,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
+from starlette.types import Scope
 
 from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.evidence import SHORT_NAMES
@@ -48,6 +49,7 @@ FORBIDDEN = Kind("forbidden", 403, "The API key is wrong")
 NOT_FOUND = Kind("not-found", 404, "There is no such route")
 METHOD_NOT_ALLOWED = Kind("method-not-allowed", 405, "The method is not allowed here")
 TOO_SLOW = Kind("too-slow", 408, "The request did not arrive in time")
+REMOVED = Kind("removed", 410, "The route was removed")
 TOO_LARGE = Kind("too-large", 413, "The body or the photo is too large")
 UNSUPPORTED_TYPE = Kind("unsupported-type", 415, "The body is of a type that is not accepted")
 INVALID = Kind("invalid", 422, "A parameter is missing, unknown or out of range")
@@ -68,6 +70,7 @@ KINDS = (
     NOT_FOUND,
     METHOD_NOT_ALLOWED,
     TOO_SLOW,
+    REMOVED,
     TOO_LARGE,
     UNSUPPORTED_TYPE,
     INVALID,
@@ -89,7 +92,11 @@ _WORDS = {  # plainer than pydantic's, by its name of the error
     "too_short": "must have at least {min_length} values",
     "too_long": "must have at most {max_length} values",
 }
-_NAMES = {long: short for short, long in SHORT_NAMES.items()} | {"first": "date", "last": "until"}  # in URLs
+_NAMES = {long: short for short, long in SHORT_NAMES.items()}  # in URLs
+_REMOVED_ROUTES = {  # by path: what to use instead
+    "/healthz": "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
+    "/v1/stereo/plan": "GET /v1/stereo/plan was removed; run the command `lighting stereo plan`, which plans the same.",
+}
 _OF_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
 
 
@@ -201,9 +208,16 @@ def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
     return {"field": field, "place": found["loc"][0], "detail": detail, **limits}
 
 
+def route_path(scope: Scope) -> str:
+    """The path of a request without what a proxy takes away."""
+    return str(scope["path"].removeprefix(scope.get("root_path", "")))
+
+
 async def answer(request: Request, error: Exception) -> Response:
     """The answer to a request that ended with an error; unexpected errors are logged."""
     problem = problem_of(error)
+    if problem.kind is NOT_FOUND and (instead := _REMOVED_ROUTES.get(route_path(request.scope))):
+        problem = ProblemError(REMOVED, instead)
     if problem.kind is METHOD_NOT_ALLOWED:
         problem.headers = _allowed(request, (problem.headers or {}).get("Allow", ""))
     if problem.kind is INTERNAL:

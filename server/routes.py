@@ -10,7 +10,6 @@ from server import tasks
 from server.answers import WARNINGS, ZIP, caching, estimates, map_response, scene_response
 from server.checks import check_photos, refuse_given, refuse_parameters
 from server.model_figures import accuracy
-from server.plans import PlanQuery, StereoPlan
 from server.problems import documented
 from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkyQuery, SkySceneQuery
 from server.records import parse_record
@@ -161,20 +160,6 @@ async def estimate_scene(
     The parameters of a light replace what is estimated.
     """
     return scene_response(*await admission.run(tasks.scene_file_of_photo, admission.service, photo, query))
-
-
-@router.get(
-    "/stereo/plan",
-    summary="When to photograph a surface for photometric stereo",
-    response_model=StereoPlan,
-    responses={304: FRESH, **documented(422, 500, 503)},
-)
-async def plan_stereo(request: Request, admission: Admitted, query: Annotated[PlanQuery, Query()]) -> Response:
-    """The hours of a day, or of the best of several days, whose light resolves its normals best."""
-    headers, unchanged = caching(request, admission.service, query)
-    if unchanged:
-        return unchanged
-    return JSONResponse(await admission.run(tasks.plan_record, query), headers=headers)
 
 
 @router.get(

@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 from time import monotonic
-from typing import Any
 
 import numpy as np
 from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
-from lighting import stereo
 from lighting.envmap import Place, change, known_place, place_factors, place_of, view
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap, encode_jpeg
@@ -17,7 +15,6 @@ from lighting.preview import PHOTO_SIDE, preview_png
 from lighting.records import Estimate, Lighting
 from lighting.scene import PLATE_SIDE, make_scene, zip_scene
 from server.matching import Matching
-from server.plans import PlanQuery
 from server.queries import (
     EnvmapQuery,
     GivenQuery,
@@ -139,9 +136,3 @@ def scene_file_of_sky(query: SkySceneQuery) -> Warned:
     width, height = query.plate_width, query.plate_height
     grey = np.full((height, width, 3), MID_GREY, dtype=np.uint8)
     return scene_file(Photo(grey, width, height, "PNG"), query.lighting(), query)
-
-
-def plan_record(query: PlanQuery) -> dict[str, Any]:
-    """When to photograph for photometric stereo, as JSON."""
-    skies = query.skies()
-    return stereo.plan_record(skies, stereo.plan_photos(skies, query.question(), check=check_cancelled))

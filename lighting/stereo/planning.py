@@ -28,7 +28,7 @@ from lighting.stereo.gain import (
 from lighting.stereo.mean_light import illumination
 from lighting.stereo.orientations import half_sphere, named_normals, normals_of_interest
 from lighting.stereo.plan import HOURS, DayScore, Orientation, Plan, Question, Table, Window
-from lighting.stereo.windows import START_STEP, Check, all_windows, go_on, windows_of, worth
+from lighting.stereo.windows import START_STEP, all_windows, windows_of, worth
 
 Progress = Callable[[Sequence[date]], Iterable[date]]
 Reader = Callable[[date, bool], Day]  # a day's light; coarse for a first look at one of many, else fine
@@ -53,16 +53,15 @@ def make_plan(
     question: Question,
     reference: float | None = None,
     progress: Progress = iter,
-    check: Check = go_on,
 ) -> Plan:
     """The plan of the best of several days.
 
     `reference` is the length of mean light vector that the exposure brings to 1; None takes the brightest of the days
     read, over the orientations of interest. The best day has the least product of its least errors of each length of
-    HOURS. A day without light is passed over if there are others. `check` is called between steps, most of them short;
-    what it raises ends the work. Raises ParameterError where no window fits any.
+    HOURS. A day without light is passed over if there are others. Raises ParameterError where no window fits
+    any.
     """
-    looks = [_look(day, read, question, check, coarse=len(days) > 1) for day in progress(days)]
+    looks = [_look(day, read, question, coarse=len(days) > 1) for day in progress(days)]
     if not any(look.fits for look in looks):
         raise ParameterError(looks[0].objection, "first")
     scale = reference or max(look.brightest for look in looks)
@@ -73,8 +72,8 @@ def make_plan(
     scores = tuple(DayScore(day, tuple(map(float, row))) for day, row in zip(days, errors, strict=True))
     normals = normals_of_interest(question.facing)
     light = best.light(normals) / scale
-    windows = tuple(_best_windows(best, light, normals, question, scale, check))
-    return Plan(best.date, question, windows, scores, _table(best, light, normals, question, check))
+    windows = tuple(_best_windows(best, light, normals, question, scale))
+    return Plan(best.date, question, windows, scores, _table(best, light, normals, question))
 
 
 def brightest_light(light: Floats) -> float:
@@ -93,8 +92,7 @@ class _Look:
     found: Day | None = None  # its light, if it is fine
 
 
-def _look(day: date, read: Reader, question: Question, check: Check, *, coarse: bool) -> _Look:
-    check()
+def _look(day: date, read: Reader, question: Question, *, coarse: bool) -> _Look:
     try:
         found = read(day, coarse)
     except ParameterError as error:
@@ -102,20 +100,18 @@ def _look(day: date, read: Reader, question: Question, check: Check, *, coarse: 
     normals = normals_of_interest(question.facing)
     light = found.light(normals)
     windows = [windows_of(found, hours, question.shots) for hours in HOURS]
-    spread = np.array([worth(each, light, normals, check).spread.min(initial=np.inf) for each in windows])
+    spread = np.array([worth(each, light, normals).spread.min(initial=np.inf) for each in windows])
     objection = f"On {day} light is never there for an hour on end; photometric stereo needs that."
     return _Look(spread, any(map(len, windows)), brightest_light(light), objection, None if coarse else found)
 
 
-def _best_windows(
-    day: Day, light: Floats, normals: Floats, question: Question, scale: float, check: Check
-) -> Iterable[Window]:
+def _best_windows(day: Day, light: Floats, normals: Floats, question: Question, scale: float) -> Iterable[Window]:
     """The best of each length, of a day's scaled mean light vectors (N, moments, 3)."""
     for hours in HOURS:
         windows = windows_of(day, hours, question.shots)
         if not len(windows):
             continue
-        worths = worth(windows, light, normals, check)
+        worths = worth(windows, light, normals)
         best = int(np.argmin(worths.spread))
         moments = windows.moments[:, best]
         yield Window(
@@ -156,7 +152,7 @@ def _inverses(day: Day, moments: NDArray[np.intp], normals: Floats, scale: float
     return window_inverses(light, index.reshape(moments.shape))
 
 
-def _table(day: Day, light: Floats, normals: Floats, question: Question, check: Check) -> Table:
+def _table(day: Day, light: Floats, normals: Floats, question: Question) -> Table:
     step = START_STEP if len(day.clouds) == 1 else 2 * START_STEP
     windows = all_windows(day, question.shots, step)
-    return Table(step, windows.start, windows.end, worth(windows, light, normals, check).gain)
+    return Table(step, windows.start, windows.end, worth(windows, light, normals).gain)

@@ -12,7 +12,6 @@ from lighting.stereo.days import Place, Weather, clear_brightness, modelled_day
 from lighting.stereo.plan import Plan, Question
 from lighting.stereo.planning import Progress, days_between, make_plan
 from lighting.stereo.probes import probe_days, read_day
-from lighting.stereo.windows import Check, go_on
 
 
 @dataclass(frozen=True)
@@ -67,17 +66,15 @@ class MeasuredSkies:
 AskedSkies = ModelledSkies | MeasuredSkies
 
 
-def plan_photos(skies: AskedSkies, question: Question, progress: Progress = iter, check: Check = go_on) -> Plan:
-    """The plan of the best day; raises ParameterError where no window of any day has light, and what `check` raises."""
+def plan_photos(skies: AskedSkies, question: Question, progress: Progress = iter) -> Plan:
+    """The plan of the best day; raises ParameterError where no window of any day has light."""
     if isinstance(skies, MeasuredSkies):
         files = skies.days()
-        return make_plan(
-            list(files), lambda day, _: read_day(day, files[day]), question, progress=progress, check=check
-        )
+        return make_plan(list(files), lambda day, _: read_day(day, files[day]), question, progress=progress)
     place, weather, days = skies.place, skies.sky, days_between(skies.first, skies.last)
     reference = clear_brightness(place, days)
     return make_plan(
-        days, lambda day, coarse: modelled_day(place, day, weather, coarse=coarse), question, reference, progress, check
+        days, lambda day, coarse: modelled_day(place, day, weather, coarse=coarse), question, reference, progress
     )
 
 

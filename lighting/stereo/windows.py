@@ -1,6 +1,5 @@
 """Windows of a day and what they are worth for given orientations."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +8,6 @@ from numpy.typing import NDArray
 from lighting.geometry import Floats
 from lighting.stereo.days import DAY, Day
 from lighting.stereo.gain import angular_spread, gain_of, window_inverses
-
-Check = Callable[[], None]
 
 START_STEP = 15.0  # min between the starts of windows
 SHORTEST = 30.0  # min
@@ -51,21 +48,11 @@ def all_windows(day: Day, shots: int, step: float) -> Windows:
     return _in_light(day, start[long], end[long], shots)
 
 
-def go_on() -> None:
-    """No reason to stop."""
-
-
-def worth(windows: Windows, light: Floats, normals: Floats, check: Check = go_on) -> Worth:
-    """What windows are worth for normals (N, 3) with a day's mean light vectors (N, moments, 3).
-
-    `check` is called every few hundredths of a second; what it raises ends the work.
-    """
+def worth(windows: Windows, light: Floats, normals: Floats) -> Worth:
+    """What windows are worth for normals (N, 3) with a day's mean light vectors (N, moments, 3)."""
     draws, count = len(windows.moments), len(normals)
     step = max(1, _CHUNK // (draws * count))
-    parts = []
-    for i in range(0, len(windows), step):
-        check()
-        parts.append(_worth(windows.moments[:, i : i + step], light, normals))
+    parts = [_worth(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
     empty = np.empty(0)
     return Worth(*(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("spread", "gain")))
 

@@ -440,6 +440,7 @@ def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
         assert json.loads(server.request("GET", "/openapi.json")[1])["servers"] == [{"url": "/tools/light"}]
         assert json.loads(server.request("GET", "/nowhere")[1])["instance"] == "/tools/light/nowhere"
         assert server.request("GET", "/")[0] == server.request("GET", "/favicon.ico")[0] == 200
+        assert server.request("GET", "/healthz")[0] == 410
 
 
 @pytest.mark.parametrize("workers", ["2", "auto"])

@@ -62,10 +62,10 @@ def ask(client: TestClient, path: str, method: str, query: dict[str, str], photo
     return client.request(method, path, params=query, files=files if method == "post" else None)
 
 
-REQUIRED = {"/v1/stereo/plan": {"sky": "overcast"}, "/v1/scene": {"tool": "usd"}}
+REQUIRED = {"/v1/scene": {"tool": "usd"}}
 OPERATIONS = [
     ("/v1/lighting", "post"), ("/v1/envmap", "get"), ("/v1/envmap", "post"), ("/v1/preview", "post"),
-    ("/v1/scene", "get"), ("/v1/scene", "post"), ("/v1/stereo/plan", "get"),
+    ("/v1/scene", "get"), ("/v1/scene", "post"),
 ]  # fmt: skip
 
 

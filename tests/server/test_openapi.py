@@ -2,7 +2,6 @@
 
 import json
 from collections import Counter
-from datetime import date
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,10 +18,8 @@ from starlette.testclient import TestClient
 
 from lighting.envmap import view
 from lighting.pipeline import Estimator
-from lighting.stereo import plan_photos, plan_record
 from server import tasks
 from server.app import create_app
-from server.plans import PlanQuery
 from server.schemas import Problem
 from server.settings import Settings
 from server.uploads import FORM, PHOTO_TYPES
@@ -36,11 +33,9 @@ OPERATIONS = {
     "draw_preview": ("post", "/v1/preview"),
     "render_scene": ("get", "/v1/scene"),
     "estimate_scene": ("post", "/v1/scene"),
-    "plan_stereo": ("get", "/v1/stereo/plan"),
     "describe_model": ("get", "/v1/model"),
     "livez": ("get", "/livez"),
     "readyz": ("get", "/readyz"),
-    "healthz": ("get", "/healthz"),
     "metrics": ("get", "/metrics"),
 }
 
@@ -110,7 +105,6 @@ WITH_CONDITIONS = (
     "draw_preview",
     "render_scene",
     "estimate_scene",
-    "plan_stereo",
     "show_photo",
 )
 TOGETHER = {  # values that are each right may not fit each other, such as a time of night; a file may be empty (400)
@@ -130,9 +124,6 @@ def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     monkeypatch.setattr(tasks, "preview_png", lambda *_, **__: encode(scene(16, 16), "PNG"))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: SimpleNamespace(warnings=("It was dark.",)))
-    june = PlanQuery(lat=47, lon=10, date=date(2026, 6, 21), sky="overcast")
-    plan = plan_record(june.skies(), plan_photos(june.skies(), june.question()))
-    monkeypatch.setattr(tasks, "plan_record", lambda _: plan)
     app = create_app(Settings(), estimator)
     app.state.service.answer_once()
     return app

@@ -23,7 +23,7 @@ def test_it_is_ready_once_the_network_has_answered(app: FastAPI, estimator: Esti
     assert (before.get("/livez").status_code, before.get("/readyz").status_code) == (200, 503)
     with TestClient(app) as client:
         app.state.service.answer_once()
-        assert client.get("/readyz").json() == client.get("/healthz").json() == {"status": "ok"}
+        assert client.get("/readyz").json() == {"status": "ok"}
         assert sample(client, 'lighting_model_info{name="tiny",version="0.0.1"}') == 1
 
 
@@ -42,7 +42,7 @@ def test_readiness_tells_when_the_next_photo_would_be_refused(app: FastAPI) -> N
         assert client.get("/readyz").status_code == 200
         for number in range(service.settings.uploads):
             taken.enter_context(service.arrivals.one_of(f"client {number}"))
-        problem(client.get("/healthz"), 503, "busy")
+        problem(client.get("/readyz"), 503, "busy")
 
 
 def test_a_network_that_cannot_answer_is_never_ready(
@@ -61,7 +61,7 @@ def test_a_network_that_cannot_answer_is_never_ready(
 
 def test_health_is_neither_counted_nor_logged(client: TestClient, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, "server.access"):
-        for path in ("/livez", "/readyz", "/healthz", "/metrics"):
+        for path in ("/livez", "/readyz", "/metrics"):
             client.get(path)
     assert "lighting_requests_total{" not in client.get("/metrics").text
     assert not caplog.records

@@ -12,6 +12,7 @@ import time
 import zipfile
 from collections.abc import Iterator
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -464,3 +465,10 @@ def test_a_file_of_the_page_comes_whole_whatever_range_is_asked_for(tmp_path: Pa
         answer = site(tmp_path).get(path, headers={"Range": asked})
         assert (answer.status_code, answer.text) == (200, text)
         assert answer.headers["Accept-Ranges"] == "none"
+
+
+def test_browsers_get_an_icon(client: TestClient) -> None:
+    answer = client.get("/favicon.ico")
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "image/png")
+    assert Image.open(BytesIO(answer.content)).size == (32, 32)
+    assert answer.headers["cache-control"] == "public, max-age=86400"

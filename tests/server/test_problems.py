@@ -39,6 +39,18 @@ def test_an_unknown_path_is_404_and_names_itself_without_harm(client: TestClient
 
 
 @pytest.mark.parametrize(
+    ("method", "path", "instead"),
+    [
+        ("GET", "/healthz", "GET /readyz"),
+        ("POST", "/healthz", "GET /readyz"),
+        ("GET", "/v1/stereo/plan?lat=47&lon=10&date=2026-06-21", "`lighting stereo plan`"),
+    ],
+)
+def test_a_removed_route_is_410_and_names_what_to_use(client: TestClient, method: str, path: str, instead: str) -> None:
+    assert instead in problem(client.request(method, path), 410, "removed")["detail"]
+
+
+@pytest.mark.parametrize(
     "path", ["/v1/lighting?fov=50&fov=60", "/v1/envmap?height=64&sun=true&height=64", "/v1/model?a=&a="]
 )
 def test_what_is_said_twice_is_refused_by_name(client: TestClient, jpeg: bytes, path: str) -> None:
@@ -240,7 +252,6 @@ def test_a_service_without_its_network_is_503(estimator: Estimator, jpeg: bytes)
         client.post("/v1/lighting", content=jpeg, headers=JPEG),
         client.get("/v1/model"),
         client.get("/readyz"),
-        client.get("/healthz"),
     ):
         assert problem(answer, 503, "not-ready")
         assert answer.headers["retry-after"] == "1"

@@ -13,7 +13,7 @@ from server.settings import Settings, SettingsError
 from tests.server.conftest import SKY, client_of
 from tests.server.test_problems import problem
 
-OPEN = ("/", "/favicon.ico", "/livez", "/readyz", "/healthz", "/metrics", "/openapi.json")
+OPEN = ("/", "/favicon.ico", "/livez", "/readyz", "/metrics", "/openapi.json")
 JPEG = {"Content-Type": "image/jpeg"}
 
 

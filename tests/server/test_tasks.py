@@ -18,7 +18,6 @@ from lighting.files import read_exr
 from lighting.model import Model
 from lighting.pipeline import Estimator
 from server import tasks
-from server.plans import PlanQuery
 from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
 from server.service import Service
 from server.settings import Settings
@@ -120,20 +119,6 @@ def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_ne
 
     np.testing.assert_allclose(maps(exposure=2.0, photo_exposure=2.0), maps(), rtol=1e-3)
     assert not np.allclose(maps(exposure=2.0), maps(), rtol=0.1)
-
-
-def test_a_plan_of_one_day_ends_when_its_client_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[None] = []
-
-    def check() -> None:
-        asked.append(None)
-        if len(asked) == 6:
-            raise InterruptedError
-
-    monkeypatch.setattr(tasks, "check_cancelled", check)
-    polar_day = {"lat": 75, "lon": 20, "date": "2026-06-21", "sky": "mixed", "shots": 64}
-    with pytest.raises(InterruptedError):
-        tasks.plan_record(PlanQuery.model_validate(polar_day))
 
 
 def test_a_photo_becomes_a_preview(service: Service) -> None:

@@ -109,20 +109,6 @@ def test_days_are_checked(first: date, last: date, said: str) -> None:
         days_between(first, last)
 
 
-def test_the_work_of_one_day_ends_where_it_is_asked_to() -> None:
-    asked: list[None] = []
-
-    def check() -> None:
-        asked.append(None)
-        if len(asked) == 6:
-            raise InterruptedError
-
-    skies = ModelledSkies(70.0, 10.0, JUNE, JUNE, "mixed")
-    with pytest.raises(InterruptedError):
-        plan_photos(skies, Question(shots=64), check=check)
-    assert len(asked) == 6
-
-
 def test_the_picture_shows_the_gain_where_the_table_has_it() -> None:
     picture = draw_plan(plan(47.0, JUNE), "title", "subtitle")
     assert picture.shape == (900, 1600, 3)
