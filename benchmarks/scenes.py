@@ -52,7 +52,7 @@ from lighting.geometry import (
 )
 from lighting.photo import Photo
 from lighting.records import Lighting
-from lighting.scene import TOOLS, TOOLS_WITHOUT_MAP, Scene, make_scene, write_scene
+from lighting.scene import EXPORTERS, Scene, make_scene, write_scene
 from lighting.scene.placeholder import placeholder_of
 from lighting.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 
@@ -61,7 +61,7 @@ LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camer
 GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
 SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
-DRAWN = tuple(tool for tool in TOOLS if tool not in TOOLS_WITHOUT_MAP)
+DRAWN = tuple(tool for tool, entry in EXPORTERS.items() if entry.has_map)
 OURS, ALONE = "our preview", "its ball alone"
 
 

@@ -1,7 +1,7 @@
 """The parameters in the URLs of requests, with units and ranges."""
 
 from dataclasses import fields
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -10,7 +10,7 @@ from lighting.evidence import SHORT_NAMES, Given, read_headings
 from lighting.files import Compression
 from lighting.photo import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
-from lighting.scene import PLATE_SIDE, TOOL_OF_OPTION, Tool, UpAxis, misplaced
+from lighting.scene import EXPORTERS, PLATE_SIDE, unsupported_options
 from lighting.sky import Model as SkyModel
 from server.texts import Headings, Irradiances, Offset, Reflectances, Time, in_words, misfit
 from server.values import (
@@ -32,6 +32,7 @@ from server.values import (
     Format,
     GroundAlbedo,
     Height,
+    NameIn,
     Omissible,
     SkyCover,
     SunAzimuth,
@@ -201,14 +202,14 @@ class SkyQuery(MapQuery, SkyParameters):
 class SceneQuery(Query):
     """The tool that a scene is for, and its options."""
 
-    tool: Tool = Field(description="the tool that opens it")
-    up_axis: UpAxis = Field("Y", description="with `tool=usd`")
+    tool: Annotated[str, NameIn(EXPORTERS)] = Field(description="the tool that opens it")
+    up_axis: Literal["Y", "Z"] = Field("Y", description="with `tool=usd`")
     sun: FlagOrAuto = Field(None, description=f"include direct sunlight; {BY_DEFAULT}")
     height: Height = 512
 
     @model_validator(mode="after")
     def _of_this_tool(self) -> Self:
-        others = misplaced(self.stated(), self.tool)
+        others = unsupported_options(self.stated(), self.tool)
         if others:
             wanted = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
             raise misfit(min(others), wanted)
@@ -216,7 +217,7 @@ class SceneQuery(Query):
 
     def options(self) -> dict[str, Any]:
         """The options of the tool's writer."""
-        return self.model_dump(include={name for name, tool in TOOL_OF_OPTION.items() if tool == self.tool})
+        return self.model_dump(include=set(EXPORTERS[self.tool].options))
 
 
 class PhotoSceneQuery(SceneQuery, GivenQuery, ChangeQuery, PlaceQuery):

@@ -1,6 +1,6 @@
 """The values of parameters and of records: each with its unit, its range and an example in the OpenAPI document."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -11,7 +11,7 @@ from pydantic import (
     ValidationError,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, core_schema
 
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
@@ -28,6 +28,25 @@ class Omissible:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         plain = handler(schema)
         return {**plain.pop("anyOf", [{}])[0], **plain}
+
+
+class NameIn:
+    """A name in a registry, which is read when it is needed: what was added to it meanwhile counts."""
+
+    def __init__(self, registry: Collection[str]) -> None:
+        self.registry = registry
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {**handler(schema), "enum": list(self.registry)}
+
+    def _check(self, name: str) -> str:
+        if name in self.registry:
+            return name
+        *others, last = map(repr, self.registry)
+        raise PydanticKnownError("literal_error", {"expected": f"{', '.join(others)} or {last}"})
 
 
 class Between(Omissible):

@@ -1,6 +1,7 @@
 """The command that writes scenes."""
 
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from lighting.cli.files import estimated, is_same_file, naming, open_lighting, p
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
 from lighting.cli.options import (
+    NameIn,
     file_name,
     height_option,
     model_option,
@@ -20,7 +22,7 @@ from lighting.cli.options import (
     unwarned_option,
 )
 from lighting.cli.words import in_words, report_warnings, shown
-from lighting.scene import TOOL_OF_OPTION, TOOLS, TOOLS_WITHOUT_MAP, UP_AXES, Tool, UpAxis, misplaced, pictures_of
+from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
@@ -31,28 +33,43 @@ class _Options:
     """What the user asked for."""
 
     photo: str
-    tool: Tool
+    tool: str
     output: str
     overwrite: bool
     record: str | None  # the name of a file, or "-"
-    up_axis: UpAxis | None
     height: int
     sun: bool | None
     surroundings: bool | None
     given: "Given"
     model: str | None
     quiet: bool
-
-    @property
-    def of_tool(self) -> dict[str, Any]:
-        """Those of the options that only one tool takes which were given."""
-        given = {name: getattr(self, name) for name in TOOL_OF_OPTION}
-        return {name: value for name, value in given.items() if value is not None}
+    of_tool: dict[str, str]  # those of the tools' options that were given
 
 
-@cli.command()
+class _SceneCommand(click.Command):
+    """A command whose own options are followed by those of the tools in EXPORTERS."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        params = super().get_params(ctx)
+        after = next(place for place, param in enumerate(params) if param.name == "record") + 1
+        return [*params[:after], *_tool_options(), *params[after:]]
+
+
+def _tool_options() -> list[click.Option]:
+    return [
+        click.Option(
+            [f"--{name.replace('_', '-')}"],
+            type=click.Choice(option.choices, case_sensitive=False),
+            help=f"With --for {tool}; {option.default} by default.",
+        )
+        for tool, entry in EXPORTERS.items()
+        for name, option in entry.options.items()
+    ]
+
+
+@cli.command(cls=_SceneCommand)
 @click.argument("photo")
-@click.option("--for", "tool", required=True, type=click.Choice(TOOLS), help="The tool that opens the scene.")
+@click.option("--for", "tool", required=True, type=NameIn(EXPORTERS), help="The tool that opens the scene.")
 @results_folder
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; other files in it stay.")
 @click.option(
@@ -62,7 +79,6 @@ class _Options:
     callback=file_name,
     help="Take the light from this record, not from PHOTO.",
 )
-@click.option("--up-axis", type=click.Choice(UP_AXES, case_sensitive=False), help="With --for usd; Y by default.")
 @height_option
 @sun_option
 @surroundings_option
@@ -75,7 +91,9 @@ def scene(**options: Any) -> None:
     The folder holds the camera with PHOTO behind it, the sun, the environment map without the sun's disc, a ground that
     catches shadows, and a placeholder where your own object goes.
     """
-    asked = _Options(**options)
+    names = [name for entry in EXPORTERS.values() for name in entry.options]
+    of_tool = {name: value for name in names if (value := options.pop(name)) is not None}
+    asked = _Options(**options, of_tool=of_tool)
     _check(asked)
     from lighting.envmap import known_place
     from lighting.photo import read_photo
@@ -96,18 +114,26 @@ def scene(**options: Any) -> None:
 
 
 def _check(asked: _Options) -> None:
-    """Raise UsageError for an option that would do nothing, and where the photo would be lost or stdin read twice."""
-    for name, tool in misplaced(asked.of_tool, asked.tool).items():
+    """Raise UsageError for an option that would do nothing, where an input would be lost, or stdin read twice."""
+    entry = EXPORTERS[asked.tool]
+    for name, tool in unsupported_options(asked.of_tool, asked.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
     height = click.get_current_context().get_parameter_source("height")
-    if height is ParameterSource.COMMANDLINE and asked.tool in TOOLS_WITHOUT_MAP:
+    if height is ParameterSource.COMMANDLINE and not entry.has_map:
         raise click.UsageError(f"--height is the map's, and a scene for {asked.tool} holds no map.")
-    if asked.surroundings is not None and asked.tool in TOOLS_WITHOUT_MAP:
+    if asked.surroundings is not None and not entry.has_map:
         raise click.UsageError(f"--surroundings is the map's, and a scene for {asked.tool} holds no map.")
-    if any(is_same_file(str(Path(asked.output, name)), asked.photo) for name in pictures_of(asked.tool)):
-        raise click.UsageError(f"The scene would replace {shown(asked.photo)}; choose another folder.")
     if asked.record:
         _check_record(asked)
+    if asked.overwrite:
+        _check_inputs(asked)
+
+
+def _check_inputs(asked: _Options) -> None:
+    """Raise UsageError where a file of the scene would replace one that is read."""
+    for read, name in product(filter(None, (asked.photo, asked.record, asked.model)), EXPORTERS[asked.tool].files):
+        if is_same_file(str(Path(asked.output, name)), read):
+            raise click.UsageError(f"The scene would replace {shown(read)}; choose another folder.")
 
 
 def _check_record(asked: _Options) -> None:

@@ -1,21 +1,14 @@
-"""A photo's light as a scene for other tools; each tool has a module here.
+"""A photo's light as a scene for other tools: an entry of EXPORTERS and a module each.
 
-`make_scene` computes a Scene once; `write_scene` and `zip_scene` have a tool's module write it.
+`make_scene` computes a Scene once; `write_scene` and `zip_scene` have a tool's entry write it. The command line, the
+service and the checks that no file of the user is replaced read the entries.
 """
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from lighting.lazy import from_homes
-from lighting.scene.tools import (
-    TOOL_OF_OPTION,
-    TOOLS,
-    TOOLS_WITHOUT_MAP,
-    UP_AXES,
-    Tool,
-    UpAxis,
-    misplaced,
-    pictures_of,
-)
+from lighting.scene.tools import SHARED_FILES, Exporter, ExporterOption, import_writer
 
 if TYPE_CHECKING:
     from lighting.scene.axes import to_z_up
@@ -25,22 +18,36 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APERTURE_UNIT",
+    "EXPORTERS",
     "PLATE_SIDE",
-    "TOOLS",
-    "TOOLS_WITHOUT_MAP",
-    "TOOL_OF_OPTION",
-    "UP_AXES",
+    "Exporter",
+    "ExporterOption",
     "Scene",
-    "Tool",
-    "UpAxis",
     "check_target",
     "make_scene",
-    "misplaced",
-    "pictures_of",
     "to_z_up",
+    "unsupported_options",
     "write_scene",
     "zip_scene",
 ]
+
+EXPORTERS: dict[str, Exporter] = {
+    "blender": Exporter(
+        import_writer("lighting.scene.blender"),
+        files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
+    ),
+    "usd": Exporter(
+        import_writer("lighting.scene.usd"),
+        files=("scene.usda", *SHARED_FILES),
+        options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
+    ),
+    "gltf": Exporter(import_writer("lighting.scene.gltf"), files=("scene.glb",), has_map=False),
+    "threejs": Exporter(import_writer("lighting.scene.threejs"), files=("scene.html",)),
+    "mitsuba": Exporter(
+        import_writer("lighting.scene.mitsuba"),
+        files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),
+    ),
+}
 
 _HOME = {
     "APERTURE_UNIT": "usd",
@@ -54,3 +61,9 @@ _HOME = {
 }
 
 __getattr__ = from_homes(__name__, _HOME)  # what needs numpy, so that the command line's help stays quick
+
+
+def unsupported_options(options: Collection[str], tool: str) -> dict[str, str]:
+    """Those of the options that other tools alone take, each with such a tool."""
+    others = set(options) - set(EXPORTERS[tool].options)
+    return {name: owner for owner, entry in EXPORTERS.items() for name in entry.options if name in others}

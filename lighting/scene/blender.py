@@ -14,17 +14,11 @@ from typing import Any
 from lighting.errors import SceneError
 from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, Scene
-from lighting.scene.parts import (
-    ENVIRONMENT,
-    Folder,
-    data_text,
-    write_shared_files,
-)
+from lighting.scene.parts import Folder, data_text, write_shared_files
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from lighting.scene.tools import LIT_GROUND, PLATE
+from lighting.scene.tools import ENVIRONMENT, LIT_GROUND, PLATE
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
-MAIN = SCRIPT  # needs the files of `write_shared_files` beside it
 
 SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre

@@ -7,16 +7,16 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from lighting.errors import SceneError
 from lighting.files import objection_to
+from lighting.scene import EXPORTERS
 from lighting.scene.common import Scene
-from lighting.scene.parts import RECORD, Folder
-from lighting.scene.tools import TOOLS
+from lighting.scene.parts import Folder
+from lighting.scene.tools import RECORD
 
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
 
@@ -24,7 +24,7 @@ _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compr
 def write_scene(
     scene: Scene, tool: str, folder: str | os.PathLike[str], *, overwrite: bool = False, **options: Any
 ) -> None:
-    """Write the scene for one of TOOLS to a folder, which is new or empty unless `overwrite`.
+    """Write the scene for one of EXPORTERS to a folder, which is new or empty unless `overwrite`.
 
     Overwriting replaces the files that the scene consists of and leaves all others in the folder alone. `options` go
     to the tool's `write`. Raises SceneError for another tool, for what is no Scene, for a folder that cannot be
@@ -37,6 +37,7 @@ def write_scene(
     try:
         with _beside(target) as built:
             _write(scene, tool, built, options)
+            _check_listed(tool, {path.relative_to(built).as_posix() for path in built.rglob("*") if path.is_file()})
             if target.is_dir():
                 _check_others(built, target, tool)
                 _replace_files(built, target)
@@ -55,6 +56,7 @@ def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         _write(scene, tool, _Archive(archive), options)
+        _check_listed(tool, set(archive.namelist()))
     return stream.getvalue()
 
 
@@ -91,15 +93,17 @@ def check_target(target: Path, *, overwrite: bool) -> None:
 
 
 def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> None:
-    if tool not in TOOLS:
-        raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(TOOLS)}.")
+    if tool not in EXPORTERS:
+        raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}.")
     if not isinstance(scene, Scene):
         raise SceneError(f"A Scene is needed, not {type(scene).__name__}; make_scene makes one.")
-    _module(tool).write(scene, folder, **options)
+    EXPORTERS[tool].write(scene, folder, **options)
 
 
-def _module(tool: str) -> Any:
-    return import_module(f"lighting.scene.{tool}")
+def _check_listed(tool: str, written: set[str]) -> None:
+    """Raise SceneError for a file that the tool's entry does not list: no check has kept the user's own from it."""
+    if others := written - set(EXPORTERS[tool].files):
+        raise SceneError(f"The exporter for {tool} wrote {', '.join(sorted(others))}, which its entry does not list.")
 
 
 @contextmanager
@@ -118,9 +122,9 @@ def _check_others(source: Path, target: Path, tool: str) -> None:
     """Raise SceneError where the map and plate of another tool's scene would become those of another light."""
     if not (source / RECORD).exists() or _same(source / RECORD, target / RECORD):
         return
-    for other in TOOLS:
-        main = getattr(_module(other), "MAIN", None)
-        if other != tool and main is not None and (target / main).is_file():
+    for other, entry in EXPORTERS.items():
+        main = entry.files[0]
+        if other != tool and RECORD in entry.files and (target / main).is_file():
             raise SceneError(f"{target} holds a scene for {other} in other light, {main}; choose another folder.")
 
 

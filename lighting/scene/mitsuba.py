@@ -8,11 +8,11 @@ import numpy as np
 
 from lighting.geometry import Floats, direction
 from lighting.scene.common import GROUND_RADIUS, SUN_ANGLE, Scene
-from lighting.scene.parts import ENVIRONMENT, Folder, data_text, filled, write_shared_files
+from lighting.scene.parts import Folder, data_text, filled, write_shared_files
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
+from lighting.scene.tools import ENVIRONMENT
 
 SCENE, CAMERA, LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
-MAIN = SCENE  # needs the files of `write_shared_files` beside it
 
 SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction differs by 0.06 deg
 

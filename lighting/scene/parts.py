@@ -9,9 +9,7 @@ import numpy as np
 
 from lighting.files import encode_envmap, encode_png, full_record
 from lighting.scene.common import Scene
-from lighting.scene.tools import LIT_GROUND, PLATE
-
-ENVIRONMENT, RECORD = "environment.exr", "lighting.json"
+from lighting.scene.tools import ENVIRONMENT, LIT_GROUND, PLATE, RECORD
 
 
 class File(Protocol):
@@ -29,7 +27,7 @@ class Folder(Protocol):
 
 
 def write_shared_files(scene: Scene, folder: Folder) -> None:
-    """Write PLATE, ENVIRONMENT, RECORD and LIT_GROUND."""
+    """Write SHARED_FILES."""
     (folder / PLATE).write_bytes(plate_png(scene))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
     (folder / RECORD).write_text(json.dumps(full_record(scene.lighting), indent=2) + "\n", encoding="utf-8")

@@ -1,23 +1,36 @@
-"""The tools that scenes are written for, and which option belongs to which."""
+"""What an entry of EXPORTERS says about a tool; light enough for the command line's help."""
 
-from collections.abc import Collection
-from typing import Literal, get_args
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
 
-Tool = Literal["blender", "usd", "gltf", "threejs", "mitsuba"]
-UpAxis = Literal["Y", "Z"]
-
-TOOLS: tuple[Tool, ...] = get_args(Tool)  # each is a module here with `write(scene, folder, **options)`
-UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
-TOOL_OF_OPTION: dict[str, Tool] = {"up_axis": "usd"}  # an option of a `write`: the one tool that takes it
-TOOLS_WITHOUT_MAP: tuple[Tool, ...] = ("gltf",)
-PLATE, LIT_GROUND = "plate.png", "lit_ground.png"
+PLATE, ENVIRONMENT, RECORD, LIT_GROUND = "plate.png", "environment.exr", "lighting.json", "lit_ground.png"
+SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND)  # the same for every tool that has them
 
 
-def pictures_of(tool: Tool) -> tuple[str, ...]:
-    """The pictures in a tool's folder; glTF and three.js have theirs in their one file."""
-    return (PLATE, LIT_GROUND) if tool in ("blender", "usd", "mitsuba") else ()
+@dataclass(frozen=True)
+class ExporterOption:
+    """An option that a tool's writer takes by name."""
+
+    choices: tuple[str, ...]
+    default: str
 
 
-def misplaced(options: Collection[str], tool: str) -> dict[str, Tool]:
-    """Those of the options that another tool takes, each with that tool."""
-    return {name: owner for name, owner in TOOL_OF_OPTION.items() if name in options and owner != tool}
+@dataclass(frozen=True)
+class Exporter:
+    """How scenes are written for one tool."""
+
+    write: Callable[..., None]  # (scene, folder, **options)
+    files: tuple[str, ...]  # all that `write` may make; the tool opens the first
+    options: dict[str, ExporterOption] = field(default_factory=dict)
+    has_map: bool = True  # whether the scene holds the environment map
+
+
+def import_writer(module: str) -> Callable[..., None]:
+    """The function `write` of a module, which is imported when it is first called."""
+
+    def write(*arguments: Any, **options: Any) -> None:
+        import_module(module).write(*arguments, **options)
+
+    return write

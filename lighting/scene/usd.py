@@ -16,17 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.errors import SceneError
 from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, Scene
-from lighting.scene.parts import (
-    ENVIRONMENT,
-    Folder,
-    filled,
-    write_shared_files,
-)
+from lighting.scene.parts import Folder, filled, write_shared_files
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from lighting.scene.tools import PLATE, UP_AXES
+from lighting.scene.tools import ENVIRONMENT, PLATE
 
 STAGE = "scene.usda"
-MAIN = STAGE  # needs the files of `write_shared_files` beside it
 
 Placed = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
@@ -39,7 +33,7 @@ def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
 
     Where Z is up the camera looks along +Y at azimuth 0.
     """
-    if up_axis not in UP_AXES:
+    if up_axis not in ("Y", "Z"):
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.")
     write_shared_files(scene, folder)
     (folder / STAGE).write_text(filled("scene.usda", _values(scene, up_axis)), encoding="utf-8")

@@ -5,7 +5,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import anyio
 import pytest
@@ -13,12 +13,11 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from lighting.envmap import view
-from lighting.scene import Tool, make_scene
+from lighting.scene import EXPORTERS, make_scene
 from server import tasks
 from tests.conftest import encode, scene
 
 Document = dict[str, Any]
-TOOLS: tuple[str, ...] = get_args(Tool)
 PHOTO = encode(scene(64, 48))
 
 
@@ -84,7 +83,7 @@ def test_every_default_is_accepted(client: TestClient, document: Document, path:
 
 
 @pytest.mark.parametrize("method", ["get", "post"])
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize("tool", EXPORTERS)
 def test_each_tool_takes_every_default(client: TestClient, document: Document, tool: str, method: str) -> None:
     query = {**needed(document, "/v1/scene", method), **declared(document, "/v1/scene", method), "tool": tool}
     assert "up_axis" in query
@@ -145,10 +144,10 @@ def test_a_client_by_openapi_python_client_gets_the_five_scenes(
         kind = next(getattr(tools, name) for name in dir(tools) if name.endswith("Tool"))
         sky = {"sun_azimuth": -41.2, "sun_elevation": 33.0, "turbidity": 3.4}
         found = {}
-        for tool in TOOLS:
+        for tool in EXPORTERS:
             answer = await render.asyncio_detailed(client=service, tool=kind(tool), **sky)
             assert answer.content[:2] == b"PK", answer.content
             found[tool] = int(answer.status_code)
         return found
 
-    assert anyio.run(ask_all) == dict.fromkeys(TOOLS, 200)
+    assert anyio.run(ask_all) == dict.fromkeys(EXPORTERS, 200)

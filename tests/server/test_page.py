@@ -30,7 +30,7 @@ from lighting.envmap import place_of, view
 from lighting.files import full_record, read_hdr
 from lighting.photo import TARGET, read_photo
 from lighting.pipeline import Estimator
-from lighting.scene import TOOLS
+from lighting.scene import EXPORTERS
 from lighting.turns import MAX_SIDE, has_opencv
 from server.app import create_app
 from server.page import BUNDLE, page_router
@@ -209,7 +209,7 @@ class TestTheLight:
             assert picture.size == (512, 256)
 
     def test_every_scene_and_the_preview_are_downloaded(self, visit: dict[str, Any]) -> None:
-        for tool in TOOLS:
+        for tool in EXPORTERS:
             with zipfile.ZipFile(visit["folder"] / f"{tool}.zip") as scene:
                 assert any(name.endswith((".png", ".glb", ".html")) for name in scene.namelist())
         with Image.open(visit["folder"] / "preview.png") as picture:

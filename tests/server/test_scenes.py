@@ -17,7 +17,7 @@ from lighting import Lighting
 from lighting.evidence import Given
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
-from lighting.scene import PLATE_SIDE, TOOLS, make_scene, zip_scene
+from lighting.scene import EXPORTERS, PLATE_SIDE, make_scene, zip_scene
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import SKY, jpeg_headers
 from tests.server.test_problems import problem
@@ -40,7 +40,7 @@ def files(answer: Any) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize("tool", EXPORTERS)
 def test_a_photo_makes_the_scene_of_the_library(client: TestClient, estimator: Estimator, tool: str) -> None:
     lighting = estimator(read_photo(PHONE)).lighting
     expected = zip_scene(make_scene(read_photo(PHONE, target=PLATE_SIDE), lighting, map_height=16), tool)
@@ -61,7 +61,7 @@ def test_a_scene_takes_the_photos_metadata_and_what_the_client_knows(client: Tes
     assert "pixels" in record(exif="false")["evidence"]
 
 
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize("tool", EXPORTERS)
 def test_a_sky_makes_a_scene_with_a_grey_plate(client: TestClient, tool: str) -> None:
     camera: dict[str, Any] = {"camera_elevation": 4.0, "camera_roll": -2.0, "vertical_fov": 40.0}
     answer = get(client, tool=tool, plate_width=90, **camera)
@@ -107,7 +107,7 @@ def test_a_plate_has_its_range_and_a_photo_has_no_such_parameter(client: TestCli
     problem(post(client, tool="usd", plate_width=64), 422, "invalid")
 
 
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize("tool", EXPORTERS)
 def test_warnings_are_those_of_the_library(client: TestClient, estimator: Estimator, tool: str) -> None:
     """Of the light, and of a spot that the picture does not show: a camera that looks up sees no ground."""
     upwards: dict[str, Any] = {"camera_elevation": 40.0, "vertical_fov": 40.0, "camera_roll": 0.0}

@@ -9,6 +9,8 @@ from PIL import Image
 
 from lighting.envmap import render
 from lighting.files import full_record, read_exr
+from lighting.scene import EXPORTERS, Exporter
+from lighting.scene.tools import RECORD
 from tests.lighting.cli.runners import error_of, run
 from tests.scenes import LIGHT
 
@@ -124,6 +126,31 @@ def test_a_scene_never_replaces_the_photo(photo_path: Path, record_path: Path, t
     assert run("scene", photo, *arguments, "--for", "gltf").exit_code == 0
     assert sorted(path.name for path in shot.iterdir()) == sorted([name, "scene.glb"])
     assert photo.read_bytes() == before
+
+
+@pytest.mark.parametrize("tool", [tool for tool, entry in EXPORTERS.items() if RECORD in entry.files])
+def test_a_scene_never_replaces_the_record_that_it_reads(photo_path: Path, record_path: Path, tool: str) -> None:
+    """What is not written into a scene's record was lost, such as the file's own notes."""
+    before = record_path.read_bytes()
+    arguments: list[str | Path] = ["scene", photo_path, "--for", tool, "--lighting", record_path]
+    said = error_of(run(*arguments, "-o", record_path.parent, "--overwrite"), 2)
+    assert said == f"The scene would replace {record_path}; choose another folder."
+    assert record_path.read_bytes() == before
+
+
+@pytest.mark.parametrize("own", ["photo", "record"])
+def test_a_scene_of_an_added_tool_replaces_no_input(
+    photo_path: Path, record_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: str
+) -> None:
+    replaced = {"photo": photo_path, "record": record_path}[own]
+    toy = Exporter(lambda _scene, folder: (folder / replaced.name).write_text("toy"), files=(replaced.name,))
+    monkeypatch.setitem(EXPORTERS, "toy", toy)
+    before = replaced.read_bytes()
+    arguments: list[str | Path] = ["scene", photo_path, "--for", "toy", "--lighting", record_path, "--overwrite"]
+    assert f"would replace {replaced}" in error_of(run(*arguments, "-o", replaced.parent), 2)
+    assert replaced.read_bytes() == before
+    assert run(*arguments, "-o", tmp_path / "elsewhere", "-q").exit_code == 0
+    assert (tmp_path / "elsewhere" / replaced.name).read_text() == "toy"
 
 
 def test_a_bad_photo_is_one_sentence(tmp_path: Path, record_path: Path) -> None:

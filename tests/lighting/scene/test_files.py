@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from lighting.errors import SceneError
-from lighting.scene import TOOLS, Scene, blender, mitsuba, write_scene, zip_scene
+from lighting.scene import EXPORTERS, Scene, blender, mitsuba, write_scene, zip_scene
 from tests.scenes import PLAIN, known_scene, plain_scene
 
 
@@ -75,7 +75,7 @@ def test_an_unknown_tool_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize("tool", EXPORTERS)
 def test_an_archive_holds_what_the_folder_holds(tmp_path: Path, tool: str) -> None:
     write_scene(plain_scene(), tool, tmp_path / "out")
     with zipfile.ZipFile(BytesIO(zip_scene(plain_scene(), tool))) as archive:
