@@ -16,6 +16,7 @@ from export.video import PARTS as VIDEO_PARTS
 from lighting.errors import LightingError
 
 Command = Callable[..., Any]
+FITS = ("ground", "sky-color", "sun-color", "sun-power")  # of export.evaluation.fit_constants
 
 
 def option(name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any) -> Callable[[Command], Command]:
@@ -217,52 +218,25 @@ def evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **given:
 
 
 @cli.command()
+@click.argument("name", type=click.Choice(FITS))
 @data
 @labels
 @network
-def sky(data: Path, labels: Path, model: Path | None) -> None:
-    """Fit how far the colour of the sky in a photo may be trusted for the whole sky; print what it gains."""
-    from export.evaluation.sky_colour import sky_report
+@option("--seen", "Folder of panoramas that the network learnt from; `ground` leaves their places out. [default: none]")
+def fit(name: str, data: Path, labels: Path, model: Path | None, seen: Path | None) -> None:
+    """Fit constants of the light; print them and what they gain.
+
+    ground: how far the network tells the ground's brightness better than the photo does. sky-color: how far the color
+    of the sky in a photo may be trusted for the whole sky. sun-color: how far the sun's color goes to that of a clear
+    sky's sun. sun-power: by how much the network understates a sun that shines.
+    """
+    from export.evaluation import fit_constants
     from lighting.model import Model
 
-    click.echo(sky_report(Model.load(model), data, labels))
-
-
-@cli.command()
-@data
-@labels
-@network
-@option("--seen", "Folder of panoramas that the network learnt from; its places are left out. [default: none]")
-def ground(data: Path, labels: Path, model: Path | None, seen: Path | None) -> None:
-    """Fit how far the network tells the ground's brightness better than the photo does; print what it gains."""
-    from export.evaluation.ground import ground_report
-    from lighting.model import Model
-
-    click.echo(ground_report(Model.load(model), data, labels, seen))
-
-
-@cli.command("sun-power")
-@data
-@labels
-@network
-def sun_power(data: Path, labels: Path, model: Path | None) -> None:
-    """Fit by how much the network understates a sun that shines."""
-    from export.evaluation.sun_power import sun_power_report
-    from lighting.model import Model
-
-    click.echo(sun_power_report(Model.load(model), data, labels))
-
-
-@cli.command("sun-colour")
-@data
-@labels
-@network
-def sun_colour(data: Path, labels: Path, model: Path | None) -> None:
-    """Fit how far the sun's colour goes to that of a clear sky's sun."""
-    from export.evaluation.sun_colour import sun_colour_report
-    from lighting.model import Model
-
-    click.echo(sun_colour_report(Model.load(model), data, labels))
+    if seen and name != "ground":
+        raise click.UsageError(f"--seen is for the fit ground, not for {name}.")
+    more = {"seen": seen} if seen else {}
+    click.echo(fit_constants.FITS[name](Model.load(model), data, labels, **more))
 
 
 @cli.command()

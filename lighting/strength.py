@@ -13,9 +13,9 @@ from lighting.sky import sun_radiance
 
 _SURE = 0.8  # visibility from which the sun has its full irradiance
 _FADING = 5.0  # power of the fall below it, by panoramas of `train` that the networks asked about them never saw
-_SHY = 0.18  # stops by which a sun that shines is understated; `python -m export sun-power` fitted it on `train`
+_SHY = 0.18  # stops by which a sun that shines is understated; `python -m export fit sun-power` fitted it on `train`
 _HIDDEN_SKY = 0.7  # stops by which an overcast sky is understated, by the overcast HDR panoramas of `train`
-_USUAL = 0.4  # power to which a sun goes to the clear sun's colour; `python -m export sun-colour` fitted it on `train`
+_USUAL = 0.4  # power to which a sun goes to the clear sun's colour, of `python -m export fit sun-color` on `train`
 _CLEAR = 3.0  # turbidity of those suns
 _WHITE = 60.0  # deg of elevation of the clear sun that cameras show as white
 _LOW = (3.0, 12.0)  # deg of elevation between which the sun's colour follows its known elevation

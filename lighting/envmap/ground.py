@@ -16,7 +16,7 @@ _KEPT = (0.25, 0.75)  # quantiles of brightness between which pixels count
 _RANGE = (0.02, 0.9)  # of the reflectance
 _BLACK = 1e-6  # radiance or irradiance that stands for none
 _OTHER = 0.6  # how far the brightness goes, under a clear sky, to that of the ground all around as the network has it;
-_DARKER = 0.2  # with the stops by which that is too dark: `python -m export ground`, on places that a network never saw
+_DARKER = 0.2  # stops by which that is too dark; `python -m export fit ground`, on places that a network never saw
 
 
 def photo_ground(

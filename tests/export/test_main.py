@@ -54,9 +54,9 @@ def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, ne
     asked = ["--labels", str(data / "labels.csv"), "--model", str(network)]
     for command, folder, message in (
         (["evaluate", *asked, "--out", str(tmp_path / "out")], tmp_path, "is of the split val"),
-        (["sky", *asked], data, "The network states no light"),
-        (["ground", *asked], data, "The network states no light"),
-        (["sun-colour", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
+        (["fit", "sky-color", *asked], data, "The network states no light"),
+        (["fit", "ground", *asked], data, "The network states no light"),
+        (["fit", "sun-color", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
         (["video", "--model", str(network)], tmp_path, "is of the split val"),
         (["turns", "pairs"], tmp_path, "is left in `val`"),
     ):

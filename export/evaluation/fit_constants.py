@@ -1,0 +1,370 @@
+"""The constants of light that are fitted to data: ground and sky of a photo, colour and power of the sun.
+
+FITS names them. Each fit prints the constants, and the errors with and without them.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from export.crops import (
+    augment,
+    clear_ratio,
+    generator,
+    irradiance_of,
+    load_sources,
+    paper_camera,
+    take,
+    training_camera,
+)
+from export.data import DataError, needed_photo_rows, read_index
+from export.evaluation.light import WEATHER, Judged, by_network, estimates, judged, judged_of
+from export.evaluation.records import Bools, Names
+from export.evaluation.tables import table
+from lighting.colour import luminance, tone_map
+from lighting.decoding import lighting_from
+from lighting.envmap import level_irradiance
+from lighting.envmap.ground import brightness_below, photo_ground
+from lighting.envmap.sky_colour import sky_ratio
+from lighting.errors import ModelError
+from lighting.evidence import said_of
+from lighting.geometry import Floats, angle_between
+from lighting.model import Model
+from lighting.photo import Photo, photo_of, read_photo
+from lighting.strength import toward_clear
+
+SPLITS = ("train", "val")
+GROUND_SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground under a clear sky, tried
+GROUND_STOPS = np.linspace(0.0, 0.6, 7)  # stops by which it is too dark, tried
+MIN_LUMINANCE = 1e-6  # luminance that stands for none
+SKY_CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
+COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))  # ranges of cover, 0 clear to 1 overcast, told apart
+SUN_POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's colour, tried
+MIN_ELEVATION = 1.0  # deg, of the sun, under which a clear sky says little of its power
+_ROUNDS = 20  # of least squares, weighted so that it comes near to least absolute errors
+_SMALL = 0.1  # nat, error from which a crop counts for less
+_NO_LIGHT = "The network states no light."
+
+
+# The ground: how far the network's ground all around tells its brightness better than the photo's own pixels do.
+# Panoramas tell all the ground. A network knows the places that it learnt from, so another one has to be asked.
+
+
+@dataclass(frozen=True, eq=False)
+class GroundSamples:
+    """Log2 of the ground's luminance in crops that show ground."""
+
+    photo: Floats  # (N,) by the photo's pixels
+    around: Floats  # (N,) by the network
+    true: Floats  # (N,) of all the ground that the panorama shows
+    cover: Floats  # (N,) of the sky, 0 clear to 1 overcast, by the network
+    weather: Names  # (N,)
+    place: Names  # (N,)
+
+    def errors(self, share: float, darker: float) -> Floats:
+        """Sizes (N,) of the errors [stops] where the network's ground counts for that share, less under cloud."""
+        share_here = share * (1 - self.cover)
+        return np.abs(self.photo + share_here * (self.around + darker - self.photo) - self.true)
+
+
+def sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> GroundSamples:
+    """The grounds of a split's panoramas of WEATHER, of 8 bits as well, at places that the folder `seen` has not.
+
+    DataError where there are none or their crops show no ground, ModelError if the network states no light.
+    """
+    known = {panorama.place for panorama in read_index(seen)} if seen else set()
+    panoramas = [p for p in read_index(data, part) if (p.sun, p.direct) in WEATHER and p.place not in known]
+    shown = judged_of(panoramas, labels, model.spec)
+    found: list[tuple[float, ...]] = []
+    kinds: list[tuple[str, str]] = []
+    answers = estimates(model, shown.crops)
+    for (estimate, place), truth, weather, (source, _) in zip(
+        answers, shown.truth, shown.sunny, shown.views, strict=True
+    ):
+        light = estimate.lighting
+        if light.sky_irradiance is None:
+            raise ModelError(_NO_LIGHT)
+        reflectance = photo_ground(place.photo, light)
+        if reflectance is None or place.around is None:
+            continue
+        radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
+        levels = radiance, brightness_below(place.around), max(float(luminance(truth.ground)), MIN_LUMINANCE)
+        found.append((*np.log2(levels), light.sky_cover or 0.0))
+        kinds.append((str(weather), source.panorama.place))
+    if not found:
+        raise DataError(f"No crop of the panoramas of {part} that are sunny or overcast shows ground.")
+    return GroundSamples(*np.array(found).T, *np.array(kinds).T)
+
+
+def fit_ground_share(grounds: GroundSamples) -> tuple[float, float]:
+    """The smallest share, with its stops, that is no worse than the best one by more than a standard error.
+
+    The error is that of their difference in the mean, for the same crops judge both, over places, for the crops of one
+    are not independent.
+    """
+    errors = np.array([[grounds.errors(share, darker) for darker in GROUND_STOPS] for share in GROUND_SHARES])
+    darker = errors.mean(axis=-1).argmin(axis=1)  # the best stops of each share
+    at_best = errors[np.arange(len(GROUND_SHARES)), darker]
+    best = at_best[at_best.mean(axis=1).argmin()]
+    good = (at_best - best).mean(axis=1) <= [clustered_error(row - best, grounds.place) for row in at_best]
+    share = int(np.flatnonzero(good)[0])
+    return float(GROUND_SHARES[share]), float(GROUND_STOPS[darker[share]])
+
+
+def clustered_error(values: Floats, places: Names) -> float:
+    """The standard error of the mean of values (N,), of which those of one place are not independent."""
+    _, index = np.unique(places, return_inverse=True)
+    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))
+
+
+def report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:
+    """The fit on places of `train` that the folder `seen` has not, both weathers alike, and errors in both splits."""
+    parts = {part: sample_grounds(model, data, labels, part, seen if part == "train" else None) for part in SPLITS}
+    share, darker = fit_ground_share(_balanced(parts["train"]))
+    rows = []
+    for part, grounds in parts.items():
+        groups = {str(weather): grounds.weather == weather for weather in np.unique(grounds.weather)}
+        rows += _error_rows(part, groups, grounds.errors(0.0, 0.0), grounds.errors(share, darker), (2, 2))
+    names = ["photo, median [stops]", "with the network", "photo, mean", "with the network"]
+    first = f"Share of the network: {share:.1f} x (1 - cover), {darker:.1f} stops brighter"
+    return f"{first}\n\n{table(['split', 'weather', 'crops', *names], rows)}"
+
+
+def _balanced(grounds: GroundSamples) -> GroundSamples:
+    """The same with the rarer weather repeated, so that both count alike."""
+    kinds, counts = np.unique(grounds.weather, return_counts=True)
+    chosen = np.concatenate([
+        np.resize(np.flatnonzero(grounds.weather == kind), int(counts.max())) for kind in kinds
+    ])  # fmt: skip
+    known = (grounds.photo, grounds.around, grounds.true, grounds.cover, grounds.weather, grounds.place)
+    return GroundSamples(*(values[chosen] for values in known))
+
+
+# The sky's colour: how far that of the sky in a photo may be trusted for the whole sky.
+
+
+@dataclass(frozen=True, eq=False)
+class SkySamples:
+    """Crops whose sky's power is known, in the colours of many cameras."""
+
+    ratio: Floats  # (N, 3) of the sky in the picture to the map, green 1; NaN where none is seen
+    cover: Floats  # (N,)
+    said: Floats  # (N, 3) the sky's irradiance by the network
+    true: Floats  # (N, 3)
+
+    @property
+    def seen(self) -> "SkySamples":
+        """Those whose picture shows sky."""
+        there = np.isfinite(self.ratio[:, 0])
+        return SkySamples(self.ratio[there], self.cover[there], self.said[there], self.true[there])
+
+
+def sample_skies(model: Model, data: Path, labels: Path, part: str) -> SkySamples:
+    """Crops of all panoramas of a split that tell the power of their sky, by the pixels alone.
+
+    DataError if there is none, ModelError if the network states no light.
+    """
+    rows = list(_sky_rows(model, data, labels, part))
+    if not rows:
+        raise DataError(f"No panorama of {data} in `{part}` tells the power of its sky.")
+    return SkySamples(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
+
+
+def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[Floats, float, Floats, Floats]]:
+    for source in load_sources(read_index(data, part), labels):
+        true = irradiance_of(source).sky
+        if not np.isfinite(true).all():
+            continue
+        for number, camera in enumerate(SKY_CAMERAS):
+            rng = generator(source.panorama.name, number, "colour of the sky")
+            crop = take(source, camera(rng), model.spec)
+            pixels, gains, _ = augment(crop, rng)
+            height, width = pixels.shape[:2]
+            light = by_network(model, Photo(pixels, width, height, "PIXELS")).lighting
+            if light.sky_irradiance is None:
+                raise ModelError(_NO_LIGHT)
+            ratio = sky_ratio(pixels, light)
+            yield (
+                np.full(3, np.nan) if ratio is None else ratio,
+                light.sky_cover or 0.0,
+                np.array(light.sky_irradiance),
+                true * gains * crop.gain,
+            )
+
+
+def fit_sky_trust(skies: SkySamples) -> Floats:
+    """The power (2,) of the ratio under a clear sky, and what the square of the cover adds to it."""
+    shift, wanted = (_chroma(values) for values in (skies.ratio, skies.true / skies.said))
+    terms = (np.stack([np.ones_like(skies.cover), skies.cover**2], axis=1)[:, None] * shift[..., None]).reshape(-1, 2)
+    weight = np.ones(len(terms))
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)
+        trust = np.linalg.lstsq(terms * root[:, None], wanted.ravel() * root, rcond=None)[0]
+        weight = 1 / np.maximum(np.abs(wanted.ravel() - terms @ trust), _SMALL)
+    return np.asarray(trust)
+
+
+def sky_color_errors(skies: SkySamples, trust: Floats) -> Floats:
+    """Angle [deg] (N,) between the colours of the sky's irradiance, said and true, with that trust in the picture."""
+    said = skies.said * skies.ratio ** (trust[0] + trust[1] * skies.cover**2)[:, None]
+    return angle_between(said, skies.true)
+
+
+def report_sky_color(model: Model, data: Path, labels: Path) -> str:
+    """The fit on `train`, and errors of the sky's colour in both splits, by the cover that the network says."""
+    parts = {part: sample_skies(model, data, labels, part) for part in SPLITS}
+    trust = fit_sky_trust(parts["train"].seen)
+    rows = []
+    for part, skies in parts.items():
+        seen = skies.seen
+        groups = {f"{low:g} to {min(high, 1):g}": (seen.cover >= low) & (seen.cover < high) for low, high in COVERS}
+        rows += _error_rows(part, groups, sky_color_errors(seen, np.zeros(2)), sky_color_errors(seen, trust), (1, 2))
+    shown = sum(len(skies.seen.cover) for skies in parts.values()) / sum(len(skies.cover) for skies in parts.values())
+    names = ["network, median [deg]", "with the photo", "network, mean", "with the photo"]
+    first = f"Power of the ratio: {trust[0]:.2f} + {trust[1]:.2f} cover^2"
+    share = f"sky is seen in {100 * shown:.0f} % of the crops."
+    return f"{first}; {share}\n\n{table(['split', 'cover', 'crops', *names], rows)}"
+
+
+def _chroma(values: Floats) -> Floats:
+    """Log of red and blue over green (N, 2) of colours (N, 3)."""
+    logs = np.log(np.maximum(values, 1e-9))
+    return np.asarray(logs[:, ::2] - logs[:, 1:2])
+
+
+# The sun's colour: how far it goes to that of a clear sky's sun at the same height. Most panoramas clip the sun; its
+# target is then their sky's times a clear sky's ratio. In 8-bit pictures, whose sky is too blue, such a sun has too
+# little red. The sunny HDR panoramas say how its colour is: the network saw those of `train`, not those of `val`.
+# Some clip the sun as well, so the errors on `train` stand once more without these; few notes of `val` say it.
+
+
+@dataclass(frozen=True)
+class SunSample:
+    """A sun as it is and as the network states it, in one crop."""
+
+    place: str
+    true: Floats  # (3,) irradiance of a surface that faces it
+    said: Floats  # (3,) the same by the network
+    true_level: Floats  # (3,) irradiance of level ground by sun and sky
+    said_sky: Floats  # (3,) that of level ground by the sky alone, by the network
+    elevation: float  # deg, by the pixels
+    unclipped: bool  # whether the panorama's notes say so of it
+
+
+def sample_suns(model: Model, shown: Judged) -> list[SunSample]:
+    """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
+    found = []
+    for (source, _), crop, truth in zip(shown.views, shown.crops, shown.truth, strict=True):
+        if truth.sun_direction is None:
+            continue
+        light = lighting_from(said_of(model, photo_of(tone_map(crop.linear))))
+        if light.sun_irradiance is None or light.sky_irradiance is None:
+            raise ModelError(_NO_LIGHT)
+        level = truth.sun_irradiance * truth.sun_direction[1] + truth.sky_irradiance
+        said, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
+        if light.sun_shines:
+            shot, true = source.panorama, truth.sun_irradiance
+            found.append(SunSample(shot.place, true, said, level, sky, light.sun_elevation, shot.sun_is_unclipped))
+    if not found:
+        raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
+    return found
+
+
+def sun_color_errors(suns: Sequence[SunSample], power: float) -> Floats:
+    """Angles (2,) between colours [deg], of the sun and of the light on level ground: means of the places' medians."""
+    places: dict[str, list[Floats]] = {}
+    for sun in suns:
+        colour = toward_clear(sun.said, sun.elevation, power)
+        level = colour * np.sin(np.radians(sun.elevation)) + sun.said_sky
+        both = angle_between(colour, sun.true), angle_between(level, sun.true_level)
+        places.setdefault(sun.place, []).append(np.array(both, dtype=np.float64))
+    return np.asarray(np.mean([np.median(found, axis=0) for found in places.values()], axis=0))
+
+
+def report_sun_color(model: Model, data: Path, labels: Path) -> str:
+    """The errors of colour by power, on `train` and on `val`."""
+    train, val = (sample_suns(model, judged(data, labels, model.spec, part)) for part in SPLITS)
+    unclipped = [sun for sun in train if sun.unclipped]
+    parts = {"train": train, **({"train, unclipped": unclipped} if unclipped else {}), "val": val}
+    rows = []
+    for power in SUN_POWERS:
+        pairs = (sun_color_errors(suns, power) for suns in parts.values())
+        rows.append([f"{power:g}", *(f"{sun:.1f}° / {level:.1f}°" for sun, level in pairs)])
+    counts = ", ".join(f"{len(suns)} crops of `{part}`" for part, suns in parts.items())
+    header = ["power", *(f"{part}: sun / level light" for part in parts)]
+    return f"Error of colour in {counts}, the mean of places\n\n{table(header, rows)}"
+
+
+# The sun's power: how far the network understates a sun that shines. A network that minimises errors keeps to the
+# middle: of a sun that surely shines it still says a little less than such suns give. Of the ordinary photos of `train`
+# it learnt the direction alone, so what it says of the power of the sun in those taken in direct sunlight is compared
+# with the suns of the unclipped HDR panoramas, by the ratio of sun to sky over that of a clear sky with a sun as high.
+
+
+def stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
+    """Stops (N,) of the luminance of suns (3,) over that of skies (3,) above clear skies with suns at elevations [deg].
+
+    Of a clear sky it is the luminance of the channels' ratios: it only has to be the same for all that are compared.
+    """
+    said = luminance(np.array(sun)) / luminance(np.array(sky))
+    clear = luminance(np.array([clear_ratio(round(e)) for e in elevation]))
+    return np.asarray(np.log2(said / clear))
+
+
+def panorama_sun_stops(data: Path, labels: Path) -> Floats:
+    """What the sunny HDR panoramas of `train` with an unclipped sun have over a clear sky [stops]."""
+    panoramas = [p for p in read_index(data, "train") if p.kind == "hdr" and p.direct == "yes"]
+    known = [(s, irradiance_of(s)) for s in load_sources(panoramas, labels)]
+    seen = [(s.label.sun_elevation, light) for s, light in known if s.panorama.sun_is_unclipped]
+    if not seen:
+        raise DataError(f"{data} has no sunny HDR panorama in `train` whose sun is unclipped.")
+    return stops_over_clear([light.sun for _, light in seen], [light.sky for _, light in seen], [e for e, _ in seen])
+
+
+def photo_sun_stops(model: Model, data: Path) -> Floats:
+    """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
+    rows = [r for r in needed_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= MIN_ELEVATION]
+    lights = [said_of(model, read_photo(row.path)).light for row in rows]
+    said = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
+    if not said:
+        raise DataError(f"No photo of {data} was taken in direct sun, or the network says nothing of the light.")
+    suns, skies = ([getattr(light, name) for light, _ in said] for name in ("sun_irradiance", "sky_irradiance"))
+    return stops_over_clear(suns, skies, [elevation for _, elevation in said])
+
+
+def report_sun_power(model: Model, data: Path, labels: Path) -> str:
+    """The stops that are missing, and quartiles of both sides."""
+    sides = {
+        "HDR panoramas, unclipped sun": panorama_sun_stops(data, labels),
+        "photos, as said": photo_sun_stops(model, data),
+    }
+    true, said = (float(np.median(values)) for values in sides.values())
+    header = ["`train`, in direct sun", "number", "sun / sky over a clear sky, median [stops]", "quartiles"]
+    rows = []
+    for name, values in sides.items():
+        low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
+        rows.append([name, str(len(values)), f"{middle:+.2f}", f"{low:+.2f} to {high:+.2f}"])
+    return f"A sun that shines is understated by {true - said:.2f} stops\n\n{table(header, rows)}"
+
+
+FITS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`
+    "ground": report_ground,
+    "sky-color": report_sky_color,
+    "sun-color": report_sun_color,
+    "sun-power": report_sun_power,
+}
+
+
+def _error_rows(
+    part: str, groups: dict[str, Bools], before: Floats, after: Floats, digits: tuple[int, int]
+) -> list[list[str]]:
+    """A row a group that is not empty: its size, medians before and after, means before and after."""
+    rows = []
+    for name, chosen in groups.items():
+        if chosen.any():
+            medians = [f"{np.median(error[chosen]):.{digits[0]}f}" for error in (before, after)]
+            means = [f"{error[chosen].mean():.{digits[1]}f}" for error in (before, after)]
+            rows.append([part, name, str(chosen.sum()), *medians, *means])
+    return rows
