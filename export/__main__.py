@@ -279,7 +279,7 @@ def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, mode
 @data
 @click.option("--split", type=click.Choice(["train", "val"]), default="val", show_default=True)
 @click.option("--last", type=click.IntRange(1), help="Only the last rows of the index, which a network did not see.")
-@click.option("--count", type=click.IntRange(1), help="At most so many places, walks and days. [all]")
+@click.option("--count", type=click.IntRange(1), help="At most so many places and walks. [all]")
 @network
 @click.argument("parts", nargs=-1, type=click.Choice(TURNS_PARTS))
 def turns(parts: tuple[str, ...], **asked: Any) -> None:

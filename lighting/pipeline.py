@@ -13,7 +13,6 @@ from lighting.evidence import (
     NOTHING_GIVEN,
     Evidence,
     Given,
-    camera_evidence,
     check_given,
     check_heading,
     check_headings,
@@ -32,7 +31,6 @@ from lighting.records import Estimate, Prediction, clipped_colour
 from lighting.strength import with_ground
 
 if TYPE_CHECKING:
-    from lighting.evidence import Fit
     from lighting.turns import Placed, View
 
 Placing = Callable[[Sequence["View"]], "Sequence[Placed] | None"]  # as `lighting.turns.place_apart`; None is no answer
@@ -96,29 +94,6 @@ class Estimator:
         placed = placing and placing(_views(photos, said, evidence))
         fused = fuse_together(said, evidence, headings, placed)
         return with_seen_colours(photos, [estimate_of(answer, fact) for answer, fact in zip(fused, facts, strict=True)])
-
-    def follow(
-        self,
-        photos: Sequence[Photo],
-        kind: str,
-        given: Given = NOTHING_GIVEN,
-        headings: Sequence[float] | None = None,
-    ) -> "Fit":
-        """The heading, the latitude, or date and clock (`kind` "heading", "latitude" or "time") by the sun's path.
-
-        The photos are of one place over hours; without headings they are matched as `together` does. ParameterError
-        for another kind, and where they do not say what it needs; MissingExtraError without OpenCV.
-        """
-        _check_asked(photos, given)
-        if not photos:
-            raise ParameterError("There are no photos to fit anything to.")
-        check_headings(len(photos), headings)
-        said = [self.predict(photo, given) for photo in photos]
-        evidence = [camera_evidence(photo.facts, given) for photo in photos]
-        placed = _place(_views(photos, said, evidence)) if headings is None and len(photos) > 1 else None
-        from lighting.evidence.fit import fit, series_of
-
-        return fit(series_of(said, [photo.facts for photo in photos], given, headings, placed), kind)
 
 
 def estimate_from(photo: Photo, said: Prediction, given: Given = NOTHING_GIVEN) -> Estimate:

@@ -12,7 +12,7 @@ from export.turns import PARTS, groups, overlap, pairs
 from export.turns.sets import one_each
 from lighting.model import Model
 
-WALKS, SETS, DAYS = 24, 36, 6  # rendered places walked through, places with a set, rendered days
+WALKS, SETS = 24, 36  # rendered places walked through, places with a set
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Asked:
     parts: Sequence[str] = PARTS
     split: str = "val"
     last: int | None = None  # only so many last rows of the index, from places that no earlier row has
-    count: int | None = None  # at most so many places, walks and days of each part
+    count: int | None = None  # at most so many places and walks of each part
     model: Path | None = None  # None: the one in the package
 
     def most(self, usual: int) -> int:
@@ -34,9 +34,9 @@ class Asked:
 def report(asked: Asked) -> str:
     """The tables asked for; DataError if no panorama is left for them."""
     panoramas = _rows(asked.data, asked.split, asked.last)
-    if not panoramas and not {"walks", "days"}.issuperset(asked.parts):  # which are rendered
+    if not panoramas and set(asked.parts) != {"walks"}:  # which are rendered
         raise DataError(f"No panorama of {asked.data} is left in `{asked.split}`.")
-    made = {"pairs": _pairs, "zooms": _zooms, "walks": _walks, "sets": _sets, "overlap": _overlap, "days": _days}
+    made = {"pairs": _pairs, "zooms": _zooms, "walks": _walks, "sets": _sets, "overlap": _overlap}
     return "\n\n".join(made[part](asked, panoramas) for part in asked.parts) + "\n"
 
 
@@ -101,14 +101,6 @@ def _overlap(asked: Asked, panoramas: Sequence[Panorama]) -> str:
     title = f"## Views of {len(views)} panoramas of {len({v.place for v in views})} places"
     learnt = _figures({**overlap.halves(views), "all places": overlap.learn(views) | {"NLL of the other half": np.nan}})
     return "\n\n".join([title, "How the errors correlate", learnt, _figures(rows)])
-
-
-def _days(asked: Asked, _: Sequence[Panorama]) -> str:
-    from export.turns.days import figures
-
-    count = asked.most(DAYS)
-    title = f"## The sun's path over {count} rendered days, photos from a tripod"
-    return f"{title}\n\n{_figures(figures(_network(asked), count))}"
 
 
 def _figures(rows: dict[str, dict[str, float]]) -> str:

@@ -69,7 +69,7 @@ class Daylight:
 
 
 class Walk:
-    """A rendered place to walk through, the same for one number, under a light of its own that may be replaced."""
+    """A rendered place to walk through, the same for one number, under a light of its own."""
 
     def __init__(self, number: int) -> None:
         find_llvm()

@@ -19,14 +19,14 @@ from lighting.cli.files import (
     write_map,
     write_preview,
 )
-from lighting.cli.fit import fitted, print_fit
-from lighting.cli.given import check_together, fit_option, given_options, headings_option, together_option
+from lighting.cli.given import check_together, given_options, headings_option, together_option
 from lighting.cli.group import cli
 from lighting.cli.options import (
     map_options,
     map_output,
     model_option,
     preview_file,
+    removed_option,
     surroundings_option,
     unwarned_option,
 )
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line instead of words.")
 @together_option
 @headings_option
-@fit_option
+@removed_option("--fit", "--together with time and place says where each camera looks")
 @given_options
 @model_option
 @unwarned_option
@@ -65,9 +65,6 @@ def estimate(
         raise click.UsageError("Only one of the photos can be stdin.")
     check_together(len(photos), given, **taken_together)
     estimator = load_estimator(model)
-    if fit := taken_together.pop("fit"):
-        print_fit(fitted(estimator, photos, fit, given, taken_together["headings"]), as_json, quiet)
-        return
     report_unmatched(quiet, **taken_together)
     failed = 0
     with progress_over(photos, quiet) as progress:

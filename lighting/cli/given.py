@@ -66,12 +66,6 @@ headings_option = click.option(
     help="Where each camera points, clockwise from any common direction.",
 )
 
-fit_option = click.option(
-    "--fit",
-    type=click.Choice(["heading", "latitude", "time"]),
-    help="Print this of the whole set instead, by the sun's path over hours.",
-)
-
 
 def _options(*names: str) -> Decorator:
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -108,12 +102,8 @@ def as_typed(sentence: str, options: dict[str, str]) -> str:
     return f"--{options[name].replace('_', '-')}{space}{rest}" if name in options else sentence
 
 
-def check_together(
-    photos: int, given: "Given", together: bool, headings: list[float] | None, fit: str | None = None
-) -> None:
+def check_together(photos: int, given: "Given", together: bool, headings: list[float] | None) -> None:
     """Raise UsageError where what is said of several photos does not fit their number."""
-    if fit is not None and not together:
-        raise click.UsageError("--fit needs --together.")
     if together and photos < 2:
         raise click.UsageError("--together needs two photos or more.")
     if headings is not None and not together:

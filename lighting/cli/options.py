@@ -116,6 +116,16 @@ def _compression(_ctx: click.Context, _param: click.Parameter, name: str | None)
     return name
 
 
+def removed_option(name: str, instead: str) -> Callable[[Command], Command]:
+    """An option that is gone and that no help shows: its use ends with a sentence about what there is instead."""
+
+    def refuse(_ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
+        if value is not None:
+            raise click.UsageError(f"{name} was removed: {instead}.")
+
+    return click.option(name, hidden=True, expose_value=False, is_eager=True, callback=refuse)
+
+
 height_option = click.option(
     "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
 )

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from lighting.evidence.distributions import elevation_density, ring_of, seen_from
     from lighting.evidence.ephemeris import sun_position
     from lighting.evidence.facts import location_of, zones
-    from lighting.evidence.fit import Fit, Range
     from lighting.evidence.frames import check_heading, check_headings, read_headings
     from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, stand
     from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given, check_given
@@ -29,12 +28,10 @@ __all__ = [
     "NOTHING_GIVEN",
     "SHORT_NAMES",
     "Evidence",
-    "Fit",
     "Fused",
     "Given",
     "Gravity",
     "Known",
-    "Range",
     "as_shown",
     "camera_evidence",
     "check_given",
@@ -75,12 +72,10 @@ __getattr__ = from_homes(
         "NOTHING_GIVEN": "given",
         "SHORT_NAMES": "given",
         "Evidence": "fusion",
-        "Fit": "fit",
         "Fused": "fusion",
         "Given": "given",
         "Gravity": "gravity",
         "Known": "metadata",
-        "Range": "fit",
         "as_shown": "said",
         "camera_evidence": "metadata",
         "check_given": "given",

@@ -59,10 +59,10 @@ def _sunlight(lighting: Lighting, fused: Fused, known: Known) -> dict[str, Any]:
 
 def _suitable(by_pixels: float, known: Known) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
-    return significant(min(by_exposure(by_pixels, known.evidence), 1.0 if known.sun_is_up else _IN_TWILIGHT))
+    return significant(min(_by_exposure(by_pixels, known.evidence), 1.0 if known.sun_is_up else _IN_TWILIGHT))
 
 
-def by_exposure(suitable: float, evidence: Evidence) -> float:
+def _by_exposure(suitable: float, evidence: Evidence) -> float:
     """What the pixels say of `suitable`, times the probability of daylight by the exposure that the camera noted."""
     exposure = evidence.exposure_value
     return suitable if exposure is None else suitable * daylight_probability(exposure)

@@ -108,7 +108,7 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
     found = [known(fact, given) for fact in (there if given.utc_offset is not None else by_one_clock(there))]
     if given.use_exif and given.latitude is None:
         found = [
-            replace(k, warnings=(*k.warnings, *elsewhere(own, used))) if k.evidence.candidates else k
+            replace(k, warnings=(*k.warnings, *_elsewhere(own, used))) if k.evidence.candidates else k
             for k, own, used in zip(found, facts, there, strict=True)
         ]
     if any(k.is_night for k in found):
@@ -121,7 +121,7 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
     return _timeless(found, f"{_NIGHT_IN_ALL_ZONES}: time and place were not used.")
 
 
-def elsewhere(facts: PhotoFacts, used: PhotoFacts) -> tuple[str, ...]:
+def _elsewhere(facts: PhotoFacts, used: PhotoFacts) -> tuple[str, ...]:
     """A warning where a photo's own place is another than the one that is used for all."""
     places = (location_of(facts), location_of(used))
     there = [direction(place[1], place[0]) for place in places if place is not None]

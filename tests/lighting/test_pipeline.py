@@ -100,8 +100,6 @@ def test_an_estimator_says_what_it_takes(network: Path, thing: Any) -> None:
         estimator(thing)
     with pytest.raises(PhotoError, match="A Photo is needed"):
         estimator.together([thing, thing])
-    with pytest.raises(PhotoError, match="A Photo is needed"):
-        estimator.follow([thing, thing], "heading", headings=[0.0, 0.0])
 
 
 def test_photos_taken_together_are_a_list_and_matching_is_a_choice(network: Path) -> None:
@@ -127,18 +125,9 @@ def test_what_is_known_of_a_photo_is_a_given(network: Path, photo_path: Path, gi
     for ask in (
         lambda: estimator(photo, given),
         lambda: estimator.together([photo, photo], given),
-        lambda: estimator.follow([photo, photo], "heading", given),
     ):
         with pytest.raises(ParameterError, match=f"is a Given, not {type(given).__name__}"):
             ask()
-
-
-def test_what_cannot_be_fitted_is_said(network: Path, photo_path: Path) -> None:
-    estimator, photo = Estimator(Model.load(network)), read_photo(photo_path)
-    with pytest.raises(ParameterError, match="no photos"):
-        estimator.follow([], "heading")
-    with pytest.raises(ParameterError, match="'longitude' cannot be fitted; it must be one of heading, latitude, time"):
-        estimator.follow([photo, photo], "longitude", headings=[0.0, 0.0])
 
 
 def test_no_photos_together_give_no_answers_and_headings_are_one_each(network: Path, photo_path: Path) -> None:

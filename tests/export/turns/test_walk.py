@@ -1,13 +1,9 @@
-"""Rendered walks and days: what is nearer moves more, and suns are where the ephemeris has them."""
-
-from datetime import timedelta
+"""Rendered walks: what is nearer moves more, and a lower sun is redder."""
 
 import numpy as np
 import pytest
 
-from export.turns.days import LOWEST, PHOTOS, _daylight
 from export.turns.walk import Daylight, Standpoint, Walk
-from lighting.evidence import sun_position
 from lighting.records import Lighting
 from lighting.sky import sun_radiance
 
@@ -33,10 +29,3 @@ def test_a_lower_sun_throws_redder_light() -> None:
     assert (high.ambient > 0).all()
     expected = sun_radiance(Lighting(0.0, 60.0, turbidity=3.0, exposure=0.02).sun_direction, 3.0)
     assert high.beam / high.beam[0] == pytest.approx(np.asarray(expected) / expected[0])
-
-
-def test_a_day_has_its_photos_in_daylight() -> None:
-    times = _daylight(np.random.default_rng(0), 48.0, 11.0)
-    assert len(times) == PHOTOS
-    assert times[-1] - times[0] > timedelta(hours=3)
-    assert min(float(sun_position(t, 48.0, 11.0)[1]) for t in times) > LOWEST

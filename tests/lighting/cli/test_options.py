@@ -63,6 +63,13 @@ def test_a_file_that_an_option_names_has_a_name(options: list[str]) -> None:
     assert error_of(run(*options, ""), 2).endswith(": the name of the file is empty.")
 
 
+@pytest.mark.parametrize("command", [["estimate", "absent.jpg", "--fit", "time"]], ids=lambda c: c[2])
+def test_a_removed_option_says_what_there_is_instead(command: list[str]) -> None:
+    name = command[2]
+    assert f"{name} was removed: --together with time and place says" in error_of(run(*command), 2)
+    assert name not in run(command[0], "--help").stdout
+
+
 @pytest.mark.parametrize("value", ["0", "15", "33", "14", "4098", "-512", "1e3", "nan", ""])
 def test_a_bad_height_is_wrong_usage(value: str, tmp_path: Path) -> None:
     assert run("render", "absent.json", "-o", tmp_path / "a.exr", "--height", value).exit_code == 2
