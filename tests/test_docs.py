@@ -31,7 +31,14 @@ COMMANDS = sorted(
     for part, leaf in (command.commands.items() if isinstance(command, click.Group) else [("", command)])
 )
 OPTIONS = sorted(
-    {name for _, c in COMMANDS for p in c.params for name in (*p.opts, *p.secondary_opts) if name[:1] == "-"}
+    {
+        name
+        for _, c in COMMANDS
+        for p in c.params
+        if not getattr(p, "hidden", False)
+        for name in (*p.opts, *p.secondary_opts)
+        if name[:1] == "-"
+    }
 )
 COMMAND_LINES = [line for page in DOCS for block in blocks(page, "command line") for line in block.splitlines()]
 REQUESTS = [line for page in (README, *DOCS) for block in blocks(page, "http") for line in block.splitlines()]

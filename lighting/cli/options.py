@@ -123,7 +123,7 @@ def removed_option(name: str, instead: str) -> Callable[[Command], Command]:
         if value is not None:
             raise click.UsageError(f"{name} was removed: {instead}.")
 
-    return click.option(name, hidden=True, expose_value=False, is_eager=True, callback=refuse)
+    return click.option(name, hidden=True, expose_value=False, is_eager=True, callback=refuse, help="Removed.")
 
 
 height_option = click.option(
