@@ -21,8 +21,9 @@ FITS = ("ground", "sky-color", "sun-color", "sun-power")  # of export.evaluation
 
 def option(name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any) -> Callable[[Command], Command]:
     """An option with its meaning; the default is shown if there is one."""
-    shown = default is not None
-    return click.option(name, type=kind, default=default, show_default=shown, help=meaning, **more)
+    if default is not None:  # an explicit None would count as given, also where the option is required
+        more |= {"default": default, "show_default": True}
+    return click.option(name, type=kind, help=meaning, **more)
 
 
 def share(name: str, default: float, meaning: str) -> Callable[[Command], Command]:
@@ -200,7 +201,6 @@ def onnx(
 @option("--compare", "Further networks, such as the CVPR 2017 one.", multiple=True)
 @option("--out", "Folder for the report and the crops' errors.", default="runs/evaluation")
 @flag("--with-metadata", "Also score answers with simulated time, place, compass and lens, and with several views.")
-@flag("--suncompass", "Also score that peer: pip install --no-deps suncompass==0.0.1.")
 @flag("--relight", "Also relight objects with the estimated environment maps, and judge their light by weather.")
 @flag("--failures", "Also write the worst crops; they show pictures of the data, so do not publish them.")
 @flag("--card", "Also write the model card and figures beside the network, the reliability diagram into docs.")

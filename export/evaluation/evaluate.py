@@ -8,17 +8,16 @@ import numpy as np
 
 from export.crops import Source, load_sources, take
 from export.data import Label, labels_of, read_index, write_table
-from export.evaluation import suncompass
-from export.evaluation.baselines import sun_elevations, without_network
+from export.evaluation.baselines import without_network
 from export.evaluation.diagnostics import Judged, diagnostic_sections
 from export.evaluation.evidence import evidence_report, in_view_evidence
 from export.evaluation.figures import Figures, stated_figures
 from export.evaluation.groups import groups_report
 from export.evaluation.light import light_report
-from export.evaluation.metrics import median, sun_error
+from export.evaluation.metrics import sun_error
 from export.evaluation.models import load_models
-from export.evaluation.photos import photo_methods, photo_report
-from export.evaluation.records import answers, select
+from export.evaluation.photos import photo_report
+from export.evaluation.records import select
 from export.evaluation.relight import relight
 from export.evaluation.report import in_view_report, report
 from export.evaluation.simulated_metadata import take_metadata
@@ -40,7 +39,6 @@ class Options:
     models: tuple[Path, ...]  # ours first
     out: Path  # folder for report.md, the crops' errors and pictures
     with_metadata: bool = False  # also our answers with simulated metadata and with several views of a panorama
-    suncompass: bool = False  # also the outside peer, whose package must be installed
     failures: bool = False  # also write our worst crops as failures.csv and failures.png
     relight: bool = False  # also relight objects, and judge the light by weather; writes relight.png
 
@@ -55,27 +53,20 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class _Methods:
-    """All that answers: networks, the outside peer if asked for, and baselines made of the training labels."""
+    """All that answers: networks, and baselines made of the training labels."""
 
     models: dict[str, Model]
     training: Sequence[Label]
-    peer: suncompass.Peer | None
-
-    @property
-    def elevation(self) -> float:
-        """The median elevation of the training suns [deg]."""
-        return median(sun_elevations(self.training))
 
 
 def evaluate(options: Options) -> Evaluation:
     """Score the networks on the `val` split; writes the report into `options.out`.
 
-    Raises DataError for data or labels that cannot be used and ModelError for a missing network or peer.
+    Raises DataError for data or labels that cannot be used and ModelError for a missing network.
     """
-    peer = suncompass.load() if options.suncompass else None
     training = labels_of(read_index(options.data, "train"), options.labels)
     sources = load_sources(read_index(options.data, "val"), options.labels)
-    methods = _Methods(load_models(options.models), training, peer)
+    methods = _Methods(load_models(options.models), training)
     options.out.mkdir(parents=True, exist_ok=True)
     lit: list[str] = []
     if options.relight:  # first, for it asks most of the folder
@@ -95,9 +86,6 @@ def _judge(methods: _Methods, sources: Sequence[Source], protocol: str) -> Judge
     looked = look(methods.models, views)
     truth, ours = looked.truth, next(iter(methods.models))
     alone, said = ({n: interpret(p, truth.sun) for n, p in by.items()} for by in (looked.alone, looked.said))
-    if methods.peer:
-        suns = suncompass.suns(methods.peer, suncompass.crop_pictures(views), methods.elevation)
-        said[suncompass.NAME] = answers(suns)
     said |= without_network(truth, methods.training)
     return Judged(views, truth, looked.said[ours], looked.with_lens, said, alone)
 
@@ -106,11 +94,9 @@ def _sections(options: Options, methods: _Methods, sources: Sequence[Source], ju
     sections = [report(protocol, j.truth, j.said, j.alone, j.ours) for protocol, j in judged.items()]
     sections += sun_in_view(sources, methods.models)
     if (options.data / PHOTOS).exists():
-        known = photo_methods(methods.models, methods.peer, methods.elevation)
-        sections.append(photo_report(options.data / PHOTOS, known))
+        sections.append(photo_report(options.data / PHOTOS, methods.models))
     scored = {protocol: j for protocol, j in judged.items() if j.truth.scored.any()}
     sections += diagnostic_sections(scored, options.out, failures=options.failures)
-    sections += [suncompass.NOTE] if methods.peer else []
     if options.with_metadata:
         sections += [section for protocol, j in scored.items() for section in metadata_sections(protocol, j)]
     return sections

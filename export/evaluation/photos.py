@@ -1,13 +1,11 @@
 """Accuracy on ordinary photos whose true sun is known, as medians over scenes."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from export.data import read_table
-from export.evaluation import suncompass
 from export.evaluation.metrics import median, share
 from export.evaluation.records import Bools, Names
 from export.evaluation.tables import figures_table
@@ -17,19 +15,8 @@ from lighting.geometry import Floats, angle_between, angles, direction, wrap_azi
 from lighting.model import Model
 from lighting.photo import Photo, read_photo
 
-Method = Callable[[Sequence[Photo]], Floats]  # photos to sun directions (N, 3)
-
 COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation")
 HEIGHTS = ((-10, 10), (10, 20), (-10, 20), (20, 45), (45, 90))  # deg, bins of the true sun; refraction lifts some
-
-
-def photo_methods(models: dict[str, Model], peer: suncompass.Peer | None, elevation: float) -> dict[str, Method]:
-    """Each method by its name; the peer's suns all have one elevation [deg]."""
-    methods: dict[str, Method] = {name: partial(photo_suns, model) for name, model in models.items()}
-    if peer:
-        pictures = suncompass.photo_picture
-        methods[suncompass.NAME] = lambda photos: suncompass.suns(peer, map(pictures, photos), elevation)
-    return methods
 
 
 def photo_suns(model: Model, photos: Sequence[Photo]) -> Floats:
@@ -37,14 +24,14 @@ def photo_suns(model: Model, photos: Sequence[Photo]) -> Floats:
     return np.array([lighting_from(said_of(model, photo)).sun_direction for photo in photos])
 
 
-def photo_report(index: Path, methods: dict[str, Method]) -> str:
+def photo_report(index: Path, models: dict[str, Model]) -> str:
     """Tables of the real photos that `photos.csv` lists: medians over scenes, with direct sun and of all photos."""
     rows = [row for row in read_table(index, COLUMNS) if row["sun_elevation"]]
     elevation = np.array([float(r["sun_elevation"]) for r in rows])
     truth = direction([float(r["sun_azimuth"] or "nan") for r in rows], np.maximum(elevation, 0.0))
     scenes = np.array([r["group"] for r in rows])
     photos = [read_photo(index.parent / r["file"]) for r in rows]
-    suns = {name: method(photos) for name, method in methods.items()}
+    suns = {name: photo_suns(model, photos) for name, model in models.items()}
     direct = np.array([r.get("direct") == "yes" for r in rows])
     known = np.isfinite(truth[:, 0])
     parts = {"All that have an azimuth": known, "Direct sun": known & direct}

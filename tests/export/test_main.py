@@ -81,3 +81,19 @@ def test_a_folder_is_no_file_to_write_which_is_said_before_the_work(tmp_path: Pa
     result = CliRunner().invoke(cli, [*arguments, str(tmp_path)])
     assert result.exit_code == 2
     assert "is a directory" in result.output
+
+
+@pytest.mark.parametrize(
+    "command", ["label", "prior", "train", "evaluate", "video", "turns", "fit ground", "suitable x"]
+)
+def test_commands_without_data_say_so_in_one_sentence(command: str) -> None:
+    result = CliRunner().invoke(cli, command.split())
+    assert result.exit_code == 2
+    assert result.output.splitlines()[-1] == "Error: Missing option '--data'."
+
+
+def test_required_options_are_named(tmp_path: Path) -> None:
+    for arguments, name in ((["merge", "x"], "--out"), (["unpack", "x", "0", "--data", str(tmp_path)], "--out")):
+        result = CliRunner().invoke(cli, arguments)
+        assert result.exit_code == 2
+        assert result.output.splitlines()[-1] == f"Error: Missing option '{name}'."

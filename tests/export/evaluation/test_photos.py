@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from export.data import DataError
-from export.evaluation.photos import by_scene, photo_bias, photo_figures, photo_methods, photo_report
+from export.evaluation.photos import by_scene, photo_bias, photo_figures, photo_report
 from lighting.geometry import direction
 from lighting.model import Model
 
@@ -27,7 +27,7 @@ def test_photos_without_a_known_sun_are_left_out(tmp_path: Path, network: Path) 
     Image.new("RGB", (64, 48), (90, 120, 200)).save(tmp_path / "a.png")
     index = tmp_path / "photos.csv"
     index.write_text("file,group,sun_azimuth,sun_elevation\na.png,x,20,30\nnone.png,y,,\n", encoding="utf-8")
-    text = photo_report(index, photo_methods({"tiny": Model.load(network)}, None, 30.0))
+    text = photo_report(index, {"tiny": Model.load(network)})
     assert "All that have an azimuth: 1 scenes, 1 photos" in text
     assert text.splitlines()[-1].startswith("| tiny | ")
 
