@@ -24,7 +24,9 @@ from lighting.probe import Moment, Probe, Scan, Settings, bracket_of, make_probe
 from lighting.probe.align import yaw_rotation
 from lighting.probe.lens import lens_of
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import general_luminance, perez_luminance, sky_radiance
+from lighting.sky.cie import general_luminance
+from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.perez import perez_luminance
 
 PICTURE = Path(__file__).with_name("probe.png")
 SIDE = 600

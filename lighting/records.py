@@ -13,9 +13,8 @@ from lighting.errors import ModelError, ParameterError
 from lighting.geometry import Floats, direction
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, check_range, is_finite, plain_numbers
 from lighting.sections import as_in_record, record_of, values_in
-from lighting.sky import MODELS
+from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
 
-SKY_MODEL = "hosek-wilkie"
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
 EVIDENCE = ("pixels", "time+place", "heading", "focal length", "gravity", "camera exposure", "turns", "other photos")
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
@@ -126,7 +125,7 @@ class Lighting:
     relative_heading: float | None = None
     latitude: float | None = field(default=None, repr=False)
     longitude: float | None = field(default=None, repr=False)
-    sky_model: str = SKY_MODEL  # of MODELS: the shape of the sky
+    sky_model: str = SKY_MODEL  # of SKY_MODELS: the shape of the sky
     sun_irradiance: Colour | None = None  # with sky_irradiance: maps then have these irradiances
     sky_irradiance: Colour | None = None
     sky_cover: float | None = None
@@ -147,11 +146,9 @@ class Lighting:
             _check_text(name, getattr(self, name))
         for name in ("evidence", "warnings"):
             object.__setattr__(self, name, _texts(name, getattr(self, name)))
-        if not isinstance(self.sky_model, str) or self.sky_model not in MODELS:
-            known = ", ".join(name for name in MODELS if not name[-1].isdigit())
-            raise ParameterError(
-                f"sky.model is {reprlib.repr(self.sky_model)}; the known ones are {known}, cie-1 to cie-15."
-            )
+        if not isinstance(self.sky_model, str) or self.sky_model not in SKY_MODELS:
+            model = reprlib.repr(self.sky_model)
+            raise ParameterError(f"sky.model is {model}; the known ones are {format_sky_models()}.")
         if (self.sun_irradiance is None) != (self.sky_irradiance is None):
             raise ParameterError("sun.irradiance and sky.irradiance go together; the record has only one of them.")
         if self.sky_cover is not None and self.sky_irradiance is None:

@@ -9,7 +9,7 @@ import numpy as np
 from lighting.colour import luminance
 from lighting.geometry import Floats, direction
 from lighting.records import Colour, Light, Lighting, clipped_colour, significant
-from lighting.sky import sun_radiance
+from lighting.sky.hosek_wilkie import sun_radiance
 
 _SURE = 0.8  # visibility from which the sun has its full irradiance
 _FADING = 5.0  # power of the fall below it, by panoramas of `train` that the networks asked about them never saw

@@ -13,7 +13,8 @@ from lighting.envmap import Image
 from lighting.files import full_record
 from lighting.geometry import angles
 from lighting.ranges import COLOUR_RANGES
-from lighting.records import SKY_MODEL, Lighting, SunDistribution, significant
+from lighting.records import Lighting, SunDistribution, significant
+from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
 from lighting.version import __version__
 from server.queries import LightingQuery, Query

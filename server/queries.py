@@ -11,7 +11,6 @@ from lighting.files import Compression
 from lighting.photo import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import EXPORTERS, PLATE_SIDE, unsupported_options
-from lighting.sky import Model as SkyModel
 from server.texts import Headings, Irradiances, Offset, Reflectances, Time, in_words, misfit
 from server.values import (
     CAMERA_ELEVATION,
@@ -35,6 +34,7 @@ from server.values import (
     NameIn,
     Omissible,
     SkyCover,
+    SkyName,
     SunAzimuth,
     SunElevation,
     Turbidity,
@@ -109,7 +109,7 @@ class MapQuery(Query):
     height: Height = 512
     yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
     format: Format = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
-    sky: Annotated[SkyModel | None, Omissible()] = Field(None, description="another shape of the sky than the record's")
+    sky: Annotated[SkyName | None, Omissible()] = Field(None, description="another shape of the sky than the record's")
     compression: Compression = Field("zip", description="how an EXR is packed; `pxr24` is the fastest")
 
     @model_validator(mode="after")

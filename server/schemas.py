@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, FailFast, Field
 
 from lighting.ranges import OPTIONAL_RANGES
 from lighting.records import GROUND_ALBEDO, Lighting
-from lighting.sky import Model as SkyModel
+from lighting.sky import SKY_MODEL
 from server.values import (
     GROUND_COLOR,
     SKY_IRRADIANCE,
@@ -19,6 +19,7 @@ from server.values import (
     Irradiance,
     Reflectance,
     SkyCover,
+    SkyName,
     SunAzimuth,
     SunElevation,
     Turbidity,
@@ -74,7 +75,7 @@ class CoefficientsPart(Part):
 
 
 class SkyPart(Part):
-    model: SkyModel = "hosek-wilkie"
+    model: SkyName = SKY_MODEL
     turbidity: Turbidity
     irradiance: list[Irradiance] | None = three(SKY_IRRADIANCE, [0.5, 0.6, 0.9])
     cover: SkyCover | None = None

@@ -15,6 +15,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, c
 
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
+from lighting.sky import SKY_MODELS
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 
@@ -116,6 +117,7 @@ CameraElevation = Annotated[float, CAMERA_ELEVATION]
 CameraRoll = Annotated[float, CAMERA_ROLL]
 GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
 VerticalFov = Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)]
+SkyName = Annotated[str, NameIn(SKY_MODELS)]
 SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
 Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]
 Reflectance = Annotated[float, Between(*COLOUR_RANGES["ground_color"])]

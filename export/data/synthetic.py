@@ -16,7 +16,7 @@ from lighting.colour import luminance, tone_map
 from lighting.files import replacing
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import SUN_SOLID_ANGLE, sky_radiance, sun_radiance
+from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_radiance
 
 CAMERA_HEIGHT = 1.7  # m above the ground, the plane y = 0
 EYE = np.array([0.0, CAMERA_HEIGHT, 0.0])

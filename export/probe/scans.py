@@ -21,7 +21,9 @@ from lighting.files import replacing
 from lighting.geometry import Floats, angle_between, direction
 from lighting.probe.orientation import SUN_CLEARANCE, Orientation, Scan, log_errors, orient
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import general_luminance, overcast_luminance, perez_luminance, sky_radiance
+from lighting.sky.cie import general_luminance, overcast_luminance
+from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.perez import perez_luminance
 
 Model = Callable[[Floats, Floats], Iterable[Floats]]
 

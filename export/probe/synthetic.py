@@ -10,7 +10,7 @@ from lighting.geometry import Floats
 from lighting.photo import LinearPhoto
 from lighting.probe.lens import Lens, lens_directions, lens_pixels
 from lighting.records import Lighting
-from lighting.sky import sky_radiance, sun_disc_points, sun_disc_radiance
+from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
 
 TIMES = tuple(float(time) for time in np.geomspace(1 / 8000, 1, 7))  # s
 ELECTRONS = 50_000.0  # at full scale, of a full-frame camera at its base sensitivity

@@ -9,7 +9,7 @@ from lighting.colour import luminance
 from lighting.envmap import render
 from lighting.geometry import Floats, latlong_directions
 from lighting.records import Lighting
-from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
+from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sun_radiance
 
 HEIGHT = 256  # rows of the map that lights a place
 EXPOSURE = 0.02  # of sky radiance; crops are exposed anew

@@ -26,7 +26,7 @@ from lighting.geometry import (
     sample_latlong,
 )
 from lighting.records import Lighting
-from lighting.sky import SUN_SOLID_ANGLE, sun_radiance
+from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sun_radiance
 
 SAMPLES = 4  # rays per pixel, 2 x 2
 DOME = 128  # rows of the map of the sky

@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import click
 
+from lighting.sky import SKY_MODELS, format_sky_models
+
 Command = TypeVar("Command", bound=Callable[..., None])
 
 _NAMELESS = "the name of the file is empty."
@@ -101,10 +103,8 @@ class NameIn(click.Choice):  # type: ignore[type-arg]  # which click before 8.4 
 
 
 def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
-    from lighting.sky import MODELS
-
-    if value is not None and value not in MODELS:
-        raise click.BadParameter(f"{value} is not one of {', '.join(MODELS)}.")
+    if value is not None and value not in SKY_MODELS:
+        raise click.BadParameter(f"{value} is not one of {', '.join(SKY_MODELS)}.")
     return value
 
 
@@ -145,7 +145,7 @@ def map_options(command: Command) -> Command:
             "--sky",
             metavar="MODEL",
             callback=_sky,
-            help="The sky's shape: hosek-wilkie, preetham, perez, lalonde-matthews, cie-overcast or cie-1 to cie-15.",
+            help=f"The sky's shape: {format_sky_models(' or ')}.",
         ),
         click.option(
             "--yaw", default=0.0, metavar="DEG", callback=_finite, help="Turn the map to the right, sun and all."

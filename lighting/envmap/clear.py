@@ -8,7 +8,7 @@ import numpy as np
 from lighting.envmap.maps import Image, f32, row_levels
 from lighting.geometry import Floats, latlong_angles
 from lighting.records import Lighting
-from lighting.sky import sky_gradation, sky_lobe, sky_parameters
+from lighting.sky.hosek_wilkie import sky_gradation, sky_lobe, sky_parameters
 
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
 _CHUNK = 1 << 17  # pixels painted at once, few enough for the processor's cache

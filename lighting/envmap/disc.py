@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lighting.envmap.maps import Image, f32
 from lighting.geometry import SUN_RADIUS, Floats, angles, direction, latlong_solid_angle
 from lighting.records import Lighting
-from lighting.sky import sun_disc_points, sun_disc_radiance
+from lighting.sky.hosek_wilkie import sun_disc_points, sun_disc_radiance
 
 _FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
 _FINE_PER_PIXEL = 4  # least number of grid rows per row of pixels

@@ -7,8 +7,9 @@ from lighting.envmap.clear import clear_irradiance, lobe_table, paint_clear
 from lighting.envmap.disc import sun_irradiance
 from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
-from lighting.records import SKY_MODEL, Lighting
-from lighting.sky import CIE_Y_INTEGRAL, Weather, lalonde_matthews_sun, sky_shape
+from lighting.records import Lighting
+from lighting.sky import SKY_MODEL, Weather, sky_shape
+from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
 
 _LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 _EFFICACY = 120.0  # lm / W of skylight
@@ -31,13 +32,11 @@ def paint_mixture(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
         _add_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
 
 
-def paint_sun_lobe(upper: Image, lighting: Lighting, power: Floats) -> None:
-    """Add the sun of Lalonde and Matthews to the upper half of a map: a lobe whose radiance x solid angle is (3,)."""
-    height = 2 * len(upper)
-    lobe = lalonde_matthews_sun(latlong_directions(height)[: len(upper)], lighting.sun_direction)
-    weight = latlong_solid_angle(height)[: len(upper)]
-    total = max(float(weight @ lobe.sum(axis=1)), _LEAST)
-    upper += f32(lobe[..., None] * (power / total))
+def add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
+    """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,)."""
+    weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
+    total = max(float(weight @ glow.sum(axis=1)), _LEAST)
+    upper += f32(glow[..., None] * (power / total))
 
 
 def _overcast_rows(rows: int) -> Image:

@@ -14,10 +14,11 @@ import numpy as np
 from lighting.envmap.clear import clear_irradiance, lobe_table, paint_clear
 from lighting.envmap.disc import disc_power, paint_disc, sun_irradiance
 from lighting.envmap.maps import Image
-from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
+from lighting.envmap.mixture import add_sun_glow, paint_mixture
 from lighting.errors import ParameterError
-from lighting.geometry import Floats
-from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, SKY_MODEL, Lighting, check_lighting
+from lighting.geometry import Floats, latlong_directions
+from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
+from lighting.sky import SKY_MODEL, SKY_MODELS
 
 
 def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
@@ -43,11 +44,12 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
 
 def add_sun(image: Image, lighting: Lighting) -> None:
     """Add the sun to a map (H, 2H, 3) of that light which lacks it."""
-    power = sun_irradiance(lighting)
-    if lighting.sky_model == "lalonde-matthews":
-        paint_sun_lobe(image[: len(image) // 2], lighting, power)
-    else:
+    power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.sky_model].sun_glow
+    if glow is None:
         paint_disc(image, lighting, power)
+    else:
+        upper = image[: len(image) // 2]
+        add_sun_glow(upper, glow(latlong_directions(len(image))[: len(upper)], lighting.sun_direction), power)
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:

@@ -20,7 +20,7 @@ def view(
 ) -> tuple[Image, Lighting]:
     """The rendered map turned by `yaw` [deg], and the lighting turned with it; other parameters as in `render`.
 
-    `sky` is another model of `sky.MODELS` than the record's. With a `place`, the map shows it as `surround` does.
+    `sky` is another model of SKY_MODELS than the record's. With a `place`, the map shows it as `surround` does.
     """
     lighting = lighting if sky is None else replace(lighting, sky_model=sky)
     image = render(lighting, height, sun=sun) if place is None else surround(lighting, place, height, sun=sun)

@@ -6,7 +6,7 @@ from typing import Any
 
 from lighting.errors import ParameterError
 from lighting.records import Lighting
-from lighting.sky import sky_coefficients
+from lighting.sky.hosek_wilkie import sky_coefficients
 
 MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
 

@@ -15,7 +15,7 @@ from lighting.probe.sky_fit import SUN_CLEARANCE, SkyFit, fit_sky
 from lighting.probe.sun_finder import find_sun
 from lighting.probe.sun_spot import find_spot
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import sky_radiance
+from lighting.sky.hosek_wilkie import sky_radiance
 
 LOWEST = 10.0  # deg, below which hills, trees and haze hide the sky
 LEAST_ROWS = 16  # of a map; in fewer the sun's glow leaves too little sky

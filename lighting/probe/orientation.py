@@ -14,7 +14,7 @@ from lighting.colour import luminance
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import sky_radiance
+from lighting.sky.hosek_wilkie import sky_radiance
 
 TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
 SUN_CLEARANCE = 10.0  # deg around the sun left out

@@ -14,7 +14,7 @@ from lighting.geometry import Floats, angle_between, latlong_angles, latlong_dir
 from lighting.prefilter import shrink
 from lighting.probe.regions import HEIGHT, Mask, connected, is_clipped, ndimage, solid_angle
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import sky_radiance
+from lighting.sky.hosek_wilkie import sky_radiance
 
 SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
 MINIMUM_SKY = 0.25  # sr, 4 % of the dome

@@ -1,45 +1,117 @@
-"""Models of the sky's radiance, as functions of arrays; a sky has no ground and, unless said, no disc of the sun."""
+"""Models of the sky's radiance: an entry of SKY_MODELS and functions of arrays in a module each.
 
-from lighting.sky.cie import general_luminance, overcast_luminance
-from lighting.sky.hosek_wilkie import (
-    CIE_Y_INTEGRAL,
-    SUN_SOLID_ANGLE,
-    sky_coefficients,
-    sky_gradation,
-    sky_lobe,
-    sky_parameters,
-    sky_radiance,
-    sun_disc_points,
-    sun_disc_radiance,
-    sun_radiance,
-)
-from lighting.sky.lalonde_matthews import lalonde_matthews_sky, lalonde_matthews_sun
-from lighting.sky.models import MODELS, Model, Weather, sky_shape
-from lighting.sky.perez import perez_luminance, sky_brightness, sky_clearness
-from lighting.sky.preetham import preetham_luminance, preetham_radiance
+A sky has no ground and no disc of the sun. The command line, the service and the records read the entries.
+"""
 
-__all__ = [
-    "CIE_Y_INTEGRAL",
-    "MODELS",
-    "SUN_SOLID_ANGLE",
-    "Model",
-    "Weather",
-    "general_luminance",
-    "lalonde_matthews_sky",
-    "lalonde_matthews_sun",
-    "overcast_luminance",
-    "perez_luminance",
-    "preetham_luminance",
-    "preetham_radiance",
-    "sky_brightness",
-    "sky_clearness",
-    "sky_coefficients",
-    "sky_gradation",
-    "sky_lobe",
-    "sky_parameters",
-    "sky_radiance",
-    "sky_shape",
-    "sun_disc_points",
-    "sun_disc_radiance",
-    "sun_radiance",
-]
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from lighting.errors import ParameterError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from lighting.geometry import Floats
+
+
+@dataclass(frozen=True)
+class Weather:
+    """What shapes a sky; each model takes what it knows."""
+
+    turbidity: float
+    ground_albedo: float
+    beam: float  # irradiance of a surface that faces the sun / that of level ground by the sky
+    diffuse: float  # W m^-2, irradiance of level ground by the sky
+
+
+@dataclass(frozen=True)
+class SkyModel:
+    """A shape of the sky, which callers scale to an irradiance.
+
+    `shape` takes unit vectors (..., 3), the sun's (3,) and the weather. Its radiance is (..., 3), or (...) of a model
+    of luminance alone, at any scale and 0 below the horizon. It raises ParameterError for a sun below the horizon.
+    """
+
+    shape: Callable[["ArrayLike", "ArrayLike", Weather], "Floats"]
+    sun_glow: Callable[["ArrayLike", "ArrayLike"], "Floats"] | None = None  # (...) at any scale; None: a disc
+    advanced: bool = False  # help names its kind as a range
+
+
+def _hosek_wilkie(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
+    from lighting.sky.hosek_wilkie import sky_radiance
+
+    return sky_radiance(direction, sun_direction, weather.turbidity, weather.ground_albedo)
+
+
+def _preetham(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
+    from lighting.sky.preetham import TURBIDITY, preetham_radiance
+
+    low, high = TURBIDITY
+    return preetham_radiance(direction, sun_direction, min(max(weather.turbidity, low), high))
+
+
+def _perez(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
+    from lighting.sky.perez import perez_luminance, perez_weather
+
+    clearness, brightness = perez_weather(weather, sun_direction)
+    return perez_luminance(direction, sun_direction, clearness, brightness)
+
+
+def _lalonde_matthews(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
+    from lighting.sky.lalonde_matthews import lalonde_matthews_sky
+
+    return lalonde_matthews_sky(direction, sun_direction, weather.turbidity)
+
+
+def _lalonde_matthews_sun(direction: "ArrayLike", sun_direction: "ArrayLike") -> "Floats":
+    from lighting.sky.lalonde_matthews import lalonde_matthews_sun
+
+    return lalonde_matthews_sun(direction, sun_direction)
+
+
+def _cie_overcast(direction: "ArrayLike", _sun_direction: "ArrayLike", _weather: Weather) -> "Floats":
+    from lighting.sky.cie import overcast_luminance
+
+    return overcast_luminance(direction)
+
+
+def _cie_general(number: int, direction: "ArrayLike", sun_direction: "ArrayLike", _weather: Weather) -> "Floats":
+    from lighting.sky.cie import general_luminance
+
+    return general_luminance(direction, sun_direction, number)
+
+
+SKY_MODEL = "hosek-wilkie"  # of records that name none; `exposure` is in its unit
+
+SKY_MODELS: dict[str, SkyModel] = {
+    SKY_MODEL: SkyModel(_hosek_wilkie),
+    "preetham": SkyModel(_preetham),
+    "perez": SkyModel(_perez),
+    "lalonde-matthews": SkyModel(_lalonde_matthews, sun_glow=_lalonde_matthews_sun),
+    "cie-overcast": SkyModel(_cie_overcast),
+    **{f"cie-{number}": SkyModel(partial(_cie_general, number), advanced=True) for number in range(1, 16)},
+}
+
+
+def sky_shape(model: str, direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
+    """Radiance (..., 3) of one of SKY_MODELS at any scale along unit vectors (..., 3); 0 below the horizon.
+
+    Models of luminance alone are grey. Raises ParameterError for another model and for a sun below the horizon.
+    """
+    import numpy as np
+
+    if model not in SKY_MODELS:
+        raise ParameterError(f"The sky model {model!r} is not known; it must be one of {', '.join(SKY_MODELS)}.")
+    radiance = SKY_MODELS[model].shape(direction, sun_direction, weather)
+    if radiance.ndim == np.ndim(direction):
+        return radiance
+    return np.repeat(radiance[..., None], 3, axis=-1)
+
+
+def format_sky_models(last: str = ", ") -> str:
+    """The names as a list for people: the advanced ones as a range, with `last` before it."""
+    advanced = [name for name, model in SKY_MODELS.items() if model.advanced]
+    plain = [name for name in SKY_MODELS if name not in advanced]
+    return f"{', '.join(plain)}{last}{advanced[0]} to {advanced[-1]}"

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lighting.errors import ParameterError
-from lighting.geometry import Floats, angle_between
+from lighting.geometry import Floats, angle_between, angles
+from lighting.sky import Weather
 
 CLEARNESS_BINS = (1.0, 1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)  # where each row of the table begins
 BRIGHTNESS_RANGE = (0.01, 0.6)  # that the model covers
@@ -104,3 +105,11 @@ def _check(clearness: float, brightness: float, sun_zenith: float) -> None:
         raise ParameterError(f"The sky's brightness is {brightness:g}; the model covers {low:g} to {high:g}.")
     if not 0 <= sun_zenith <= np.pi / 2:
         raise ParameterError("The sun is below the horizon; the all-weather sky needs it above.")
+
+
+def perez_weather(weather: Weather, sun_direction: ArrayLike) -> tuple[float, float]:
+    """The clearness and brightness that the all-weather model takes, within its range."""
+    zenith = np.radians(90.0 - max(float(angles(sun_direction)[1]), 0.0))
+    clearness = float(sky_clearness(1.0, weather.beam, zenith))
+    brightness = float(np.clip(sky_brightness(weather.diffuse, zenith), *BRIGHTNESS_RANGE))
+    return clearness, brightness

@@ -10,7 +10,8 @@ from lighting.errors import ParameterError
 from lighting.evidence import sun_position
 from lighting.geometry import Floats, direction, latlong_directions
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import overcast_luminance, sky_radiance, sun_disc_points, sun_disc_radiance
+from lighting.sky.cie import overcast_luminance
+from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.stereo.mean_light import Skies
 
 HEIGHT = 64  # rows of a modelled map

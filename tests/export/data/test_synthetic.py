@@ -11,7 +11,7 @@ from export.data.synthetic import render_panorama, write_dataset
 from lighting.colour import luminance
 from lighting.geometry import direction, latlong_directions, latlong_pixel
 from lighting.records import GROUND_ALBEDO
-from lighting.sky import sky_radiance
+from lighting.sky.hosek_wilkie import sky_radiance
 
 
 def test_the_same_seed_gives_the_same_pixels() -> None:

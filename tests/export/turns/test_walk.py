@@ -5,7 +5,7 @@ import pytest
 
 from export.turns.walk import Daylight, Standpoint, Walk
 from lighting.records import Lighting
-from lighting.sky import sun_radiance
+from lighting.sky.hosek_wilkie import sun_radiance
 
 pytest.importorskip("mitsuba")
 

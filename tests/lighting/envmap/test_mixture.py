@@ -8,9 +8,10 @@ import pytest
 
 from lighting.envmap import render
 from lighting.envmap.maps import irradiance_of, row_levels
-from lighting.envmap.mixture import paint_mixture, paint_sun_lobe
+from lighting.envmap.mixture import add_sun_glow, paint_mixture
 from lighting.geometry import direction, latlong_directions, latlong_solid_angle
-from lighting.sky import MODELS, Weather, sky_shape
+from lighting.sky import SKY_MODELS, Weather, sky_shape
+from lighting.sky.lalonde_matthews import lalonde_matthews_sun
 from tests.lighting.envmap.test_render import SKY, given_light, lighting
 
 HEIGHT = 32
@@ -22,7 +23,7 @@ def upper(**fields: Any) -> np.ndarray:
     return image
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", SKY_MODELS)
 def test_every_model_gives_the_irradiance_asked_for(model: str) -> None:
     sky = upper(sky_model=model, sky_cover=0.3)
     assert irradiance_of(row_levels(HEIGHT)[: HEIGHT // 2], sky) == pytest.approx(SKY, rel=1e-4)
@@ -63,7 +64,8 @@ def test_without_irradiances_another_model_has_those_of_hosek_and_wilkie(model: 
 
 def test_the_sun_of_lalonde_and_matthews_is_a_lobe_of_the_power_asked_for() -> None:
     image = np.zeros((64, 256, 3), np.float32)
-    paint_sun_lobe(image, lighting(elevation=40.0), np.array([3.0, 2.0, 1.0]))
+    glow = lalonde_matthews_sun(latlong_directions(128)[:64], lighting(elevation=40.0).sun_direction)
+    add_sun_glow(image, glow, np.array([3.0, 2.0, 1.0]))
     assert image.sum(axis=1).T @ latlong_solid_angle(128)[:64] == pytest.approx([3.0, 2.0, 1.0], rel=1e-4)
     assert np.count_nonzero(image[..., 0] > 0.1 * image.max()) > 4
     light = replace(given_light(), sky_model="lalonde-matthews")

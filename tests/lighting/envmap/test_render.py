@@ -18,13 +18,7 @@ from lighting.geometry import (
     latlong_solid_angle,
 )
 from lighting.records import Lighting
-from lighting.sky import (
-    SUN_SOLID_ANGLE,
-    sky_radiance,
-    sun_disc_points,
-    sun_disc_radiance,
-    sun_radiance,
-)
+from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
 
 HEIGHTS = (16, 18, 50, 128, 1024)
 SUNS = {  # azimuth and elevation, deg

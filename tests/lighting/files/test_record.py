@@ -7,7 +7,7 @@ import pytest
 from lighting.errors import ParameterError
 from lighting.files.record import full_record, json_line, one_record
 from lighting.records import Lighting
-from lighting.sky import sky_coefficients
+from lighting.sky.hosek_wilkie import sky_coefficients
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, ground_albedo=0.2)
 

@@ -7,7 +7,7 @@ from lighting.colour import luminance
 from lighting.errors import ProbeError
 from lighting.geometry import direction
 from lighting.probe.orientation import Scan, log_errors, orient
-from lighting.sky import sky_radiance
+from lighting.sky.hosek_wilkie import sky_radiance
 
 AZIMUTH, ELEVATION = (grid.ravel() for grid in np.meshgrid(np.arange(0.0, 360.0, 30.0), [12.0, 33.0, 55.0, 75.0]))
 SUNS = ((100.0, 40.0), (135.0, 60.0), (170.0, 68.0))

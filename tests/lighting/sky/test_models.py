@@ -5,13 +5,14 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.geometry import direction, latlong_directions
-from lighting.sky.models import MODELS, Weather, perez_weather, sky_shape
+from lighting.sky import SKY_MODELS, Weather, sky_shape
+from lighting.sky.perez import perez_weather
 
 SUN = direction(0.0, 40.0)
 CLEAR, COVERED = Weather(3.0, 0.3, beam=6.0, diffuse=120.0), Weather(3.0, 0.3, beam=0.0, diffuse=200.0)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", SKY_MODELS)
 @pytest.mark.parametrize("elevation", [0.0, 40.0, 90.0])
 def test_every_model_is_finite_and_ends_at_the_horizon(model: str, elevation: float) -> None:
     sky = sky_shape(model, latlong_directions(32), direction(10.0, elevation), CLEAR)

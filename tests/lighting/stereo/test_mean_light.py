@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions
-from lighting.sky import sun_disc_points
+from lighting.sky.hosek_wilkie import sun_disc_points
 from lighting.stereo.mean_light import Skies, illumination, mean_light, skies_of_maps, sky_light, sun_light
 
 
