@@ -109,10 +109,14 @@ def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str
 
 
 def _compression(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-    from lighting.files import COMPRESSIONS
+    from lighting.errors import EnvironmentMapError
+    from lighting.files import check_packing
 
-    if name is not None and name not in COMPRESSIONS:
-        raise click.BadParameter(f"{name!r} is not one of {', '.join(COMPRESSIONS)}.")
+    try:
+        if name is not None:
+            check_packing(name)
+    except EnvironmentMapError as error:
+        raise click.BadParameter(str(error)) from error
     return name
 
 
@@ -154,7 +158,7 @@ def map_options(command: Command) -> Command:
             "--compression",
             metavar="NAME",
             callback=_compression,
-            help="How an EXR is packed: zip (the default), zip-exact, pxr24, piz, htj2k or none.",
+            help="How an EXR is packed: zip (the default), pxr24 or none.",
         ),
     ]
     for option in reversed(options):

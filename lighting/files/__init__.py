@@ -1,7 +1,7 @@
 """What is written and read again: environment maps, pictures and records. A file appears only when it is whole."""
 
 from lighting.files.atomic import leftovers, replacing
-from lighting.files.compression import COMPRESSIONS, Compression, pack_in_threads
+from lighting.files.compression import COMPRESSIONS, Compression, check_packing, pack_in_threads
 from lighting.files.exr import MAGIC, SOFTWARE, Target, checked_map, read_attributes, read_exr, read_map, write_exr
 from lighting.files.folders import objection_to
 from lighting.files.formats import encode_envmap, write_envmap
@@ -17,6 +17,7 @@ __all__ = [
     "SOFTWARE",
     "Compression",
     "Target",
+    "check_packing",
     "checked_map",
     "decode_hdr",
     "encode_envmap",

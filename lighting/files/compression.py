@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from lighting.cpus import available_cpus
 from lighting.errors import EnvironmentMapError
 
-Compression = Literal["zip", "zip-exact", "pxr24", "piz", "htj2k", "none"]
+Compression = Literal["zip", "pxr24", "none"]
 COMPRESSIONS: tuple[Compression, ...] = get_args(Compression)
+_REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 
 MANTISSA = 13  # bits that `zip` keeps, so that a value changes by no more than 1 part in 2^14
 _DROPPED = 23 - MANTISSA
@@ -27,12 +28,19 @@ _SET_EFFORT = "_ZN7Imf_3_529setDefaultZipCompressionLevelEi"  # Imf::setDefaultZ
 
 _LIBRARY_NAMES = {
     "zip": "ZIP_COMPRESSION",
-    "zip-exact": "ZIP_COMPRESSION",
     "pxr24": "PXR24_COMPRESSION",
-    "piz": "PIZ_COMPRESSION",
-    "htj2k": "HTJ2K256_COMPRESSION",
     "none": "NO_COMPRESSION",
 }
+
+
+def check_packing(compression: str) -> None:
+    """Raise EnvironmentMapError for what is not among COMPRESSIONS; of one that was, it says what to use instead."""
+    if compression in _REMOVED:
+        raise EnvironmentMapError(f"The compression {compression!r} was removed; none changes no value either.")
+    if compression not in COMPRESSIONS:
+        raise EnvironmentMapError(
+            f"The compression {compression!r} is not known; it must be one of {', '.join(COMPRESSIONS)}."
+        )
 
 
 def packed_with(image: NDArray[np.float32], compression: Compression) -> tuple[Any, NDArray[np.float32]]:
@@ -40,10 +48,7 @@ def packed_with(image: NDArray[np.float32], compression: Compression) -> tuple[A
 
     Raises EnvironmentMapError for one that is not among COMPRESSIONS.
     """
-    if compression not in COMPRESSIONS:
-        raise EnvironmentMapError(
-            f"The compression {compression!r} is not known; it must be one of {', '.join(COMPRESSIONS)}."
-        )
+    check_packing(compression)
     library = _library()
     return getattr(library, _LIBRARY_NAMES[compression]), rounded(image) if compression == "zip" else image
 

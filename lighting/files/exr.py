@@ -48,10 +48,10 @@ def write_exr(
     """Write a map (H, 2H, 3) to a path or a binary stream, as 32-bit float.
 
     `attributes` go into the header beside those of the lighting: texts, floats and what else OpenEXR knows. Every
-    program opens `zip`, which changes values by up to 6e-5 of each; `zip-exact`, `piz`, `htj2k` and `none` change
-    nothing, `pxr24` up to 1.6e-5. A path appears only when the file is whole. Raises EnvironmentMapError for an array
-    of another shape, another compression, attributes that no EXR can have, a path that cannot be written and what is
-    neither a path nor a stream, ParameterError for what is no Lighting; what a stream raises is passed on.
+    program opens `zip`, which changes values by up to 6e-5 of each; `pxr24` changes up to 1.6e-5, `none` nothing.
+    A path appears only when the file is whole. Raises EnvironmentMapError for an array of another shape, another
+    compression, attributes that no EXR can have, a path that cannot be written and what is neither a path nor a stream,
+    ParameterError for what is no Lighting; what a stream raises is passed on.
     """
     import OpenEXR
 

@@ -29,7 +29,7 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ProbeError(f"{path.parent} cannot be made: {error.strerror or error}.") from error
-    write_exr(path, probe.image, attributes=attributes(probe), compression="zip-exact")
+    write_exr(path, probe.image, attributes=attributes(probe))
     return path
 
 

@@ -93,6 +93,8 @@ def test_help_names_every_compression() -> None:
 
 def test_a_bad_or_idle_compression_is_wrong_usage(tmp_path: Path) -> None:
     bad = run("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "dwaa")
-    assert "'dwaa' is not one of zip, zip-exact, " in error_of(bad, 2)
+    assert "'dwaa' is not known; it must be one of zip, pxr24, none." in error_of(bad, 2)
+    removed = run("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "piz")
+    assert "'piz' was removed; none changes no value either." in error_of(removed, 2)
     idle = run("render", "absent.json", "-o", tmp_path / "a.hdr", "--compression", "pxr24")
     assert "--compression goes with .exr alone." in error_of(idle, 2)

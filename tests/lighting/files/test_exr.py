@@ -19,6 +19,7 @@ from lighting import __version__
 from lighting.envmap import render
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files import full_record
+from lighting.files.compression import rounded
 from lighting.files.exr import read_exr, read_map, write_exr
 from lighting.ranges import RANGES
 from lighting.records import Lighting
@@ -36,13 +37,14 @@ LIGHT = Lighting(
 
 @pytest.fixture(scope="module")
 def image() -> NDArray[np.float32]:
-    return render(LIGHT, 32)
+    """Rounded as `zip` does, which then changes nothing."""
+    return rounded(render(LIGHT, 32))
 
 
 @pytest.fixture(scope="module")
 def data(image: NDArray[np.float32]) -> bytes:
     stream = io.BytesIO()
-    write_exr(stream, image, LIGHT, compression="zip-exact")
+    write_exr(stream, image, LIGHT)
     return stream.getvalue()
 
 
@@ -71,7 +73,7 @@ def file_size_limit(size: int) -> Iterator[None]:
 
 
 def test_round_trip_is_exact(tmp_path: Path, image: NDArray[np.float32]) -> None:
-    write_exr(tmp_path / "map.exr", image, LIGHT, compression="zip-exact")
+    write_exr(tmp_path / "map.exr", image, LIGHT, compression="none")
     read, lighting = read_exr(tmp_path / "map.exr")
     assert read.dtype == np.float32
     np.testing.assert_array_equal(read, image)
@@ -88,7 +90,7 @@ def test_a_stream_that_cannot_seek_will_do(image: NDArray[np.float32]) -> None:
     reader, writer = os.pipe()
     with os.fdopen(reader, "rb") as source, os.fdopen(writer, "wb") as target:
         small = image[:, ::8][::8]
-        write_exr(target, small, compression="zip-exact")
+        write_exr(target, small, compression="none")
         target.close()
         np.testing.assert_array_equal(read_exr(source)[0], small)
 
@@ -101,7 +103,7 @@ def test_without_lighting_there_is_none(image: NDArray[np.float32]) -> None:
 
 def test_any_float_layout_is_accepted(image: NDArray[np.float32]) -> None:
     stream = io.BytesIO()
-    write_exr(stream, image.astype(np.float64)[:, ::-1], compression="zip-exact")
+    write_exr(stream, image.astype(np.float64)[:, ::-1], compression="none")
     np.testing.assert_array_equal(read_exr(io.BytesIO(stream.getvalue()))[0], image[:, ::-1])
 
 
@@ -138,7 +140,7 @@ def test_channels_are_32_bit_r_g_b(data: bytes) -> None:
 def test_mitsuba_reads_it(tmp_path: Path, image: NDArray[np.float32]) -> None:
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant("scalar_rgb")
-    write_exr(tmp_path / "map.exr", image, LIGHT, compression="zip-exact")
+    write_exr(tmp_path / "map.exr", image, LIGHT, compression="none")
     np.testing.assert_array_equal(np.array(mitsuba.Bitmap(str(tmp_path / "map.exr"))), image)
 
 

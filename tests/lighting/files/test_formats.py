@@ -67,7 +67,7 @@ def test_a_path_holds_what_encoding_gives(tmp_path: Path, image: Map, suffix: st
 
 
 def test_exr_holds_the_lighting(image: Map) -> None:
-    read, lighting = read_exr(io.BytesIO(encode_envmap(image, LIGHT, compression="zip-exact")))
+    read, lighting = read_exr(io.BytesIO(encode_envmap(image, LIGHT, compression="none")))
     np.testing.assert_array_equal(read, image)
     assert lighting == LIGHT
 
