@@ -40,8 +40,8 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 def normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool, **said: Any) -> None:
     """Find the normals of a thing from photos of one DAY, taken by a camera that stood still.
 
-    DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos, or a capture in DiLiGenT's layout. Times and place come from
-    EXIF, times else from times.csv, the mask from mask.png. FOLDER receives normals, albedo, uncertainty and a mesh.
+    DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos. Times and place come from EXIF, times else from times.csv,
+    the mask from mask.png. FOLDER receives normals, albedo, uncertainty and a mesh.
     """
     if said["probes"] and (said["sky"] or said["turbidity"]):
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
@@ -101,6 +101,4 @@ def _in_words(day: Path, output: Path, solved: "Solved") -> str:
     words += f"expected error of the median pixel {record['expected_error_median']:.1f} deg"
     if record["by_network"]:
         words += f", {100 * record['by_network']:.0f} % by the network"
-    if "mean_error" in record:
-        words += f"; against Normal_gt: mean {record['mean_error']:.1f}, median {record['median_error']:.1f} deg"
     return words + "."

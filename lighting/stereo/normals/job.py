@@ -17,7 +17,6 @@ from lighting.stereo.days import in_grey
 from lighting.stereo.mean_light import Skies
 from lighting.stereo.normals.day import SIZE, Shots, read_shots
 from lighting.stereo.normals.depth import integrate
-from lighting.stereo.normals.diligent import is_diligent, read_diligent
 from lighting.stereo.normals.files import MESH, RECORD, write_map, write_mesh, write_record
 from lighting.stereo.normals.frame import Pose
 from lighting.stereo.normals.haze import fitted_turbidity
@@ -73,13 +72,9 @@ def solve_day(
 ) -> Solved:
     """The normals of the thing that a folder's photos show.
 
-    A folder in DiLiGenT's layout needs nothing else known; its camera frame is its world, and the network, which knows
-    days alone, is left out. Raises PhotoError for photos that cannot be used and ParameterError where place or heading
-    are not known.
+    Raises PhotoError for photos that cannot be used and ParameterError where place or heading are not known.
     """
     folder, seen = Path(folder), watch or Watch()
-    if is_diligent(folder):
-        return _solve_diligent(folder, told, seen)
     shots = read_shots(
         folder,
         mask=told.mask,
@@ -120,22 +115,6 @@ def surface(solved: Solved) -> Floats:
     if solved.focal is None:
         return np.stack(np.broadcast_arrays(right, up, depth), axis=-1)
     return np.stack([right * depth, up * depth, -solved.focal * depth], axis=-1)
-
-
-def _solve_diligent(folder: Path, told: Told, watch: Watch) -> Solved:
-    lit = read_diligent(folder)
-    found = solve(Session(lit.images, lit.mask, lit.skies, Pose()), told.noise, progress=watch.pixels)
-    record = _record(found, lit.names)
-    if lit.truth is not None:
-        record |= _against(found, lit.truth)
-    return Solved(found, Pose(), None, record)
-
-
-def _against(found: NormalMap, truth: Floats) -> dict[str, float]:
-    """Errors [deg] against true normals (H, W, 3), for the record."""
-    cosine = np.sum(found.normal * truth, axis=-1)[found.mask]
-    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    return {"mean_error": round(float(angle.mean()), 2), "median_error": round(float(np.median(angle)), 2)}
 
 
 def _heading(shots: Shots, told: Told) -> float:

@@ -2,13 +2,11 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
-from scipy.io import savemat
 
 from lighting.cli import cli
 from lighting.errors import PhotoError
@@ -126,28 +124,3 @@ def test_what_is_missing_ends_in_a_sentence(day: Path, tmp_path: Path, options: 
 def test_probes_and_a_modelled_sky_exclude_each_other(day: Path, tmp_path: Path) -> None:
     result = run(day, "--probes", tmp_path, "--turbidity", "3", "-o", tmp_path / "out")
     assert result.exit_code == 2
-
-
-def test_a_folder_in_the_layout_of_diligent(tmp_path: Path) -> None:
-    truth, mask, _ = ball(40)
-    lights = np.array([[0.5, 0, 0.87], [-0.5, 0.1, 0.86], [0, 0.6, 0.8], [0.1, -0.6, 0.79], [0, 0, 1.0]])
-    lights /= np.linalg.norm(lights, axis=1, keepdims=True)
-    power = np.linspace(0.6, 1.0, 15).reshape(5, 3)
-    _write_diligent(tmp_path, truth, mask, lights, power)
-    result = run(tmp_path, "-o", tmp_path / "out")
-    assert result.exit_code == 0, result.output
-    record: dict[str, Any] = json.loads((tmp_path / "out" / "normals.json").read_text())
-    assert record["median_error"] < 1
-    assert "against Normal_gt" in result.stdout
-
-
-def _write_diligent(folder: Path, truth: Any, mask: Any, lights: Any, power: Any) -> None:
-    names = [f"{index:03d}.png" for index in range(len(lights))]
-    for name, light, strength in zip(names, lights, power, strict=True):
-        image = np.maximum(truth @ light, 0)[..., None] * strength * mask[..., None]
-        write_png16(folder / name, 50000 * image)
-    (folder / "filenames.txt").write_text("\n".join(names))
-    np.savetxt(folder / "light_directions.txt", lights)
-    np.savetxt(folder / "light_intensities.txt", power)
-    Image.fromarray((255 * mask).astype(np.uint8)).save(folder / "mask.png")
-    savemat(folder / "Normal_gt.mat", {"Normal_gt": truth})
