@@ -10,7 +10,7 @@ import numpy as np
 from fastapi import Request, Response
 
 from lighting.envmap import Image
-from lighting.files import full_record
+from lighting.files import MAP_FORMATS, full_record
 from lighting.geometry import angles
 from lighting.ranges import COLOUR_RANGES
 from lighting.records import Lighting, SunDistribution, significant
@@ -19,7 +19,6 @@ from lighting.sun_grid import grid_directions
 from lighting.version import __version__
 from server.queries import LightingQuery, Query
 from server.service import Answer, Service
-from server.values import MEDIA_TYPES, Format
 
 WARNINGS = "Lighting-Warnings"
 ZIP = "application/zip"
@@ -70,9 +69,9 @@ def sun_probability(sun: SunDistribution) -> dict[str, Any]:
     }
 
 
-def map_response(data: bytes, format: Format, headers: dict[str, str] | None = None) -> Response:
+def map_response(data: bytes, format: str, headers: dict[str, str] | None = None) -> Response:
     """An environment map as a file."""
-    return Response(data, media_type=MEDIA_TYPES[format], headers=headers)
+    return Response(data, media_type=MAP_FORMATS[format].media_type, headers=headers)
 
 
 def scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str] | None = None) -> Response:

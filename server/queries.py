@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 from pydantic_core import PydanticCustomError
 
 from lighting.evidence import SHORT_NAMES, Given, read_headings
-from lighting.files import Compression
+from lighting.files import MAP_FORMATS, Compression
 from lighting.photo import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import EXPORTERS, PLATE_SIDE, unsupported_options
@@ -28,7 +28,7 @@ from server.values import (
     Exposure,
     Flag,
     FlagOrAuto,
-    Format,
+    FormatName,
     GroundAlbedo,
     Height,
     NameIn,
@@ -108,14 +108,15 @@ class MapQuery(Query):
     sun: FlagOrAuto = Field(None, description=f"paint the sun's disc; {BY_DEFAULT}")
     height: Height = 512
     yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
-    format: Format = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
+    format: FormatName = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
     sky: Annotated[SkyName | None, Omissible()] = Field(None, description="another shape of the sky than the record's")
     compression: Compression = Field("zip", description="how an EXR is packed; `pxr24` is the fastest")
 
     @model_validator(mode="after")
     def _of_this_format(self) -> Self:
-        if "compression" in self.stated() and self.format != "exr":
-            raise misfit("compression", "compression goes with format=exr")
+        if "compression" in self.stated() and not MAP_FORMATS[self.format].takes_compression:
+            packed = [name for name, entry in MAP_FORMATS.items() if entry.takes_compression]
+            raise misfit("compression", f"compression goes with format={' or '.join(packed)}")
         return self
 
 

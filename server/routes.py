@@ -6,6 +6,9 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from lighting import turns
+from lighting.files import MAP_FORMATS
+from lighting.scene import EXPORTERS
+from lighting.sky import SKY_MODELS
 from server import tasks
 from server.answers import WARNINGS, ZIP, caching, estimates, map_response, scene_response
 from server.checks import check_photos, refuse_given, refuse_parameters
@@ -16,7 +19,6 @@ from server.records import parse_record
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 from server.service import Admitted, PhotoBytes, Services, Uploads
 from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
-from server.values import MEDIA_TYPES
 
 BINARY = {"type": "string", "format": "binary"}
 FORM_SCHEMA = {
@@ -29,7 +31,7 @@ PHOTO_BODY: dict[str, Any] = {
 MANY = {"type": "array", "items": BINARY, "minItems": 1}  # the app adds how many at most
 PHOTOS_FORM: dict[str, Any] = {FORM: {"schema": {**FORM_SCHEMA, "properties": {PHOTO_FIELD: MANY}}}}
 RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
-MAPS: dict[str, Any] = {"content": {media: {"schema": BINARY} for media in MEDIA_TYPES.values()}}
+MAPS: dict[str, Any] = {"content": {entry.media_type: {"schema": BINARY} for entry in MAP_FORMATS.values()}}
 PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
 JPEG: dict[str, Any] = {"content": {"image/jpeg": {"schema": BINARY}}}
 SCENES: dict[str, Any] = {
@@ -169,7 +171,7 @@ async def estimate_scene(
     dependencies=[Depends(refuse_parameters)],
 )
 async def describe_model(service: Services) -> ModelCard:
-    """Its name, version and licence, the grid it votes on, how accurate it is, and whether photos are matched."""
+    """Its name, licence, grid and accuracy, whether photos are matched, and what this service can make."""
     spec = service.estimator.model.spec
     return ModelCard(
         name=spec.name,
@@ -178,4 +180,7 @@ async def describe_model(service: Services) -> ModelCard:
         grid=spec.sun_grid,
         accuracy=accuracy(spec, service.model_folder),
         matching=turns.has_opencv(),
+        scene_tools=list(EXPORTERS),
+        sky_models=list(SKY_MODELS),
+        map_formats=list(MAP_FORMATS),
     )

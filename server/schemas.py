@@ -4,9 +4,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, FailFast, Field
 
+from lighting.files import MAP_FORMATS
 from lighting.ranges import OPTIONAL_RANGES
 from lighting.records import GROUND_ALBEDO, Lighting
-from lighting.sky import SKY_MODEL
+from lighting.scene import EXPORTERS
+from lighting.sky import SKY_MODEL, SKY_MODELS
 from server.values import (
     GROUND_COLOR,
     SKY_IRRADIANCE,
@@ -213,6 +215,9 @@ class ModelCard(BaseModel):
     matching: bool = Field(
         description="whether this service finds by what several photos show in common how they are turned"
     )
+    scene_tools: list[str] = Field(description="values of `tool`", examples=[list(EXPORTERS)])
+    sky_models: list[str] = Field(description="values of `sky`", examples=[list(SKY_MODELS)])
+    map_formats: list[str] = Field(description="values of `format`", examples=[list(MAP_FORMATS)])
 
 
 class FieldError(BaseModel):

@@ -1,7 +1,7 @@
 """The values of parameters and of records: each with its unit, its range and an example in the OpenAPI document."""
 
 from collections.abc import Callable, Collection
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
@@ -13,14 +13,12 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, core_schema
 
+from lighting.files import MAP_FORMATS
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
 from lighting.sky import SKY_MODELS
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
-
-Format = Literal["exr", "hdr", "png"]
-MEDIA_TYPES: dict[Format, str] = {"exr": "image/x-exr", "hdr": "image/vnd.radiance", "png": "image/png"}
 
 
 class Omissible:
@@ -117,6 +115,7 @@ CameraElevation = Annotated[float, CAMERA_ELEVATION]
 CameraRoll = Annotated[float, CAMERA_ROLL]
 GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
 VerticalFov = Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)]
+FormatName = Annotated[str, NameIn(MAP_FORMATS)]
 SkyName = Annotated[str, NameIn(SKY_MODELS)]
 SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
 Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]

@@ -191,9 +191,12 @@ def place_in(data: bytes, photo: "Photo", estimate: "Estimate", height: int, wan
 
 
 def refuse_idle_compression(output: str, compression: "Compression | None") -> None:
-    """Raise UsageError for a compression where no EXR is written."""
-    if compression is not None and output != "-" and not output.lower().endswith(".exr"):
-        raise click.UsageError("--compression goes with .exr alone.")
+    """Raise UsageError for a compression where no file takes one."""
+    from lighting.files import MAP_FORMATS
+
+    packed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
+    if compression is not None and output != "-" and not output.lower().endswith(tuple(packed)):
+        raise click.UsageError(f"--compression goes with {' and '.join(packed)} alone.")
 
 
 def write_map(output: str, lighting: "Lighting", compression: "Compression | None", **view_options: Any) -> None:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
+from lighting.files import MAP_FORMATS
 from lighting.sky import SKY_MODELS, format_sky_models
 
 Command = TypeVar("Command", bound=Callable[..., None])
@@ -65,6 +66,14 @@ def file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) ->
 
 def _either(words: Sequence[str]) -> str:
     return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _map_suffixes() -> list[str]:
+    return [f".{name}" for name in MAP_FORMATS]
+
+
+def _map_file(ctx: click.Context, param: click.Parameter, name: str | None) -> str | None:
+    return output_file(*_map_suffixes())(ctx, param, name)
 
 
 def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
@@ -184,8 +193,8 @@ map_output = click.option(
     "--output",
     required=True,
     metavar="FILE",
-    callback=output_file(".exr", ".hdr", ".png"),
-    help='.exr, .hdr or .png; "-" is EXR on stdout.',
+    callback=_map_file,
+    help=f'{_either(_map_suffixes())}; "-" is EXR on stdout.',
 )
 preview_file = output_file(".png")
 model_option = click.option(

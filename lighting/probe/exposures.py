@@ -1,6 +1,5 @@
 """The exposures of one bracket, as files and as arrays."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError, PhotoError, ProbeError
+from lighting.files import MAP_FORMATS
 from lighting.photo import Curve, LinearPhoto, of_floats, read_linear
 
-_FLOAT_SUFFIXES = (".exr", ".hdr")
+_FLOAT_SUFFIXES = tuple(f".{name}" for name, entry in MAP_FORMATS.items() if entry.read)
 PICTURES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
 
 
@@ -75,20 +75,13 @@ def _read(path: Path, curve: Curve | None) -> LinearPhoto:
         return read_linear(path, curve)
     if curve == "srgb":
         raise PhotoError(f"{path.name} holds floats, which are linear; --curve srgb is for integers.")
-    pixels = _floats(path)
     try:
-        return of_floats(pixels)
-    except PhotoError as error:
+        return of_floats(_floats(path))
+    except (PhotoError, EnvironmentMapError) as error:
         raise PhotoError(f"{path}: {error}") from error
 
 
 def _floats(path: Path) -> NDArray[np.float32]:
-    from lighting.files import read_exr, read_hdr
-
-    if path.suffix.lower() == ".hdr":
-        return read_hdr(path)
-    data = path.read_bytes()
-    try:
-        return read_exr(io.BytesIO(data))[0]
-    except EnvironmentMapError as error:
-        raise PhotoError(f"{path}: {error}") from error
+    read = MAP_FORMATS[path.suffix.lower().removeprefix(".")].read
+    assert read is not None
+    return read(path.read_bytes())

@@ -16,6 +16,8 @@ from lighting.errors import PhotoExtraError
 from lighting.files import full_record
 from lighting.photo.read import read_photo
 from lighting.pipeline import Estimator
+from lighting.scene import EXPORTERS
+from lighting.sky import SKY_MODELS
 from lighting.turns import has_opencv
 from tests.conftest import TINY, encode, scene
 from tests.server.conftest import SKY
@@ -187,7 +189,8 @@ def test_the_model_describes_itself(client: TestClient) -> None:
     answer = client.get("/v1/model").json()
     assert answer == {
         "name": "tiny", "version": "0.0.1", "licence": "Apache-2.0", "grid": "rings:3x8", "accuracy": {},
-        "matching": has_opencv(),
+        "matching": has_opencv(), "scene_tools": [*EXPORTERS], "sky_models": [*SKY_MODELS],
+        "map_formats": [*FORMATS],
     }  # fmt: skip
 
 
