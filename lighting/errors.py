@@ -1,46 +1,111 @@
-"""The errors that this package raises; each text is one sentence for people.
+"""The errors that this package raises: a sentence for people, a code and a field for programs.
 
-Exit codes of the command line and HTTP problems map from these classes alone.
+Exit codes of the command line and HTTP problems map from the classes; nothing reads the sentences.
 """
+
+from collections.abc import Callable
+from enum import StrEnum
+from importlib import import_module
+from types import ModuleType
+from typing import ClassVar, Self
+
+
+class ErrorCode(StrEnum):
+    """What is wrong, for programs: stable, unlike the sentences."""
+
+    MISSING = "missing"  # a value is needed and not there
+    WRONG_TYPE = "wrong-type"  # or a number that is not finite
+    OUT_OF_RANGE = "out-of-range"
+    MALFORMED = "malformed"  # a text that does not read as what it should
+    UNKNOWN = "unknown"  # not one of the known names
+    DUPLICATE = "duplicate"  # given twice
+    CONTRADICTION = "contradiction"  # right by itself, and not beside the others
+    NIGHT = "night"  # the sun is below the horizon
+    INSUFFICIENT = "insufficient"  # too little to find what was asked for
+    UNREADABLE = "unreadable"  # a file that is not what it should be
+    UNWRITABLE = "unwritable"  # a file or folder that cannot be written
+    TOO_LARGE = "too-large"
+    TIMEOUT = "timeout"
+    MISSING_EXTRA = "missing-extra"  # an optional package is not installed
+    FAILED = "failed"  # for another reason, which the sentence states
 
 
 class LightingError(Exception):
-    """Base of every error this package raises on purpose; its text is one clear sentence."""
+    """Base of every error that this package raises on purpose.
+
+    Args:
+        text: one clear sentence.
+        field: the parameter at fault, as Python names it; None where no single one is.
+        code: what is wrong; by default what the class stands for.
+    """
+
+    default_code: ClassVar[ErrorCode] = ErrorCode.FAILED
+
+    def __init__(self, text: str, field: str | None = None, code: ErrorCode | None = None) -> None:
+        super().__init__(text)
+        self.field = field
+        self.code = code or self.default_code
+        self._predicate: str | None = None
+
+    @classmethod
+    def about(cls, field: str, predicate: str, code: ErrorCode) -> Self:
+        """The error whose sentence is the field's name and the predicate, which a surface can spell its own way."""
+        error = cls(f"{field} {predicate}", field, code)
+        error._predicate = predicate
+        return error
+
+    def renamed(self, name_of: Callable[[str], str]) -> Self:
+        """The same error with the field under the name that a surface has for it, in the sentence too."""
+        if self.field is None:
+            return self
+        name = name_of(self.field)
+        if self._predicate is not None:
+            return self.about(name, self._predicate, self.code)
+        return type(self)(str(self), name, self.code)
+
+    def prefixed(self, subject: str) -> Self:
+        """The same error with a sentence that begins with what it is about, such as a file's name."""
+        return type(self)(f"{subject}: {self}", self.field, self.code)
 
 
 class PhotoError(LightingError):
     """The bytes given are not a photo that can be read."""
 
+    default_code = ErrorCode.UNREADABLE
+
 
 class PhotoTooLargeError(PhotoError):
     """The photo exceeds the limit on bytes or pixels."""
 
+    default_code = ErrorCode.TOO_LARGE
+
 
 class ParameterError(LightingError, ValueError):
-    """A lighting parameter is missing, of the wrong type or outside its range.
-
-    `field` names the one at fault as the record that refuses it does, or None where no single one is.
-    """
-
-    def __init__(self, text: str, field: str | None = None) -> None:
-        super().__init__(text)
-        self.field = field
+    """A lighting parameter is missing, of the wrong type or outside its range."""
 
 
 class ModelError(LightingError):
     """The network's file is missing, damaged or of an unknown layout."""
 
+    default_code = ErrorCode.UNREADABLE
+
 
 class EnvironmentMapError(LightingError):
     """A file is not an environment map that can be read, or cannot be written."""
+
+    default_code = ErrorCode.UNREADABLE
 
 
 class ProbeError(LightingError):
     """Exposures do not make a sky, or a sky does not tell what was asked of it."""
 
+    default_code = ErrorCode.INSUFFICIENT
+
 
 class SceneError(LightingError):
     """A scene's tool is unknown, or its folder cannot be written."""
+
+    default_code = ErrorCode.UNWRITABLE
 
 
 class BatchError(LightingError):
@@ -48,11 +113,26 @@ class BatchError(LightingError):
 
 
 class MissingExtraError(LightingError):
-    """An optional package, which one of this package's extras installs, is missing."""
+    """An optional package is missing; `extra` is the extra of this package that installs it.
+
+    `of` words it, and `require_extra` raises it.
+    """
+
+    default_code = ErrorCode.MISSING_EXTRA
+    extra = ""
+
+    @classmethod
+    def of(cls, need: str, extra: str) -> Self:
+        """The error of a need such as "Parquet needs pyarrow"."""
+        error = cls(f"{need}: {install_command(extra)}.")
+        error.extra = extra
+        return error
 
 
 class PhotoExtraError(PhotoError, MissingExtraError):
     """Photos of this kind need an optional package that is missing."""
+
+    default_code = ErrorCode.MISSING_EXTRA
 
 
 class TurnsError(LightingError):
@@ -61,6 +141,28 @@ class TurnsError(LightingError):
 
 class VideoError(LightingError):
     """A file is not a clip that can be read, or nothing in it can be followed."""
+
+    default_code = ErrorCode.UNREADABLE
+
+
+def require_extra(module: str, need: str, extra: str, error: type[MissingExtraError] = MissingExtraError) -> ModuleType:
+    """The module of an optional package.
+
+    Args:
+        module: what to import.
+        need: how the error's sentence begins, such as "Parquet needs pyarrow".
+        extra: the extra of this package that installs it.
+        error: the class to raise where it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as cause:
+        raise error.of(need, extra) from cause
+
+
+def install_command(extra: str) -> str:
+    """What installs an extra of this package."""
+    return f"pip install 'outdoor-lighting[{extra}]'"
 
 
 def reason(error: Exception) -> str:

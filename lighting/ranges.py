@@ -1,7 +1,7 @@
 """The ranges and units of what describes a light, and the checks of values against them.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables;
-JSON groups them, see sections.py.
+JSON groups them (RECORD_PATHS), and some are short where people type them (SHORT_NAMES).
 """
 
 import math
@@ -10,7 +10,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 
 RANGES: dict[str, tuple[float, float]] = {
     "sun_azimuth": (-180.0, 180.0),  # deg, 0 = where the camera points, positive to the right
@@ -43,6 +43,58 @@ COLOUR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not al
     "ground_color": (0.0, 1.0),  # reflectance of the ground
 }
 
+RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting that are not at its top
+    "model_name": "model.name",
+    "model_version": "model.version",
+    "sun_azimuth": "sun.azimuth",
+    "sun_elevation": "sun.elevation",
+    "sun_visibility": "sun.visibility",
+    "radius_50": "sun.radius_50",
+    "radius_90": "sun.radius_90",
+    "sun_irradiance": "sun.irradiance",
+    "turbidity": "sky.turbidity",
+    "ground_albedo": "sky.ground_albedo",
+    "exposure": "sky.exposure",
+    "sky_cover": "sky.cover",
+    "sky_irradiance": "sky.irradiance",
+    "sky_model": "sky.model",
+    "camera_elevation": "camera.elevation",
+    "camera_roll": "camera.roll",
+    "vertical_fov": "camera.vertical_fov",
+    "camera_heading": "camera.heading",
+    "camera_heading_radius_50": "camera.heading_radius_50",
+    "camera_heading_radius_90": "camera.heading_radius_90",
+    "camera_heading_probability": "camera.heading_probability",
+    "relative_heading": "camera.relative_heading",
+    "latitude": "place.latitude",
+    "longitude": "place.longitude",
+    "ground_color": "ground.color",
+}
+
+SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
+    "use_exif": "exif",
+    "latitude": "lat",
+    "longitude": "lon",
+    "vertical_fov": "fov",
+    "first": "date",
+    "last": "until",
+}
+
+
+def record_path(field: str) -> str:
+    """Where the JSON record of a light has a field: sun.azimuth."""
+    return RECORD_PATHS.get(field, field)
+
+
+def parameter_name(field: str) -> str:
+    """What a URL calls a field: lat."""
+    return SHORT_NAMES.get(field, field)
+
+
+def option_name(field: str) -> str:
+    """What the command line calls a field: --utc-offset."""
+    return "--" + parameter_name(field).replace("_", "-")
+
 
 def is_finite(value: object) -> TypeGuard[int | float]:
     """Whether the value is a finite number that a float can hold; a bool is not a number."""
@@ -52,19 +104,27 @@ def is_finite(value: object) -> TypeGuard[int | float]:
         return False
 
 
-def check_range(name: str, value: object, low: float, high: float, field: str | None = None) -> None:
-    """Raise a one-sentence ParameterError unless `value` is a finite number in [low, high]; `field` is the error's."""
+def check_range(field: str, value: object, low: float, high: float, subject: str | None = None) -> None:
+    """Raise a one-sentence ParameterError about a field unless its value is a finite number in [low, high].
+
+    The sentence begins with the field's name, or with `subject` where a name would not do.
+    """
     if not is_finite(value):
-        raise ParameterError(f"{name} must be a finite number, not {reprlib.repr(value)}.", field)
-    if not low <= float(value) <= high:
-        raise ParameterError(f"{name} is {float(value):g}; it must lie in {low:g} to {high:g}.", field)
+        predicate, code = f"must be a finite number, not {reprlib.repr(value)}.", ErrorCode.WRONG_TYPE
+    elif not low <= float(value) <= high:
+        predicate, code = f"is {float(value):g}; it must lie in {low:g} to {high:g}.", ErrorCode.OUT_OF_RANGE
+    else:
+        return
+    if subject is not None:
+        raise ParameterError(f"{subject} {predicate}", field, code)
+    raise ParameterError.about(field, predicate, code)
 
 
 def check_place(latitude: float | None, longitude: float | None) -> None:
     """Raise a one-sentence ParameterError where only one of them is known."""
     if (latitude is None) != (longitude is None):
         missing = "latitude" if latitude is None else "longitude"
-        raise ParameterError("A latitude needs a longitude and the other way round.", missing)
+        raise ParameterError("A latitude needs a longitude and the other way round.", missing, ErrorCode.MISSING)
 
 
 def plain_numbers(record: object, *names: str) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ModelError, ParameterError
+from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import Floats, direction
-from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, check_range, is_finite, plain_numbers
-from lighting.sections import as_in_record, record_of, values_in
+from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, check_range, is_finite, plain_numbers, record_path
+from lighting.sections import record_of, values_in
 from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
@@ -147,12 +147,15 @@ class Lighting:
         for name in ("evidence", "warnings"):
             object.__setattr__(self, name, _texts(name, getattr(self, name)))
         if not isinstance(self.sky_model, str) or self.sky_model not in SKY_MODELS:
-            model = reprlib.repr(self.sky_model)
-            raise ParameterError(f"sky.model is {model}; the known ones are {format_sky_models()}.")
+            predicate = f"is {reprlib.repr(self.sky_model)}; the known ones are {format_sky_models()}."
+            raise ParameterError.about("sky_model", predicate, ErrorCode.UNKNOWN)
         if (self.sun_irradiance is None) != (self.sky_irradiance is None):
-            raise ParameterError("sun.irradiance and sky.irradiance go together; the record has only one of them.")
+            missing = "sun_irradiance" if self.sun_irradiance is None else "sky_irradiance"
+            sentence = "sun.irradiance and sky.irradiance go together; the record has only one of them."
+            raise ParameterError(sentence, missing, ErrorCode.MISSING)
         if self.sky_cover is not None and self.sky_irradiance is None:
-            raise ParameterError("sky.cover needs sky.irradiance and sun.irradiance beside it.")
+            predicate = "needs sky.irradiance and sun.irradiance beside it."
+            raise ParameterError.about("sky_cover", predicate, ErrorCode.CONTRADICTION)
 
     @property
     def sun_painted(self) -> bool:
@@ -184,13 +187,14 @@ class Lighting:
         try:
             return cls(**values)
         except ParameterError as error:
-            raise ParameterError(as_in_record(str(error))) from error
+            raise error.renamed(record_path) from error
 
 
 def check_lighting(thing: object) -> None:
     """Raise ParameterError for what is no Lighting."""
     if not isinstance(thing, Lighting):
-        raise ParameterError(f"A Lighting is needed, not {type(thing).__name__}; an estimate has one as `lighting`.")
+        sentence = f"A Lighting is needed, not {type(thing).__name__}; an estimate has one as `lighting`."
+        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +227,8 @@ class Estimate:
 def check_estimate(thing: object) -> None:
     """Raise ParameterError for what is no Estimate."""
     if not isinstance(thing, Estimate):
-        raise ParameterError(f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo.")
+        sentence = f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo."
+        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
 def significant(value: float) -> float:
@@ -238,31 +243,34 @@ def clipped_colour(values: Floats, name: str) -> Colour:
 
 
 def _check_headings(probability: object) -> None:
+    name = "camera_heading_probability"
     if not isinstance(probability, tuple):
-        raise ParameterError(f"camera_heading_probability must be a list of numbers, not {reprlib.repr(probability)}.")
+        predicate = f"must be a list of numbers, not {reprlib.repr(probability)}."
+        raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
     if probability and len(probability) != 360:
-        raise ParameterError(f"camera_heading_probability has {len(probability)} values; it must have 360.")
+        predicate = f"has {len(probability)} values; it must have 360."
+        raise ParameterError.about(name, predicate, ErrorCode.OUT_OF_RANGE)
     for value in probability:
-        check_range("camera_heading_probability", value, 0.0, 1.0)
+        check_range(name, value, 0.0, 1.0)
 
 
 def _check_colour(name: str, colour: object, limits: tuple[float, float]) -> None:
     if colour is None:
         return
     if not isinstance(colour, tuple) or len(colour) != 3:
-        raise ParameterError(f"{name} must be three numbers: red, green and blue.")
+        raise ParameterError.about(name, "must be three numbers: red, green and blue.", ErrorCode.WRONG_TYPE)
     for value in colour:
         check_range(name, value, *limits)
 
 
 def _check_text(name: str, value: object) -> None:
     if not isinstance(value, str):
-        raise ParameterError(f"{name} must be a text, not {reprlib.repr(value)}.")
+        raise ParameterError.about(name, f"must be a text, not {reprlib.repr(value)}.", ErrorCode.WRONG_TYPE)
 
 
 def _texts(name: str, values: object) -> tuple[str, ...]:
     if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
-        raise ParameterError(f"{name} must be a list of texts, not {reprlib.repr(values)}.")
+        raise ParameterError.about(name, f"must be a list of texts, not {reprlib.repr(values)}.", ErrorCode.WRONG_TYPE)
     return tuple(values)
 
 

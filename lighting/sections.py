@@ -4,46 +4,23 @@ import reprlib
 from collections.abc import Mapping
 from typing import Any
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats
+from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, RECORD_PATHS
 
-_SECTIONS = {  # the groups of the JSON record: each name in it, and the attribute that it holds
-    "sun": {
-        "azimuth": "sun_azimuth",
-        "elevation": "sun_elevation",
-        "visibility": "sun_visibility",
-        "radius_50": "radius_50",
-        "radius_90": "radius_90",
-    },
-    "sky": {
-        "turbidity": "turbidity",
-        "ground_albedo": "ground_albedo",
-        "exposure": "exposure",
-        "cover": "sky_cover",
-    },
-    "camera": {
-        "elevation": "camera_elevation",
-        "roll": "camera_roll",
-        "vertical_fov": "vertical_fov",
-        "heading": "camera_heading",
-        "heading_radius_50": "camera_heading_radius_50",
-        "heading_radius_90": "camera_heading_radius_90",
-        "relative_heading": "relative_heading",
-    },
-    "place": {"latitude": "latitude", "longitude": "longitude"},
-}
-_COLOURS = {  # where the JSON record has them
-    "sun.irradiance": "sun_irradiance",
-    "sky.irradiance": "sky_irradiance",
-    "ground.color": "ground_color",
-}
-_PLACES = {  # where the JSON record has each attribute
-    "model_name": "model.name",
-    "model_version": "model.version",
-    "camera_heading_probability": "camera.heading_probability",
-    **{attribute: path for path, attribute in _COLOURS.items()},
-    **{attribute: f"{section}.{name}" for section, names in _SECTIONS.items() for name, attribute in names.items()},
-}
+
+def _sections() -> dict[str, dict[str, str]]:
+    """The groups of the JSON record that hold plain numbers: each name in it, and the attribute that it holds."""
+    groups: dict[str, dict[str, str]] = {}
+    for attribute, path in RECORD_PATHS.items():
+        if attribute in RANGES or attribute in OPTIONAL_RANGES:
+            group, name = path.split(".")
+            groups.setdefault(group, {})[name] = attribute
+    return groups
+
+
+_SECTIONS = _sections()
+_COLOURS = {RECORD_PATHS[attribute]: attribute for attribute in COLOUR_RANGES}
 
 
 def record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any]:
@@ -68,9 +45,14 @@ def record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any
 
 
 def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type."""
+    """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type.
+
+    The error's field is the path in the record.
+    """
     if not isinstance(record, Mapping):
-        raise ParameterError(f"A lighting record must be an object, not {reprlib.repr(record)}.")
+        raise ParameterError(
+            f"A lighting record must be an object, not {reprlib.repr(record)}.", code=ErrorCode.WRONG_TYPE
+        )
     names = (*_SECTIONS, "model", "ground")
     found = {name: _section(record, name, required=name in ("sun", "sky")) for name in names}
     values = {
@@ -78,7 +60,8 @@ def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
     }
     for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
         if values[name] is None:
-            raise ParameterError(f"The lighting record lacks {_PLACES[name]}.")
+            path = RECORD_PATHS[name]
+            raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
     values |= {f"model_{name}": found["model"].get(name) for name in ("name", "version")}
     values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
     values["camera_heading_probability"] = _numbers(
@@ -91,16 +74,11 @@ def values_in(record: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def as_in_record(sentence: str) -> str:
-    """The sentence about an attribute, which begins with its name, about the field of the JSON record that holds it."""
-    name, space, rest = sentence.partition(" ")
-    return f"{_PLACES.get(name, name)}{space}{rest}"
-
-
 def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
     numbers = () if section.get(name) is None else section[name]
     if not isinstance(numbers, list | tuple):
-        raise ParameterError(f"{path} must be a list of numbers, not {reprlib.repr(numbers)}.")
+        predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
+        raise ParameterError.about(path, predicate, ErrorCode.WRONG_TYPE)
     return tuple(numbers)
 
 
@@ -109,5 +87,6 @@ def _section(record: Mapping[str, Any], name: str, *, required: bool = False) ->
     if section is None and not required:
         return {}
     if not isinstance(section, Mapping):
-        raise ParameterError(f"The lighting record needs an object {name!r}.")
+        code = ErrorCode.MISSING if section is None else ErrorCode.WRONG_TYPE
+        raise ParameterError(f"The lighting record needs an object {name!r}.", name, code)
     return section

@@ -5,12 +5,12 @@ import os
 import socket
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from lighting import __version__
-from lighting.errors import LightingError
+from lighting.errors import LightingError, MissingExtraError
 from server.process import prepare
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def main() -> None:
             refuse(sys.argv[1:])
         serve()
     except ModuleNotFoundError as error:
-        sys.exit(f"The service needs {error.name}: pip install 'outdoor-lighting[server]'.")
+        sys.exit(str(MissingExtraError.of(f"The service needs {error.name}", "server")))
 
 
 def refuse(arguments: Sequence[str]) -> NoReturn:
@@ -70,12 +70,7 @@ def serve() -> None:
         app.state.service.load()
         pack_in_threads(settings.places)
     except ValidationError as error:
-        sys.exit(
-            "\n".join(
-                f"{PREFIX}{'.'.join(map(str, e['loc'])).upper()}: {e['msg'].removeprefix('Value error, ')}"
-                for e in error.errors()
-            )
-        )
+        sys.exit("\n".join(f"{PREFIX}{_fault_of_setting(found)}" for found in error.errors()))
     except (LightingError, OSError) as error:
         sys.exit(str(error))
     config = Config(
@@ -94,6 +89,12 @@ def serve() -> None:
         http=_protocol(app.state.service),
     )
     Server(config).run()
+
+
+def _fault_of_setting(found: Mapping[str, Any]) -> str:
+    """The name of a setting, and what pydantic or the setting's own check says of it."""
+    said = found["ctx"]["error"] if found["type"] == "value_error" else found["msg"]
+    return f"{'.'.join(map(str, found['loc'])).upper()}: {said}"
 
 
 def refuse_taken(host: str, port: int) -> None:

@@ -4,34 +4,33 @@ from collections import Counter
 
 from fastapi import Request
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence import check_heading, check_headings
-from server.problems import all_invalid, invalid
+from server.problems import InvalidField, all_invalid, invalid
 from server.queries import ChangeQuery, EnvmapQuery, GivenQuery, LightingQuery
 
 
 async def refuse_repeats(request: Request) -> None:
     """Raise ProblemError for a request that gives a parameter twice."""
     times = Counter(name for name, _ in request.query_params.multi_items())
+    detail = "is given more than once"
     if often := [name for name, count in times.items() if count > 1]:
-        raise all_invalid([{"field": name, "place": "query", "detail": "is given more than once"} for name in often])
+        raise all_invalid([InvalidField(name, "query", detail, ErrorCode.DUPLICATE) for name in often])
 
 
 async def refuse_parameters(request: Request) -> None:
     """Raise ProblemError for any parameter: the route takes none."""
     if names := list(request.query_params):
-        raise all_invalid([{"field": name, "place": "query", "detail": "is not known here"} for name in names])
+        raise all_invalid([InvalidField(name, "query", "is not known here", ErrorCode.UNKNOWN) for name in names])
 
 
 def check_photos(photos: int, query: LightingQuery) -> None:
     """Raise ProblemError where what is said of headings does not fit the number of photos."""
-    field = "headings"
     try:
         check_headings(photos, query.turns())
-        field = "heading"
         check_heading(photos, query.heading)
     except ParameterError as error:
-        raise invalid(field, str(error)) from error
+        raise invalid(error.field or "headings", str(error), code=error.code) from error
 
 
 def refuse_given(query: EnvmapQuery) -> None:

@@ -14,8 +14,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
-from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooLargeError
-from lighting.evidence import SHORT_NAMES
+from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.ranges import parameter_name
 from server.arrivals import CrowdedError
 from server.limiter import BusyError
 
@@ -82,22 +82,43 @@ KINDS = (
     BUSY,
 )
 _WORDS = {  # plainer than pydantic's, by its name of the error
-    "missing": "is missing",
-    "extra_forbidden": "is not known here",
-    "literal_error": "must be {expected}",
-    "model_type": "must be a JSON object",
-    "dict_type": "must be a JSON object",
-    "list_type": "must be a list",
-    "string_type": "must be a text",
-    "too_short": "must have at least {min_length} values",
-    "too_long": "must have at most {max_length} values",
+    "missing": (ErrorCode.MISSING, "is missing"),
+    "extra_forbidden": (ErrorCode.UNKNOWN, "is not known here"),
+    "literal_error": (ErrorCode.UNKNOWN, "must be {expected}"),
+    "model_type": (ErrorCode.WRONG_TYPE, "must be a JSON object"),
+    "dict_type": (ErrorCode.WRONG_TYPE, "must be a JSON object"),
+    "list_type": (ErrorCode.WRONG_TYPE, "must be a list"),
+    "string_type": (ErrorCode.WRONG_TYPE, "must be a text"),
+    "too_short": (ErrorCode.OUT_OF_RANGE, "must have at least {min_length} values"),
+    "too_long": (ErrorCode.OUT_OF_RANGE, "must have at most {max_length} values"),
 }
-_NAMES = {long: short for short, long in SHORT_NAMES.items()}  # in URLs
+_CODES = {  # of the checks of server/values.py and its like, by the name of the error
+    "range": ErrorCode.OUT_OF_RANGE,
+    "even": ErrorCode.OUT_OF_RANGE,
+    "pair": ErrorCode.CONTRADICTION,
+    "date": ErrorCode.MALFORMED,
+}
 _REMOVED_ROUTES = {  # by path: what to use instead
     "/healthz": "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
     "/v1/stereo/plan": "GET /v1/stereo/plan was removed; run the command `lighting stereo plan`, which plans the same.",
 }
 _OF_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
+
+
+@dataclass(frozen=True)
+class InvalidField:
+    """What is wrong with one field, and for a number its range."""
+
+    field: str
+    place: Place
+    detail: str
+    code: str = ErrorCode.CONTRADICTION
+    minimum: float | None = None
+    maximum: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON, without a range where there is none."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 class ProblemError(Exception):
@@ -108,16 +129,17 @@ class ProblemError(Exception):
         self.kind, self.detail, self.headers, self.more = kind, detail, headers, more
 
 
-def invalid(field: str, detail: str, place: Place = "query") -> ProblemError:
+def invalid(field: str, detail: str, place: Place = "query", code: ErrorCode = ErrorCode.CONTRADICTION) -> ProblemError:
     """A 422 about one field."""
-    return all_invalid([{"field": field, "place": place, "detail": detail}])
+    return all_invalid([InvalidField(field, place, detail, code)])
 
 
-def all_invalid(errors: list[dict[str, Any]]) -> ProblemError:
+def all_invalid(errors: list[InvalidField]) -> ProblemError:
     """A 422 about several fields, each with its place and what is wrong with it; of very many the first."""
     named, others = errors[:MOST_ERRORS], len(errors) - MOST_ERRORS
-    detail = "; ".join(f"{found['field']}: {found['detail']}" for found in named)
-    return ProblemError(INVALID, detail + (f"; and {others} more" if others > 0 else ""), errors=named)
+    detail = "; ".join(f"{found.field}: {found.detail}" for found in named)
+    listed = [found.to_dict() for found in named]
+    return ProblemError(INVALID, detail + (f"; and {others} more" if others > 0 else ""), errors=listed)
 
 
 def response(request: Request, error: ProblemError) -> Response:
@@ -174,16 +196,13 @@ def problem_of(error: Exception) -> ProblemError:
             return ProblemError(INTERNAL, "An unexpected error occurred in the service.")
 
 
-def field_of(error: ParameterError) -> str | None:
-    """The parameter at fault under its name in a URL; None where no single one is."""
-    return error.field and _NAMES.get(error.field, error.field)
-
-
 def _contradiction(error: ParameterError) -> ProblemError:
     """Parameters that are each right and do not fit each other or the photo."""
-    if (field := field_of(error)) is None:
-        return ProblemError(INVALID, str(error))
-    return ProblemError(INVALID, str(error), errors=[{"field": field, "place": "query", "detail": str(error)}])
+    named = error.renamed(parameter_name)
+    if named.field is None:
+        return ProblemError(INVALID, str(named))
+    found = InvalidField(named.field, "query", str(named), named.code)
+    return ProblemError(INVALID, str(named), errors=[found.to_dict()])
 
 
 def _of_http_exception(error: HTTPException) -> ProblemError:
@@ -196,16 +215,22 @@ def _invalid_request(error: RequestValidationError) -> ProblemError:
     return all_invalid([_field_error(found) for found in error.errors()])
 
 
-def _field_error(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A field, its place, what is wrong with it and, for a number, its range.
+def _field_error(found: Mapping[str, Any]) -> InvalidField:
+    """What pydantic found in one field.
 
-    A check of several fields together names the one at fault as `field` of its context.
+    A check of several fields together names the one at fault as `field` of its context; our checks have a `code` there.
     """
     context = found.get("ctx", {})
-    limits = {name: value for name, value in context.items() if name in ("minimum", "maximum")}
-    field = context.get("field") or ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0])
-    detail = _WORDS[found["type"]].format(**context) if found["type"] in _WORDS else found["msg"]
-    return {"field": field, "place": found["loc"][0], "detail": detail, **limits}
+    own = context.get("code") or _CODES.get(found["type"], ErrorCode.WRONG_TYPE)
+    code, words = _WORDS.get(found["type"], (own, None))
+    return InvalidField(
+        field=context.get("field") or ".".join(str(part) for part in found["loc"][1:]) or str(found["loc"][0]),
+        place=found["loc"][0],
+        detail=found["msg"] if words is None else words.format(**context),
+        code=code,
+        minimum=context.get("minimum"),
+        maximum=context.get("maximum"),
+    )
 
 
 def route_path(scope: Scope) -> str:

@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from lighting.evidence import SHORT_NAMES, Given, read_headings
+from lighting.evidence import Given, read_headings
 from lighting.files import MAP_FORMATS, Compression
 from lighting.photo import MIN_SIDE
+from lighting.ranges import parameter_name
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import EXPORTERS, PLATE_SIDE, unsupported_options
 from server.texts import Headings, Irradiances, Offset, Reflectances, Time, in_words, misfit
@@ -79,8 +80,7 @@ class GivenQuery(Query):
 
     def given(self) -> Given:
         """The same as the library takes it; raises ParameterError for what contradicts itself."""
-        said = self.model_dump(include=set(GivenQuery.model_fields))
-        return Given(**{SHORT_NAMES.get(name, name): value for name, value in said.items()})
+        return Given(**{field.name: getattr(self, parameter_name(field.name)) for field in fields(Given)})
 
 
 class LightingQuery(GivenQuery):

@@ -8,6 +8,7 @@ from pydantic_core import from_json
 
 from lighting.errors import ParameterError
 from lighting.files import named_once, one_record
+from lighting.ranges import record_path
 from lighting.records import Lighting
 from server import problems
 from server.problems import ProblemError
@@ -33,4 +34,5 @@ def parse_record(data: bytes) -> Lighting:
         found = error.errors(include_url=False)
         raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in found]) from error
     except ParameterError as error:
-        raise problems.invalid(error.field or "body", str(error), "body") from error
+        named = error.renamed(record_path)
+        raise problems.invalid(named.field or "body", str(named), "body", named.code) from error

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, FailFast, Field
 
+from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
 from lighting.ranges import OPTIONAL_RANGES
 from lighting.records import GROUND_ALBEDO, Lighting
@@ -224,6 +225,10 @@ class FieldError(BaseModel):
     field: str
     place: Literal["query", "form", "body"] = Field(description="where the field stands: in the URL or in the body")
     detail: str
+    code: str = Field(
+        description="what is wrong, for programs: stable, unlike the sentence",
+        json_schema_extra={"enum": [code.value for code in ErrorCode]},
+    )
     minimum: float | None = None
     maximum: float | None = None
 

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence import read_headings
 from lighting.photo import read_offset, read_time
-from server.problems import field_of
+from lighting.ranges import parameter_name
 from server.values import Irradiance, Reflectance
 
 _DATE, _CLOCK, _OFFSET = (
@@ -21,9 +21,10 @@ _DATE, _CLOCK, _OFFSET = (
 )
 
 
-def misfit(field: str | None, reason: str) -> PydanticCustomError:
+def misfit(field: str | None, reason: str, code: ErrorCode = ErrorCode.CONTRADICTION) -> PydanticCustomError:
     """An error that names the field at fault itself, as a check of several fields together must."""
-    return PydanticCustomError("parameter", "{reason}", {"reason": reason} | ({"field": field} if field else {}))
+    context = {"reason": reason, "code": code.value} | ({"field": field} if field else {})
+    return PydanticCustomError("parameter", "{reason}", context)
 
 
 def in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
@@ -33,7 +34,8 @@ def in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
         try:
             return read(text)
         except ParameterError as error:
-            raise misfit(field_of(error), str(error)) from error
+            named = error.renamed(parameter_name)
+            raise misfit(named.field, str(named), named.code) from error
 
     return parsed
 
@@ -77,7 +79,7 @@ def _triple(text: Any) -> list[str] | None:
     joined = text if isinstance(text, str) else ",".join(map(str, text))
     numbers = joined.split(",")
     if len(numbers) != 3:
-        raise ParameterError(f"{joined!r} is not three numbers such as 0.9,0.8,0.7.")
+        raise ParameterError(f"{joined!r} is not three numbers such as 0.9,0.8,0.7.", code=ErrorCode.MALFORMED)
     return numbers
 
 

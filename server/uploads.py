@@ -10,9 +10,10 @@ from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
+from lighting.errors import ErrorCode
 from lighting.files import MAX_RECORD_BYTES
 from server import problems
-from server.problems import ProblemError
+from server.problems import InvalidField, ProblemError
 
 T = TypeVar("T")
 
@@ -112,7 +113,9 @@ class Body:
             fields = form.getlist(PHOTO_FIELD)
             files = [field for field in fields if isinstance(field, UploadFile)]
             if not 1 <= len(files) == len(fields):
-                raise problems.invalid(PHOTO_FIELD, "The form needs a file in this field and nothing else.", "form")
+                raise problems.invalid(
+                    PHOTO_FIELD, "The form needs a file in this field and nothing else.", "form", ErrorCode.WRONG_TYPE
+                )
             if len(files) > most:
                 raise _too_many(most)
             return [Upload(await file.read(), file.filename or "") for file in files]
@@ -161,7 +164,9 @@ class _Form(MultiPartParser):
 
 def _too_many(most: int) -> ProblemError:
     wanted = "One photo is" if most == 1 else f"At most {most} photos are"
-    return problems.invalid(PHOTO_FIELD, f"{wanted} taken here, and the form holds more.", "form")
+    return problems.invalid(
+        PHOTO_FIELD, f"{wanted} taken here, and the form holds more.", "form", ErrorCode.OUT_OF_RANGE
+    )
 
 
 def _refuse_others(form: FormData) -> None:
@@ -169,7 +174,7 @@ def _refuse_others(form: FormData) -> None:
     names = [name for name in dict.fromkeys(form) if name != PHOTO_FIELD]
     detail = "The form takes no such field; files go into photo, and parameters into the URL, as in ?exif=false."
     if names:
-        raise problems.all_invalid([{"field": name, "place": "form", "detail": detail} for name in names])
+        raise problems.all_invalid([InvalidField(name, "form", detail, ErrorCode.UNKNOWN) for name in names])
 
 
 def _check(size: int, limit: int) -> None:

@@ -27,9 +27,9 @@ from lighting.batch.journal import JOURNAL, has_lights
 from lighting.batch.photos import SUFFIXES, find_photos
 from lighting.batch.summary import Summary
 from lighting.batch.table import TABLE, row, schema
-from lighting.errors import BatchError
+from lighting.errors import BatchError, MissingExtraError, require_extra
 
-NEEDED = "The engine ray needs Ray and pyarrow: pip install 'outdoor-lighting[ray]'."
+_EXTRA = ("The engine ray needs Ray and pyarrow", "ray")
 
 _ACTOR_CPUS = 0.9  # reserved for an actor; the rest of its CPU is left for the tasks that read and write
 _TASK_CPUS = 0.05  # reserved for such a task
@@ -129,20 +129,17 @@ def _connected(address: str | None) -> Iterator[None]:
 
 
 def _require_ray() -> None:
-    """Raise BatchError if Ray is not installed, without importing it."""
+    """Raise MissingExtraError if Ray is not installed, without importing it."""
     if find_spec("ray") is None:
-        raise BatchError(NEEDED)
+        raise MissingExtraError.of(*_EXTRA)
 
 
 def _place(path: str) -> tuple[Any, str]:
-    """The filesystem of a local path or a URI, and the path in it; raises BatchError without pyarrow."""
+    """The filesystem of a local path or a URI, and the path in it; raises MissingExtraError without pyarrow."""
     from os.path import realpath
 
-    try:
-        from pyarrow.fs import FileSystem, LocalFileSystem
-    except ImportError as error:
-        raise BatchError(NEEDED) from error
-    return FileSystem.from_uri(path) if "://" in path else (LocalFileSystem(), realpath(path))
+    fs = require_extra("pyarrow.fs", *_EXTRA)
+    return fs.FileSystem.from_uri(path) if "://" in path else (fs.LocalFileSystem(), realpath(path))
 
 
 def _open_results(filesystem: Any, out: str, job: Job, overwrite: bool) -> None:

@@ -9,7 +9,7 @@ from types import NoneType, UnionType
 from typing import Any, get_args, get_origin
 
 from lighting.batch.journal import JOURNAL, read_records
-from lighting.errors import BatchError, ParameterError
+from lighting.errors import BatchError, ParameterError, require_extra
 from lighting.files import replacing
 from lighting.records import Lighting
 
@@ -26,7 +26,7 @@ def row(name: str, light: Lighting | str) -> dict[str, Any]:
 
 
 def require_parquet(out: Path) -> None:
-    """Raise BatchError if pyarrow is not installed, or the folder `out` takes no TABLE."""
+    """Raise MissingExtraError if pyarrow is not installed, BatchError if the folder `out` takes no TABLE."""
     schema()
     check_table(out)
 
@@ -54,11 +54,8 @@ def write_table(out: Path) -> None:
 
 
 def schema() -> Any:
-    """The table's pyarrow.Schema; raises BatchError if pyarrow is not installed."""
-    try:
-        import pyarrow
-    except ImportError as error:
-        raise BatchError("Parquet needs pyarrow: pip install 'outdoor-lighting[parquet]'.") from error
+    """The table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
+    pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "parquet")
     kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
     return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds})
 

@@ -14,7 +14,7 @@ import click
 
 from lighting.cli.process import ending_at_once
 from lighting.cli.words import shown
-from lighting.errors import EnvironmentMapError, ParameterError, PhotoError, ProbeError
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,7 +65,7 @@ def naming(file: str) -> Iterator[None]:
     try:
         yield
     except (EnvironmentMapError, PhotoError, ProbeError) as error:
-        raise type(error)(f"{shown(file)}: {error}") from error
+        raise error.prefixed(shown(file)) from error
 
 
 def open_photo(name: str, target: int | None = None) -> "Photo":
@@ -96,13 +96,14 @@ def lighting_of(data: bytes, name: str) -> "Lighting":
     from lighting.records import Lighting
 
     if len(data) > MAX_RECORD_BYTES:
-        raise ParameterError(f"{shown(name)} is larger than a lighting record, which has at most 1 MB.")
+        sentence = f"{shown(name)} is larger than a lighting record, which has at most 1 MB."
+        raise ParameterError(sentence, code=ErrorCode.TOO_LARGE)
     try:
         return Lighting.from_dict(one_record(json.loads(data, object_pairs_hook=named_once)))  # PowerShell: UTF-16
     except ParameterError as error:
-        raise ParameterError(f"{shown(name)}: {error}", error.field) from error
+        raise error.prefixed(shown(name)) from error
     except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{shown(name)} {_fault(error)}.") from error
+        raise ParameterError(f"{shown(name)} {_fault(error)}.", code=ErrorCode.UNREADABLE) from error
 
 
 def _fault(error: Exception) -> str:

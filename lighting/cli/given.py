@@ -1,13 +1,14 @@
 """The options by which the user says what a photo's metadata should say."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.errors import ParameterError
+from lighting.errors import LightingError, ParameterError
 
 if TYPE_CHECKING:
     from lighting.evidence import Given
@@ -40,9 +41,9 @@ def _parsed(read: Callable[[str], Any], text: str) -> Any:
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
-_OPTIONS: dict[str, Decorator] = {
-    "exif": click.option(
-        "--no-exif", "exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
+_OPTIONS: dict[str, Decorator] = {  # by the fields of Given that they fill
+    "use_exif": click.option(
+        "--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
     ),
     "time": click.option(
         "--time", metavar="TIME", callback=read_moment, help="When: 2024-06-01T14:30, +02:00 behind it if known."
@@ -50,12 +51,12 @@ _OPTIONS: dict[str, Decorator] = {
     "utc_offset": click.option(
         "--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of a local time: +02:00 or 2."
     ),
-    "lat": click.option("--lat", type=float, metavar="DEG", help="Where: latitude, positive north."),
-    "lon": click.option("--lon", type=float, metavar="DEG", help="Longitude, positive east."),
+    "latitude": click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
+    "longitude": click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
     "heading": click.option(
         "--heading", type=float, metavar="DEG", help="Where the camera points, clockwise from true north."
     ),
-    "fov": click.option("--fov", type=float, metavar="DEG", help="Vertical field of view."),
+    "vertical_fov": click.option("--fov", "vertical_fov", type=float, metavar="DEG", help="Vertical field of view."),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
 together_option = click.option("--together", is_flag=True, help="The photos are of one place and light.")
@@ -88,18 +89,21 @@ given_of_many_options = _options(*(name for name in _OPTIONS if name not in ("ti
 
 
 def _given(**options: Any) -> "Given":
-    from lighting.evidence import SHORT_NAMES, Given
+    from lighting.evidence import Given
 
+    with wrong_usage():
+        return Given(**options)
+
+
+@contextmanager
+def wrong_usage(kind: type[LightingError] = ParameterError) -> Iterator[None]:
+    """Turn errors of a kind into wrong usage, with the option in place of the field."""
     try:
-        return Given(**{SHORT_NAMES.get(name, name): value for name, value in options.items()})
-    except ParameterError as error:
-        raise click.UsageError(as_typed(str(error), {SHORT_NAMES.get(name, name): name for name in options})) from error
+        yield
+    except kind as error:
+        from lighting.ranges import option_name
 
-
-def as_typed(sentence: str, options: dict[str, str]) -> str:
-    """The sentence about a field, which begins with its name, about the option that fills it."""
-    name, space, rest = sentence.partition(" ")
-    return f"--{options[name].replace('_', '-')}{space}{rest}" if name in options else sentence
+        raise click.UsageError(str(error.renamed(option_name))) from error
 
 
 def check_together(photos: int, given: "Given", together: bool, headings: list[float] | None) -> None:
@@ -110,8 +114,6 @@ def check_together(photos: int, given: "Given", together: bool, headings: list[f
         raise click.UsageError("--headings needs --together.")
     from lighting.evidence import check_heading, check_headings
 
-    try:
+    with wrong_usage():
         check_headings(photos, headings)
         check_heading(photos, given.heading)
-    except ParameterError as error:
-        raise click.UsageError(str(error)) from error

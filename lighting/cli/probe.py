@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.given import read_moment, read_zone
+from lighting.cli.given import read_moment, read_zone, wrong_usage
 from lighting.cli.group import cli
 from lighting.cli.options import FiniteRange, height_option, quiet_option
 from lighting.cli.silence import silence
 from lighting.cli.words import shown
-from lighting.errors import ParameterError, ProbeError
+from lighting.errors import ProbeError
 
 if TYPE_CHECKING:
     from lighting.probe import Bracket, Moment, Probe, Settings, Shot
@@ -121,10 +121,8 @@ def _settings(options: dict[str, Any]) -> "Settings":
     """The options as the library takes them; UsageError for numbers that no picture is taken by."""
     from lighting.probe import Settings
 
-    try:
+    with wrong_usage(ProbeError):
         return Settings(**options)
-    except ProbeError as error:
-        raise click.UsageError(str(error)) from error
 
 
 def _check_told(
@@ -133,10 +131,8 @@ def _check_told(
     """Raise UsageError where what is told of time and place contradicts itself."""
     from lighting.evidence import Given
 
-    try:
+    with wrong_usage():
         Given(time=time, utc_offset=utc_offset, latitude=latitude, longitude=longitude)
-    except ParameterError as error:
-        raise click.UsageError(str(error)) from error
 
 
 def _check_targets(shots: Sequence["Shot"], moments: Sequence["Moment"], output: str) -> None:

@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from lighting.cli.files import write_png
-from lighting.cli.given import as_typed, read_zone
+from lighting.cli.given import read_zone, wrong_usage
 from lighting.cli.group import cli
 from lighting.cli.options import preview_file, quiet_option
 from lighting.cli.silence import silence
-from lighting.errors import ParameterError
 
 if TYPE_CHECKING:
     from lighting.stereo import AskedSkies, Plan, Progress, Window
-
-_OPTION_OF = {"latitude": "lat", "longitude": "lon", **{name: name for name in ("facing", "shots", "noise")}}
 
 
 @cli.group()
@@ -75,10 +72,8 @@ def plan(
 
     if output == "-" and as_json:
         raise click.UsageError('--json and "-o -" both go to stdout.')
-    try:
+    with wrong_usage():
         skies, question = _skies(**said), Question(facing, shots, noise)
-    except ParameterError as error:
-        raise click.UsageError(as_typed(str(error), _OPTION_OF)) from error
     with silence() as stderr:
         found = plan_photos(skies, question, _progress(quiet, stderr))
     if output:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.errors import reason
+from lighting.errors import install_command, reason
 from lighting.words import azimuth_in_words, tilt_in_words
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def report_unmatched(quiet: bool, together: bool, headings: Sequence[float] | No
     if together and headings is None and not quiet and not has_opencv():
         click.echo(
             "Warning: The photos were not matched with each other, because OpenCV is not installed: "
-            "pip install 'outdoor-lighting[turns]'.",
+            f"{install_command('turns')}.",
             err=True,
         )
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from lighting.evidence.facts import location_of, zones
     from lighting.evidence.frames import check_heading, check_headings, read_headings
     from lighting.evidence.fusion import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, stand
-    from lighting.evidence.given import NOTHING_GIVEN, SHORT_NAMES, Given, check_given
+    from lighting.evidence.given import NOTHING_GIVEN, Given, check_given
     from lighting.evidence.gravity import MOST_APART, Gravity, tilt_spread
     from lighting.evidence.metadata import Known, camera_evidence, known, known_alone, known_later, known_together
     from lighting.evidence.overlap import power
@@ -26,7 +26,6 @@ __all__ = [
     "LENS_RATIO",
     "MOST_APART",
     "NOTHING_GIVEN",
-    "SHORT_NAMES",
     "Evidence",
     "Fused",
     "Given",
@@ -70,7 +69,6 @@ __getattr__ = from_homes(
         "LENS_RATIO": "contradiction",
         "MOST_APART": "gravity",
         "NOTHING_GIVEN": "given",
-        "SHORT_NAMES": "given",
         "Evidence": "fusion",
         "Fused": "fusion",
         "Given": "given",

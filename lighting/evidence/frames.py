@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.circular import mean_angle
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence
 from lighting.geometry import Floats, angle_between, up_in_camera, wrap_azimuth
 from lighting.ranges import check_range, is_finite
@@ -66,20 +66,25 @@ def contrary_up(prediction: Prediction, placed: "Placed") -> tuple[str, ...]:
 def check_headings(photos: int, headings: Sequence[float] | None) -> None:
     """Raise ParameterError unless there is one heading, a finite number, for each of several photos, or none at all."""
     if not isinstance(headings, Sequence | np.ndarray | None):
-        raise ParameterError(f"headings are a list of degrees, not {reprlib.repr(headings)}.")
+        sentence = f"headings are a list of degrees, not {reprlib.repr(headings)}."
+        raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
     if headings is not None and photos == 1:
-        raise ParameterError("headings are those of several photos; one photo has a heading.")
+        sentence = "headings are those of several photos; one photo has a heading."
+        raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
     if headings is not None and len(headings) != photos:
-        raise ParameterError(f"{photos} photos need {photos} headings, not {len(headings)}.")
+        sentence = f"{photos} photos need {photos} headings, not {len(headings)}."
+        raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
     for heading in () if headings is None else headings:
         if not is_finite(heading.item() if isinstance(heading, np.generic) else heading):
-            raise ParameterError(f"A heading must be a finite number, not {reprlib.repr(heading)}.")
+            sentence = f"A heading must be a finite number, not {reprlib.repr(heading)}."
+            raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
 
 
 def check_heading(photos: int, heading: float | None) -> None:
     """Raise ParameterError where the one heading is given for several photos."""
     if heading is not None and photos > 1:
-        raise ParameterError("heading is that of one photo; photos taken together have headings.")
+        sentence = "heading is that of one photo; photos taken together have headings."
+        raise ParameterError(sentence, "heading", ErrorCode.CONTRADICTION)
 
 
 def read_headings(text: str) -> list[float]:
@@ -87,9 +92,10 @@ def read_headings(text: str) -> list[float]:
     try:
         headings = [float(part) for part in text.split(",")]
     except ValueError as error:
-        raise ParameterError(f"{text!r} is not a list of degrees such as 0,45,90.") from error
+        sentence = f"{text!r} is not a list of degrees such as 0,45,90."
+        raise ParameterError(sentence, "headings", ErrorCode.MALFORMED) from error
     for angle in headings:
-        check_range("heading", angle, -360.0, 360.0)
+        check_range("headings", angle, -360.0, 360.0, "A heading")
     return headings
 
 

@@ -5,12 +5,9 @@ from dataclasses import dataclass, field, fields
 from datetime import datetime
 from typing import Any
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.photo import OFFSETS, YEARS
 from lighting.ranges import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
-
-# The names of options and HTTP parameters that differ from the fields of Given.
-SHORT_NAMES = {"exif": "use_exif", "lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,8 @@ class Given:
     def __post_init__(self) -> None:
         for name in ("use_exif", "keep_location"):
             if not isinstance(getattr(self, name), bool):
-                raise ParameterError(f"{name} must be True or False, not {reprlib.repr(getattr(self, name))}.", name)
+                predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
+                raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
         plain_numbers(self, "utc_offset", "latitude", "longitude", "heading", "vertical_fov")
         ranges = {"utc_offset": OFFSETS, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
         for name, (low, high) in {**ranges, **{key: OPTIONAL_RANGES[key] for key in ("latitude", "longitude")}}.items():
@@ -47,23 +45,28 @@ class Given:
 
     def _check_time(self) -> None:
         if not isinstance(self.time, datetime | None):
-            said = reprlib.repr(self.time)
-            raise ParameterError(f"time must be a datetime, not {said}; lighting.photo.read_time makes one of a text.")
+            predicate = (
+                f"must be a datetime, not {reprlib.repr(self.time)}; lighting.photo.read_time makes one of a text."
+            )
+            raise ParameterError.about("time", predicate, ErrorCode.WRONG_TYPE)
         if self.time is not None and not YEARS[0] <= self.time.year <= YEARS[1]:
-            raise ParameterError(f"The time must lie in the years {YEARS[0]} to {YEARS[1]}.", "time")
+            sentence = f"The time must lie in the years {YEARS[0]} to {YEARS[1]}."
+            raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
         if self.time is not None and self.time.tzinfo is not None and self.utc_offset is not None:
-            raise ParameterError("The time already has its offset from UTC; another one contradicts it.", "utc_offset")
+            sentence = "The time already has its offset from UTC; another one contradicts it."
+            raise ParameterError(sentence, "utc_offset", ErrorCode.CONTRADICTION)
         if not self.use_exif and self.time is None and self.utc_offset is not None:
-            raise ParameterError("An offset from UTC needs a time.", "time")
+            raise ParameterError("An offset from UTC needs a time.", "time", ErrorCode.MISSING)
         if not self.use_exif and (self.time is None) != (self.latitude is None):
             missing = "time" if self.time is None else "latitude"
-            raise ParameterError("A time needs a place, and a place a time.", missing)
+            raise ParameterError("A time needs a place, and a place a time.", missing, ErrorCode.MISSING)
 
 
 def check_given(thing: object) -> None:
     """Raise ParameterError for what is no Given."""
     if not isinstance(thing, Given):
-        raise ParameterError(f"What is known of a photo is a Given, not {type(thing).__name__}.")
+        sentence = f"What is known of a photo is a Given, not {type(thing).__name__}."
+        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
 NOTHING_GIVEN = Given()

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence.declination import TYPICAL_DECLINATION, magnetic_declination
 from lighting.evidence.ephemeris import CIVIL_TWILIGHT
 from lighting.evidence.facts import by_one_clock, location_of, merge, of_one_place
@@ -46,7 +46,7 @@ def known(facts: PhotoFacts, given: Given, subject: str = "photo") -> Known:
     candidates = suns(merged)
     if (highest := _highest(candidates)) < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
         stated = "latitude" if given.time is None else "time"
-        raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.", stated)
+        raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.", stated, ErrorCode.NIGHT)
     return _known(merged, candidates, given, subject)
 
 
@@ -117,7 +117,7 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
     if not timed or zones_of_day(timed):
         return found
     if given.latitude is not None:
-        raise ParameterError(f"{_NIGHT_IN_ALL_ZONES}: too dark for these skies.", "latitude")
+        raise ParameterError(f"{_NIGHT_IN_ALL_ZONES}: too dark for these skies.", "latitude", ErrorCode.NIGHT)
     return _timeless(found, f"{_NIGHT_IN_ALL_ZONES}: time and place were not used.")
 
 

@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from typing import Any
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sky_coefficients
 
@@ -29,7 +29,7 @@ def named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     content = dict(pairs)
     if len(content) < len(pairs):
         often = Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise ParameterError(f"The key {often!r} stands twice.", often)
+        raise ParameterError(f"The key {often!r} stands twice.", often, ErrorCode.DUPLICATE)
     return content
 
 
@@ -41,7 +41,8 @@ def one_record(content: Any) -> Any:
     if not isinstance(content, dict):
         return content
     if "error" in content:
-        raise ParameterError("The JSON holds an error in place of a lighting record.", "error")
+        raise ParameterError("The JSON holds an error in place of a lighting record.", "error", ErrorCode.MISSING)
     if "lightings" in content:
-        raise ParameterError("The JSON holds the records of several photos, and one is read at a time.", "lightings")
+        sentence = "The JSON holds the records of several photos, and one is read at a time."
+        raise ParameterError(sentence, "lightings", ErrorCode.CONTRADICTION)
     return content.get("lighting", content)

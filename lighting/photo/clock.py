@@ -4,7 +4,7 @@ import re
 import reprlib
 from datetime import UTC, datetime, timedelta, timezone
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 
 YEARS = (1900, 2100)  # outside them no ephemeris is asked
 OFFSETS = (-12.0, 14.0)  # h from UTC of all zones
@@ -24,7 +24,7 @@ def read_time(text: str) -> datetime:
     except (ValueError, OverflowError) as error:
         raise _no_time(text) from error
     if len(text.strip()) <= len("2024-06-01"):
-        raise ParameterError(f"{text!r} is a day without a time.")
+        raise ParameterError(f"{text!r} is a day without a time.", "time", ErrorCode.MALFORMED)
     if not _TIME.fullmatch(text.strip()):
         raise _no_time(text)
     if (offset := time.utcoffset()) is not None:
@@ -33,14 +33,16 @@ def read_time(text: str) -> datetime:
 
 
 def _no_time(text: object) -> ParameterError:
-    return ParameterError(f"{reprlib.repr(text)} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00.")
+    sentence = f"{reprlib.repr(text)} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00."
+    return ParameterError(sentence, "time", ErrorCode.MALFORMED)
 
 
 def read_offset(text: str) -> float:
     """Hours from UTC in "+02:00", "-0330", "5.5" or "Z"; ParameterError otherwise."""
     parts = _OFFSET.fullmatch(text.strip()) if isinstance(text, str) else None
     if not parts:
-        raise ParameterError(f"{reprlib.repr(text)} is not an offset from UTC such as +02:00 or -3.5.")
+        sentence = f"{reprlib.repr(text)} is not an offset from UTC such as +02:00 or -3.5."
+        raise ParameterError(sentence, "utc_offset", ErrorCode.MALFORMED)
     if parts[4]:
         hours = float(parts[4])
     else:
@@ -52,7 +54,8 @@ def read_offset(text: str) -> float:
 def _check_offset(hours: float) -> None:
     """Raise ParameterError where no zone is so far from UTC."""
     if not OFFSETS[0] <= hours <= OFFSETS[1]:
-        raise ParameterError(f"The offset from UTC is {hours:g} h; it must lie in {OFFSETS[0]:g} to {OFFSETS[1]:g}.")
+        sentence = f"The offset from UTC is {hours:g} h; it must lie in {OFFSETS[0]:g} to {OFFSETS[1]:g}."
+        raise ParameterError(sentence, "utc_offset", ErrorCode.OUT_OF_RANGE)
 
 
 def in_utc(local_time: datetime, utc_offset: float) -> datetime:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.colour import SRGB_LINEAR, srgb_decode
-from lighting.errors import PhotoError, PhotoExtraError
+from lighting.errors import PhotoError, PhotoExtraError, require_extra
 from lighting.photo.exif import PhotoFacts, read_exposure, read_facts, read_orientation
 from lighting.photo.pages import photo_page
 from lighting.photo.pixels import as_stored, check_bits, tags_of, upright, wide_grey
@@ -198,10 +198,7 @@ def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint1
     Demosaiced and balanced for daylight, to Rec.709, without any curve or brightening. Raises PhotoError for what
     cannot be read, under `name`, and without rawpy.
     """
-    try:
-        import rawpy
-    except ImportError as error:
-        raise PhotoExtraError("RAW photos need rawpy: pip install 'outdoor-lighting[raw]'.") from error
+    rawpy = require_extra("rawpy", "RAW photos need rawpy", "raw", PhotoExtraError)
     try:
         with rawpy.imread(io.BytesIO(data)) as raw:
             levels = int(raw.white_level)

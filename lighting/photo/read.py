@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from lighting.errors import ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError
+from lighting.errors import ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
 from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import NAMES, admitted, most
@@ -159,10 +159,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
 
 @lru_cache(maxsize=1)
 def _heif_format() -> str:
-    try:
-        import pillow_heif
-    except ImportError as error:
-        raise PhotoExtraError("HEIC photos need pillow-heif: pip install 'outdoor-lighting[heif]'.") from error
+    pillow_heif = require_extra("pillow_heif", "HEIC photos need pillow-heif", "heif", PhotoExtraError)
     pillow_heif.register_heif_opener()
     return "HEIF"
 

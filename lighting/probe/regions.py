@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ProbeError
+from lighting.errors import require_extra
 from lighting.geometry import Floats, latlong_solid_angle
 
 Mask = NDArray[np.bool_]
@@ -19,12 +19,8 @@ def is_clipped(linear: NDArray[np.float32]) -> bool:
 
 
 def ndimage() -> Any:
-    """scipy's image filters; ProbeError where scipy is not installed."""
-    try:
-        from scipy import ndimage
-    except ImportError as error:
-        raise ProbeError("Measured skies need scipy: pip install 'outdoor-lighting[stereo]'.") from error
-    return ndimage
+    """scipy's image filters; MissingExtraError where scipy is not installed."""
+    return require_extra("scipy.ndimage", "Measured skies need scipy", "stereo")
 
 
 def connected(mask: Mask) -> NDArray[np.intp]:

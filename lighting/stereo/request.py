@@ -33,7 +33,7 @@ class ModelledSkies:
         if self.utc_offset is not None:
             check_range("utc_offset", self.utc_offset, *OFFSETS)
         for name, day in (("first", self.first), ("last", self.last)):
-            check_range("The year", day.year, YEARS[0] + 1, YEARS[1] - 1, name)
+            check_range(name, day.year, YEARS[0] + 1, YEARS[1] - 1, "The year")
         days_between(self.first, self.last)
 
     @property

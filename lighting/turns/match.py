@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting import sizes
-from lighting.errors import MissingExtraError
+from lighting.errors import require_extra
 from lighting.geometry import Floats
 
 MAX_SIDE = 1024  # pixels of the longer side in which features are sought
@@ -50,13 +50,7 @@ class Matches:
 
 def opencv() -> Any:
     """The module cv2; MissingExtraError where it is not installed."""
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingExtraError(
-            "Turns between photos need OpenCV, which is not installed: pip install 'outdoor-lighting[turns]'."
-        ) from error
-    return cv2
+    return require_extra("cv2", "Turns between photos need OpenCV", "turns")
 
 
 def has_opencv() -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import MissingExtraError, VideoError
+from lighting.errors import VideoError, require_extra
 from lighting.photo import MAX_ASPECT, MAX_PIXELS, MIN_SIDE, PhotoFacts
 from lighting.video.picture import shown_size, upright
 from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
@@ -153,12 +153,7 @@ class Clip:
 
 
 def _opened(path: Path) -> Any:
-    try:
-        import av
-    except ImportError as error:
-        raise MissingExtraError(
-            "Video needs PyAV, which is not installed: pip install 'outdoor-lighting[video]'."
-        ) from error
+    av = require_extra("av", "Video needs PyAV", "video")
     if path.is_dir():
         raise VideoError("This is a folder; a clip is one file. Join frames to one first, with ffmpeg for example.")
     with path.open("rb"):  # a missing or forbidden file is an OSError that names it

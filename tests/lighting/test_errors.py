@@ -1,5 +1,6 @@
 """Errors as sentences."""
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,22 @@ import pytest
 
 from lighting import errors
 from lighting.envmap import Place, change, known_place, lit_ground, place_factors, place_of, surround, turn, view
-from lighting.errors import LightingError, ParameterError, PhotoError, PhotoTooLargeError, reason
+from lighting.errors import (
+    ErrorCode,
+    LightingError,
+    MissingExtraError,
+    ParameterError,
+    PhotoError,
+    PhotoExtraError,
+    PhotoTooLargeError,
+    reason,
+    require_extra,
+)
 from lighting.files import write_envmap, write_exr
 from lighting.model import Model
 from lighting.photo import photo_of, read_offset, read_time
 from lighting.preview import draw_preview, preview_png
+from lighting.ranges import check_range, option_name, parameter_name, record_path
 from lighting.records import Lighting
 from lighting.scene import make_scene, write_scene, zip_scene
 from tests.previews import estimate, outdoors, photo, small_map
@@ -105,3 +117,41 @@ def test_every_error_of_the_package_has_one_base() -> None:
     assert all(issubclass(error, LightingError) for error in raised)
     assert issubclass(ParameterError, ValueError)
     assert issubclass(PhotoTooLargeError, PhotoError)
+
+
+@pytest.mark.parametrize(
+    ("name_of", "field"),
+    [(str, "latitude"), (parameter_name, "lat"), (option_name, "--lat"), (record_path, "place.latitude")],
+)
+def test_each_surface_has_its_own_name_of_a_field(name_of: Callable[[str], str], field: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        check_range("latitude", 95.0, -90.0, 90.0)
+    error = caught.value.renamed(name_of)
+    assert (error.field, error.code) == (field, "out-of-range")
+    assert str(error) == f"{field} is 95; it must lie in -90 to 90."
+    assert str(error.prefixed("a.json")) == f"a.json: {error}"
+
+
+def test_a_sentence_that_names_no_field_stays_as_it_is() -> None:
+    error = ParameterError("A time needs a place.", "latitude", ErrorCode.MISSING).renamed(option_name)
+    assert (str(error), error.field, error.code) == ("A time needs a place.", "--lat", "missing")
+    nobody = ParameterError("Wrong.")
+    assert nobody.renamed(option_name) is nobody
+    assert (nobody.field, nobody.code) == (None, "failed")
+
+
+def test_field_and_code_travel_between_processes() -> None:
+    error = ParameterError.about("exposure", "is 0.", ErrorCode.OUT_OF_RANGE)
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), copy.field, copy.code) == ("exposure is 0.", "exposure", ErrorCode.OUT_OF_RANGE)
+    assert str(copy.renamed(record_path)) == "sky.exposure is 0."
+
+
+def test_a_missing_extra_is_named() -> None:
+    with pytest.raises(MissingExtraError) as caught:
+        require_extra("no_such_module", "This needs that", "stereo")
+    assert (caught.value.extra, caught.value.code) == ("stereo", "missing-extra")
+    assert str(caught.value) == "This needs that: pip install 'outdoor-lighting[stereo]'."
+    with pytest.raises(PhotoError, match="RAW photos need rawpy"):
+        require_extra("no_such_module", "RAW photos need rawpy", "raw", PhotoExtraError)
+    assert require_extra("json", "Never missing", "none").loads("[1]") == [1]

@@ -393,5 +393,5 @@ def test_the_headings_probabilities_are_a_list(probability: Any) -> None:
 
 
 def test_cover_needs_irradiances() -> None:
-    with pytest.raises(ParameterError, match=r"^sky\.cover needs"):
+    with pytest.raises(ParameterError, match=r"^sky_cover needs"):
         replace(LIGHTING, sky_cover=0.5)

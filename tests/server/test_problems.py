@@ -57,7 +57,7 @@ def test_what_is_said_twice_is_refused_by_name(client: TestClient, jpeg: bytes, 
     name = path.rsplit("&", 1)[1].partition("=")[0]
     answer = client.get(path) if "model" in path else client.post(path, content=jpeg, headers=JPEG)
     (error,) = problem(answer, 422, "invalid")["errors"]
-    assert error == {"field": name, "place": "query", "detail": "is given more than once"}
+    assert error == {"field": name, "place": "query", "detail": "is given more than once", "code": "duplicate"}
 
 
 @pytest.mark.parametrize(

@@ -188,7 +188,7 @@ def test_night_is_refused_where_the_client_stated_it(client: TestClient, path: s
     night = {**NOON, "time": "2024-06-01T00:30+02:00"}
     body = problem(ask(client, path=path, **night), 422, "invalid")
     assert body["detail"].startswith("At that time and place the sun is")
-    assert body["errors"] == [{"field": "time", "place": "query", "detail": body["detail"]}]
+    assert body["errors"] == [{"field": "time", "place": "query", "detail": body["detail"], "code": "night"}]
     polar: dict[str, Any] = {"time": "2024-12-21T12:00Z", "lat": 85, "lon": 0}
     assert "polar night" in problem(ask(client, path=path, **polar), 422, "invalid")["detail"]
 

@@ -9,7 +9,7 @@ Integration: A Survey, JMIV 2018), without one the camera is orthographic.
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ParameterError
+from lighting.errors import require_extra
 from lighting.geometry import Floats
 
 Image = NDArray[np.float32]
@@ -46,20 +46,18 @@ def _slopes(normal: Image, focal: float | None) -> tuple[Floats, Floats]:
 
 def _solve(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats) -> Floats:
     """Values (P,) of the mask's pixels that fit the slopes best."""
-    try:
-        from scipy.sparse import coo_matrix, identity
-        from scipy.sparse.linalg import splu
-    except ImportError as error:
-        raise ParameterError("Depth needs scipy: pip install 'outdoor-lighting[stereo]'.") from error
+    sparse = require_extra("scipy.sparse", "Depth needs scipy", "stereo")
+    from scipy.sparse.linalg import splu
+
     index = np.cumsum(mask).reshape(mask.shape) - 1
     count = int(mask.sum())
     first, second, change, weight = _pairs(slopes, mask, facing, index)
     rows = np.arange(len(first))
     entries = np.concatenate([-np.ones(len(first)), np.ones(len(first))])
     places = (np.concatenate([rows, rows]), np.concatenate([first, second]))
-    steps = coo_matrix((entries, places), shape=(len(first), count)).tocsr()
+    steps = sparse.coo_matrix((entries, places), shape=(len(first), count)).tocsr()
     weighted = steps.multiply(weight[:, None]).tocsr()
-    square = (weighted.T @ steps + _ANCHOR * identity(count)).tocsc()
+    square = (weighted.T @ steps + _ANCHOR * sparse.identity(count)).tocsc()
     factors = splu(square, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
     value = factors.solve(weighted.T @ change)
     return np.asarray(value - value.mean())

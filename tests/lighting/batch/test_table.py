@@ -11,7 +11,7 @@ from pyarrow.parquet import read_table
 
 from lighting.batch import require_parquet, write_table
 from lighting.batch.table import row, schema
-from lighting.errors import BatchError
+from lighting.errors import BatchError, MissingExtraError
 from lighting.ranges import RANGES
 from lighting.records import Lighting
 from tests.conftest import encode, scene
@@ -91,7 +91,7 @@ def test_a_row_has_the_schemas_columns() -> None:
 
 def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(BatchError, match=r"^Parquet needs pyarrow: pip install"):
+    with pytest.raises(MissingExtraError, match=r"^Parquet needs pyarrow: pip install"):
         require_parquet(Path())
 
 
