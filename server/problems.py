@@ -96,7 +96,6 @@ _CODES = {  # of the checks of server/values.py and its like, by the name of the
     "range": ErrorCode.OUT_OF_RANGE,
     "even": ErrorCode.OUT_OF_RANGE,
     "pair": ErrorCode.CONTRADICTION,
-    "date": ErrorCode.MALFORMED,
 }
 _REMOVED_ROUTES = {  # by path: what to use instead
     "/healthz": "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
