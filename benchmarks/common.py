@@ -77,7 +77,7 @@ _TELL_PEAK = """
 import atexit, re, sys
 status = lambda: re.search("VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]
 atexit.register(lambda: print(status(), file=sys.stderr))
-from lighting.cli import main
+from lighting.__main__ import main
 main()
 """
 

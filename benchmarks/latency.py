@@ -27,7 +27,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from lighting.cli.process import prepare
+from lighting.start import prepare
 
 prepare(["envmap"])  # as the command does, before numpy is imported
 

@@ -27,7 +27,9 @@ class EnvmapAPI(litserve.LitAPI):  # type: ignore[misc]  # known in an environme
     def setup(self, device: str) -> None:
         """Load the network."""
         del device
-        session = onnxruntime.InferenceSession(str(packaged_model()), providers=["CPUExecutionProvider"])
+        options = onnxruntime.SessionOptions()
+        options.add_session_config_entry("session.disable_quant_qdq", "1")  # weights are widened once
+        session = onnxruntime.InferenceSession(str(packaged_model()), options, providers=["CPUExecutionProvider"])
         spec = ModelSpec.from_json(session.get_modelmeta().custom_metadata_map["spec"])
         self.estimator = Estimator(Model(session, spec))
 

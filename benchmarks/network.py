@@ -54,11 +54,14 @@ def packaged() -> onnx.ModelProto:
     values = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
     nodes = []
     for node in model.graph.node:
-        if node.op_type not in ("Cast", "Mul") or not all(name in values for name in node.input):
+        if node.op_type not in ("Cast", "DequantizeLinear") or not all(name in values for name in node.input):
             nodes.append(node)
             continue
-        given = [values.pop(name) for name in node.input]
-        values[node.output[0]] = given[0].astype(np.float32) if node.op_type == "Cast" else given[0] * given[1]
+        stored, *scale = (values.pop(name) for name in node.input)
+        wide = stored.astype(np.float32)
+        if scale:  # of each row; nothing else of this network is stored as bytes
+            wide *= scale[0].reshape(-1, *[1] * (wide.ndim - 1))
+        values[node.output[0]] = wide
     del model.graph.node[:], model.graph.initializer[:]
     model.graph.node.extend(nodes)
     model.graph.initializer.extend(onnx.numpy_helper.from_array(value, name) for name, value in values.items())

@@ -1,6 +1,28 @@
-"""`python -m lighting` is the command line."""
+"""The command `lighting`, and `python -m lighting`: the network begins to load before the command line is imported."""
 
-from lighting.cli import main
+import sys
+
+from lighting.start import hold_closed_streams, prepare, start_network
+
+
+def main() -> None:
+    """Run the command line; what the terminal cannot show is escaped instead of failing."""
+    hold_closed_streams()
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    prepare(sys.argv[1:])
+    start_network(sys.argv[1:])
+    from lighting.cli import cli
+    from lighting.cli.process import leave
+
+    try:
+        cli(prog_name="lighting")
+    except SystemExit as end:
+        if isinstance(end.code, int):
+            leave(end.code)
+        raise
+
 
 if __name__ == "__main__":
     main()

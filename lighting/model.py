@@ -6,6 +6,7 @@ are optional: `light`, float32 (N, 8), holds LIGHT in final units, and `around`,
 the place all around without the sun. The metadata key `spec` holds a ModelSpec as JSON.
 """
 
+import hashlib
 import os
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,11 @@ class Model:
         if not isinstance(path, str | os.PathLike | None):
             raise ModelError(f"A network is read from a path, not {type(path).__name__}.")
         file = packaged_model() if path is None else Path(path)
-        session = session_of(file, threads, for_one_run=for_one_photo)
+        return cls.from_session(session_of(file, threads, for_one_run=for_one_photo), file)
+
+    @classmethod
+    def from_session(cls, session: Any, file: Path) -> "Model":
+        """The network of an onnxruntime session of `file`; ModelError unless its layout is this module's."""
         metadata = session.get_modelmeta().custom_metadata_map
         if "spec" not in metadata:
             raise ModelError(f"{file} is not a lighting network: its metadata has no 'spec'.")
@@ -105,6 +110,20 @@ def figures_path(spec: ModelSpec, folder: Path) -> Path:
 def packaged_model() -> Path:
     """The network in this package; raises ModelError unless there is exactly one."""
     return packaged(Path(__file__).parent / "data", "outdoor")
+
+
+def weights_path(network: Path) -> Path:
+    """Where a network's weights lie unless its own file holds them; its graph names this file."""
+    return network.with_name(f"{network.name}.data")
+
+
+def network_sha256(network: Path) -> str:
+    """SHA-256, in hex, of a network's file and of the weights beside it, if they lie there."""
+    weights = weights_path(network)
+    digest = hashlib.sha256(network.read_bytes())
+    if weights.is_file():
+        digest.update(weights.read_bytes())
+    return digest.hexdigest()
 
 
 def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:

@@ -16,9 +16,7 @@ def session_of(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
     One run alone skips the rewriting of the graph, which takes longer than it saves there. Raises ModelError for a file
     that is missing or no network.
     """
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels report usage otherwise
-    import onnxruntime
-
+    onnxruntime = import_onnxruntime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads or available_cpus()
     options.inter_op_num_threads = 1
@@ -26,6 +24,8 @@ def session_of(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
     if for_one_run:
         options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
         options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # memory planned for runs that never come
+    else:
+        options.add_session_config_entry("session.disable_quant_qdq", "1")  # weights are widened once, not in each run
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")
@@ -33,6 +33,14 @@ def session_of(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
         return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors share no public base class
         raise ModelError(f"{file} is not an ONNX network that can be read: {reason_of(error)}") from error
+
+
+def import_onnxruntime() -> Any:
+    """The module onnxruntime, which does not report its use."""
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels report usage otherwise
+    import onnxruntime
+
+    return onnxruntime
 
 
 def reason_of(error: Exception) -> str:

@@ -25,7 +25,7 @@ SKY = (
     "lighting/scene/axes.py",
 )
 ENVMAP = '"""Maps of the sky."""\n\nfrom .changing import change\nfrom .render import render, sun_irradiance\n'
-COEFFICIENTS = "lighting/data/hosek_wilkie.npz"
+COEFFICIENTS = "lighting/data/hosek_wilkie.f32"
 _IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # so that the same files make the same zip
 

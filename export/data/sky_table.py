@@ -1,4 +1,4 @@
-"""Make lighting/data/hosek_wilkie.npz: the Hosek-Wilkie RGB coefficients out of the file that Mitsuba 3 ships.
+"""Make lighting/data/hosek_wilkie.f32: the Hosek-Wilkie RGB coefficients out of the file that Mitsuba 3 ships.
 
     python -m export.data.sky_table [sunsky_datasets.bin]
 
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-TABLE = Path(__file__).parents[2] / "lighting" / "data" / "hosek_wilkie.npz"
+TABLE = Path(__file__).parents[2] / "lighting" / "data" / "hosek_wilkie.f32"
 FIELDS = {  # name in Mitsuba's file: name in ours, with the meaning of the axes
     "sky_params_rgb": "sky",  # turbidity 1..10, albedo 0 and 1, control point, channel, parameter
     "sky_rad_rgb": "sky_radiance",  # turbidity, albedo, control point, channel
@@ -52,10 +52,9 @@ def installed_datasets() -> Path:
 
 
 def make_table(source: Path, target: Path = TABLE) -> None:
-    """Write the arrays of FIELDS as float32 to `target`."""
+    """Write the arrays of FIELDS to `target`, one behind the other, as little-endian float32."""
     tensors = read_tensors(source.read_bytes())
-    arrays = {ours: tensors[theirs].astype(np.float32) for theirs, ours in FIELDS.items()}
-    np.savez_compressed(target, allow_pickle=False, **arrays)
+    target.write_bytes(b"".join(tensors[name].astype("<f4").tobytes() for name in FIELDS))
 
 
 def main() -> None:

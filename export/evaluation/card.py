@@ -1,6 +1,5 @@
 """The model card: what the network is for, what it was trained on, how accurate it is, where it fails."""
 
-import hashlib
 import os
 import shutil
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ from export.evaluation.diagnostics import PICTURE
 from export.evaluation.evaluate import Evaluation, Options
 from export.evaluation.figures import write_figures
 from lighting.files import replacing
-from lighting.model import CARD, Model
+from lighting.model import CARD, Model, network_sha256, weights_path
 
 ROOT = Path(__file__).parents[2]
 CAPTION = "True suns inside the region that holds a given probability, by that probability"
@@ -62,8 +61,8 @@ def _of_model(loaded: Model, path: Path) -> dict[str, object]:
         "height": spec.height,
         "training_data": spec.training_data,
         "file": path.name,
-        "size": path.stat().st_size / 1e6,
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "size": sum(file.stat().st_size for file in (path, weights_path(path)) if file.is_file()) / 1e6,
+        "sha256": network_sha256(path),
         **{
             key: metadata.get(key, "unknown")
             for key in ("commit", "networks", "parity", "temperature", "elevation_scale")

@@ -1,16 +1,21 @@
 """Changes to a network's ONNX graph before it ships: nothing is computed twice, and weights are stored small.
 
-onnxruntime widens the weights when it loads the file, so it computes in single precision.
+onnxruntime widens the weights, so it computes in single precision. It maps the file that holds them into memory.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from lighting.model import weights_path
+
 HALVED = 256  # least elements of a tensor that is stored in half precision
 BYTES = 200_000  # least elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
+BESIDE = 1024  # least bytes of a tensor that lies in the file beside the graph
 
 
 def share(model: Any) -> None:
@@ -79,12 +84,22 @@ def _stored(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[An
         half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
         return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]
     others = tuple(i for i in range(weights.ndim) if i != axis)
-    scale = np.maximum(np.abs(weights).max(axis=others, keepdims=True) / 127, np.float32(1e-20))
+    scale = np.maximum(np.abs(weights).max(axis=others, keepdims=True) / 127, np.float32(1e-20)).astype(np.float32)
     bytes_ = numpy_helper.from_array(np.round(weights / scale).astype(np.int8), f"{name}.bytes")
-    scales = numpy_helper.from_array(scale.astype(np.float32), f"{name}.scale")
-    wide = f"{name}.wide"
-    cast = helper.make_node("Cast", [bytes_.name], [wide], to=TensorProto.FLOAT)
-    return [bytes_, scales], [cast, helper.make_node("Mul", [wide, scales.name], [name])]
+    scales = numpy_helper.from_array(scale.reshape(-1), f"{name}.scale")
+    return [bytes_, scales], [helper.make_node("DequantizeLinear", [bytes_.name, scales.name], [name], axis=axis)]
+
+
+def save_graph(model: Any, path: Path) -> None:
+    """Write a checked model as a graph and, beside it, its weights; the model in memory keeps them."""
+    weights = weights_path(path)
+    weights.unlink(missing_ok=True)  # otherwise they are appended to what it holds
+    saved = onnx.ModelProto()
+    saved.CopyFrom(model)
+    onnx.save_model(saved, str(path), save_as_external_data=True, location=weights.name, size_threshold=BESIDE)
+    onnx.checker.check_model(str(path))
+    for file in (path, weights):
+        file.chmod(0o644)
 
 
 def _replace(field: Any, values: list[Any]) -> None:

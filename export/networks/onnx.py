@@ -1,6 +1,6 @@
-"""The averaged weights of one or several runs as one self-describing ONNX file, compared numerically with torch.
+"""The averaged weights of one or several runs as one self-describing ONNX graph, compared numerically with torch.
 
-The file holds all networks and averages their probabilities and values.
+The graph holds all networks and averages their probabilities and values; their weights lie in a file beside it.
 """
 
 import json
@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,11 @@ import torch
 
 from export.data import DataError
 from export.networks.checkpoints import read_network
-from export.networks.graph import forget_origin, share, store_small
+from export.networks.graph import forget_origin, save_graph, share, store_small
 from export.networks.runs import describe_data, differ, history, read_record, read_spec
 from export.networks.served import Served
 from lighting.errors import ModelError
-from lighting.files import replacing
-from lighting.model import Model
+from lighting.model import Model, weights_path
 from lighting.records import ModelSpec
 
 OPSET = 18
@@ -39,7 +39,7 @@ def write_onnx(
     cameras: Sequence[Path] = (),
     elevation_scale: float = math.inf,
 ) -> float:
-    """Write `target` from training folders; returns its difference to torch (see `parity`).
+    """Write `target` and its weights from training folders; returns its difference to torch (see `parity`).
 
     `temperature` divides the suns' logits (Guo et al., ICML 2017); `cameras` and `elevation_scale` are those of
     `Served`. The version is the first run's unless another is given. DataError if the runs' networks expect different
@@ -55,16 +55,21 @@ def write_onnx(
     known["networks"] = str(len(folders) + len(cameras))
     known |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(target) as path:
+    with TemporaryDirectory(dir=target.parent) as folder:
+        path = Path(folder, target.name)
         model = trace(served, spec)
-        save(model, {"spec": spec.to_json(), **_plain(spec), **known}, path)
+        _add_metadata(model, {"spec": spec.to_json(), **_plain(spec), **known})
+        save_graph(model, path)
         _check(parity(served, path), TOLERANCE)
         forget_origin(model)
         share(model)
         store_small(model)
-        save(model, {}, path)
+        save_graph(model, path)
         difference = _check(parity(served, path), ROUNDED)
-        save(model, {"parity": f"{difference:.2e}"}, path)
+        _add_metadata(model, {"parity": f"{difference:.2e}"})
+        save_graph(model, path)
+        weights_path(path).replace(weights_path(target))
+        path.replace(target)
     return difference
 
 
@@ -103,15 +108,11 @@ def trace(served: Served, spec: ModelSpec) -> Any:
     return program.model_proto
 
 
-def save(model: Any, metadata: dict[str, str], path: Path) -> None:
-    """Add metadata to the model (`spec` is for programs, the others for people) and write it as one checked file."""
-    import onnx
-
+def _add_metadata(model: Any, metadata: dict[str, str]) -> None:
+    """Add what is known of the model: `spec` is for programs, the others are for people."""
     for key, value in metadata.items():
         entry = model.metadata_props.add()
         entry.key, entry.value = key, value
-    onnx.checker.check_model(model)
-    onnx.save_model(model, str(path), save_as_external_data=False)
 
 
 def _plain(spec: ModelSpec) -> dict[str, str]:

@@ -113,7 +113,8 @@ def _tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
         if f"{known}.half" in tensors:
             return torch.from_numpy(tensors[f"{known}.half"].astype(np.float32))
         if f"{known}.bytes" in tensors:
-            return torch.from_numpy(tensors[f"{known}.bytes"].astype(np.float32) * tensors[f"{known}.scale"])
+            values = tensors[f"{known}.bytes"].astype(np.float32)
+            return torch.from_numpy(values * tensors[f"{known}.scale"].reshape(-1, *[1] * (values.ndim - 1)))
     return None
 
 

@@ -1,6 +1,5 @@
 """What a batch does with each photo, and when an interrupted batch may be resumed."""
 
-import hashlib
 import json
 import os
 from dataclasses import asdict, dataclass, field
@@ -58,7 +57,7 @@ class PhotoLight:
 
 def settings(job: Job) -> dict[str, object]:
     """What the results depend on, for SETTINGS; the network is identified by its SHA-256. Raises ModelError."""
-    from lighting.model import packaged_model
+    from lighting.model import network_sha256, packaged_model
 
     network = packaged_model() if job.model is None else Path(job.model)
     if not network.is_file():
@@ -67,7 +66,7 @@ def settings(job: Job) -> dict[str, object]:
         "engine": job.engine,
         "source": job.source if "://" in job.source else os.path.realpath(job.source),
         "network": network.name,
-        "sha256": hashlib.sha256(network.read_bytes()).hexdigest(),
+        "sha256": network_sha256(network),
         "maps": asdict(job.maps) if job.maps else None,
         "metadata": job.given or None,
     }

@@ -1,9 +1,9 @@
 """The estimates of photos, each apart or all together, with the error of one that failed in its place."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from lighting.cli.files import open_photo
+from lighting.cli.files import estimated, load_estimator, open_photo, photo_bytes
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -12,21 +12,32 @@ if TYPE_CHECKING:
     from lighting.pipeline import Estimator
     from lighting.records import Estimate
 
+Answers = Iterator[tuple[str, "Estimate | Exception"]]
+
 
 def answers(
-    estimator: "Estimator",
-    names: Iterable[str],
+    model: str | None,
+    names: Sequence[str],
     given: "Given",
     together: bool = False,
     headings: Sequence[float] | None = None,
-) -> Iterator[tuple[str, "Estimate | Exception"]]:
-    """The estimate of each photo, or the error that it raised, in its place."""
+) -> Callable[[Iterable[str]], Answers]:
+    """A function of the names that gives the estimate of each photo, or the error that it raised, in its place.
+
+    The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
+    """
+    if len(names) == 1:
+        return lambda shown: _each(shown, lambda name: estimated(photo_bytes(name), given, model)[1])
+    estimator = load_estimator(model)
     if together:
-        yield from _together(estimator, names, given, headings)
-        return
+        return lambda shown: _together(estimator, shown, given, headings)
+    return lambda shown: _each(shown, lambda name: estimator(open_photo(name), given))
+
+
+def _each(names: Iterable[str], find: "Callable[[str], Estimate]") -> Answers:
     for name in names:
         try:
-            yield name, estimator(open_photo(name), given)
+            yield name, find(name)
         except (PhotoError, ParameterError, OSError) as error:
             yield name, error
 

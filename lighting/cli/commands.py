@@ -8,7 +8,6 @@ import click
 from lighting.cli.answers import answers
 from lighting.cli.files import (
     estimated,
-    load_estimator,
     naming,
     open_lighting,
     photo_bytes,
@@ -64,11 +63,10 @@ def estimate(
     if photos.count("-") > 1:
         raise click.UsageError("Only one of the photos can be stdin.")
     check_together(len(photos), given, **taken_together)
-    estimator = load_estimator(model)
     report_unmatched(quiet, **taken_together)
-    failed = 0
+    failed, answers_of = 0, answers(model, photos, given, **taken_together)
     with progress_over(photos, quiet) as progress:
-        for name, answer in answers(estimator, progress, given, **taken_together):
+        for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):
                 report(name, answer, as_json, quiet)
                 continue

@@ -145,9 +145,13 @@ def estimated(
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
-    from lighting.model import Model
+    from lighting.model import Model, packaged_model
+    from lighting.start import started_session
 
-    return Model.load(model, for_one_photo=True)
+    started = started_session() if model is None else None
+    if started is None:
+        return Model.load(model, for_one_photo=True)
+    return Model.from_session(started, packaged_model())
 
 
 def _said_of(network: "Model", photo: "Photo", given: "Given") -> "Prediction":

@@ -1,57 +1,12 @@
-"""The process of a command: made ready for a short life, and ended at once."""
+"""The end of a command's process: at once."""
 
 import atexit
-import errno
-import gc
-import io
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-
-from lighting.heap import keep_memory
-
-_BRIEF = frozenset({"estimate", "envmap", "preview", "render"})  # commands that mostly end in less than a second
-_GARBAGE = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
-
-
-def prepare(arguments: Sequence[str]) -> None:
-    """Save a brief command what pays in long ones alone; call this before numpy is imported.
-
-    OpenBLAS's threads would spin while they wait for products of matrices that are too small to share.
-    """
-    if _BRIEF.isdisjoint(arguments):
-        return
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(_GARBAGE)
-    keep_memory()
-
-
-class _ClosedStdout(io.TextIOBase):
-    """What takes the place of a stdout that is closed: an answer is not lost without a word."""
-
-    def write(self, text: str) -> int:
-        if not text:
-            return 0
-        raise OSError(errno.EBADF, "There is no stdout to write to, it is closed")
-
-
-def hold_closed_streams() -> None:
-    """Put something in the place of streams that the caller closed: what is said on stderr is lost, on stdout it fails.
-
-    Their numbers are held, too: otherwise the next file that is opened gets one, and what a library prints goes there.
-    """
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
-    if sys.stdout is None:
-        sys.stdout = _ClosedStdout()
-    if sys.stderr is None:
-        sys.stderr = os.fdopen(2, "w", encoding="utf-8")
 
 
 @contextmanager

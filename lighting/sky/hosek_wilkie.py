@@ -5,6 +5,7 @@ W m^-2 sr^-1 nm^-1 seen through RGB and divided by CIE_Y_INTEGRAL, which makes t
 `sunsky`. A radiance is never negative, though the published fits dip slightly below zero in the blue of a setting sun.
 """
 
+import math
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,7 +19,12 @@ CIE_Y_INTEGRAL = 106.75  # nm, the integral of the CIE 1931 luminosity curve
 SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to the sky's units before the division
 SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
-_DATA = Path(__file__).parent.parent / "data" / "hosek_wilkie.npz"
+_DATA = Path(__file__).parent.parent / "data" / "hosek_wilkie.f32"
+_SHAPES = {  # of the arrays in the file, one behind the other; export/data/sky_table.py names their axes
+    "sky": (10, 2, 6, 3, 9),
+    "sky_radiance": (10, 2, 6, 3),
+    "sun": (10, 45, 3, 4, 6),
+}
 _RANGES = {"sun elevation": (0.0, 90.0), "turbidity": (1.0, 10.0), "albedo": (0.0, 1.0)}
 _ROUNDING = 1e-3  # how far beyond the ends of its range a value may lie, for angles that went through float32
 _BINOMIAL = np.array([1.0, 5.0, 10.0, 10.0, 5.0, 1.0])
@@ -142,10 +148,11 @@ def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
 
 @lru_cache(maxsize=1)
 def _table() -> dict[str, Floats]:
-    """The published coefficients; export/data/sky_table.py made the file and names its axes."""
-    with _DATA.open("rb") as file:
-        archive = np.load(file, allow_pickle=False)
-        return {name: archive[name].astype(np.float64) for name in archive.files}
+    """The published coefficients; export/data/sky_table.py made the file."""
+    values = np.fromfile(_DATA, "<f4").astype(np.float64)
+    ends = np.cumsum([math.prod(shape) for shape in _SHAPES.values()])
+    parts = np.split(values, ends[:-1])
+    return {name: part.reshape(shape) for (name, shape), part in zip(_SHAPES.items(), parts, strict=True)}
 
 
 def _at_turbidity(table: Floats, turbidity: float) -> Floats:

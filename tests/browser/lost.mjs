@@ -40,12 +40,12 @@ async function overtakeAnExample(page, seen) {
 /** A page that has not got the sky's table, until it is asked for once more. */
 async function loseTheTable(page, seen, photo) {
   await page.reload({ waitUntil: "networkidle" });
-  await page.route("**/*.npz", (route) => route.abort());
+  await page.route("**/*.f32", (route) => route.abort());
   await page.setInputFiles("#file", photo);
   seen.noTable = await told(page);
   await page.locator("#turbidity").press("ArrowRight");
   await told(page);
-  await page.unroute("**/*.npz");
+  await page.unroute("**/*.f32");
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#get-json")]);
   seen.powerAfterAll = JSON.parse(readFileSync(await download.path(), "utf8")).sun.irradiance;
   seen.errorAfterAll = await page.isVisible("#error");

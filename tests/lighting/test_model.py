@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lighting import model as model_module
 from lighting.errors import ModelError
-from lighting.model import PARAMETERS, Model, packaged_model
+from lighting.model import PARAMETERS, Model, network_sha256, packaged_model, weights_path
 from tests.conftest import LIT, TINY, write_network
 
 
@@ -149,12 +149,24 @@ def test_loading_reports_to_nobody(network: Path, tmp_path: Path) -> None:
 
 
 def test_the_network_is_the_one_that_was_published() -> None:
-    """The container's build checks the same file; `sha256sum *.onnx *.npz > SHA256SUMS` renews it."""
+    """The container's build checks the same file; `sha256sum *.onnx *.data *.f32 > SHA256SUMS` renews it."""
     folder = packaged_model().parent
     sums = dict(line.split()[::-1] for line in (folder / "SHA256SUMS").read_text().splitlines())
     assert sums == {
-        p.name: sha256(p.read_bytes()).hexdigest() for p in folder.iterdir() if p.suffix in (".onnx", ".npz")
+        p.name: sha256(p.read_bytes()).hexdigest() for p in folder.iterdir() if p.suffix in (".onnx", ".data", ".f32")
     }
+
+
+def test_weights_beside_the_graph_count_to_the_network(tmp_path: Path) -> None:
+    """A network whose weights are elsewhere is refused; other weights make another network."""
+    copy, weights = tmp_path / packaged_model().name, weights_path(packaged_model())
+    copy.write_bytes(packaged_model().read_bytes())
+    assert "is not an ONNX network that can be read" in refusal(copy)
+    weights_path(copy).write_bytes(weights.read_bytes())
+    assert network_sha256(copy) == network_sha256(packaged_model())
+    weights_path(copy).write_bytes(weights.read_bytes()[:-1] + b"x")
+    assert network_sha256(copy) != network_sha256(packaged_model())
+    assert sum(file.stat().st_size for file in (packaged_model(), weights)) <= 32e6
 
 
 def test_a_network_may_say_how_strong_the_light_is(lit_network: Path) -> None:

@@ -28,8 +28,5 @@ def test_refuses_other_files() -> None:
 
 def test_the_shipped_table_is_what_the_script_makes(tmp_path: Path) -> None:
     pytest.importorskip("mitsuba")
-    make_table(installed_datasets(), tmp_path / "table.npz")
-    with np.load(tmp_path / "table.npz", allow_pickle=False) as made, np.load(TABLE, allow_pickle=False) as shipped:
-        assert sorted(made.files) == sorted(shipped.files)
-        for name in made.files:
-            np.testing.assert_array_equal(made[name], shipped[name])
+    make_table(installed_datasets(), tmp_path / "table.f32")
+    assert (tmp_path / "table.f32").read_bytes() == TABLE.read_bytes()

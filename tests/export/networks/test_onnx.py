@@ -14,7 +14,7 @@ from export.networks.onnx import ROUNDED, parity, write_onnx
 from export.networks.runs import read_spec
 from export.networks.served import Served
 from lighting.errors import LightingError
-from lighting.model import Model
+from lighting.model import Model, weights_path
 
 
 def test_onnx_and_torch_agree(trained: Path, trained_network: Path) -> None:
@@ -41,12 +41,15 @@ def test_two_runs_answer_together_in_one_file(trained: Path, trained_network: Pa
     for a, b in zip(one.predict(photo), two.predict(photo), strict=True):
         np.testing.assert_allclose(a.sun_probability, b.sun_probability, rtol=1e-3)
     assert two.spec.version == "2.0.0"
-    assert target.stat().st_size < 1.05 * trained_network.stat().st_size
+    assert weights_path(target).stat().st_size < 1.05 * weights_path(trained_network).stat().st_size
     files = [onnx.load(path).graph for path in (trained_network, target)]
     assert len(files[1].initializer) == len(files[0].initializer)
     stored = {tensor.data_type for tensor in files[1].initializer}
     assert {onnx.TensorProto.INT8, onnx.TensorProto.FLOAT16} <= stored
     assert not any(node.metadata_props for node in files[1].node)
+    assert any(node.op_type == "DequantizeLinear" for node in files[1].node)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["two.onnx", "two.onnx.data"]
+    assert target.stat().st_size < weights_path(target).stat().st_size / 5
 
 
 def test_runs_of_different_networks_do_not_answer_together(trained: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""How the process of a command starts and ends."""
+"""How the process of a command ends."""
 
 import os
 import subprocess
@@ -9,12 +9,6 @@ import pytest
 
 from tests.lighting.cli.runners import LIGHTING, sub
 
-STARTED = """
-import gc, os, sys
-from lighting.cli.process import prepare
-prepare(sys.argv[1:])
-print(os.environ.get("OPENBLAS_NUM_THREADS"), gc.get_threshold()[0] > 10_000, "numpy" in sys.modules)
-"""
 ENDED = """
 import atexit, sys
 from lighting.cli.process import leave
@@ -47,25 +41,6 @@ files.estimated(open(sys.argv[1], "rb").read(), Given(), None, lambda: Lost() an
 def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", code, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["envmap", "a.jpg"], "1 True False"),
-        (["--debug", "render", "a.json"], "1 True False"),
-        (["batch", "a", "b"], "None False False"),
-        (["stereo", "normals"], "None False False"),
-    ],
-)
-def test_brief_commands_alone_are_made_ready(arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    assert python(STARTED, *arguments).stdout.strip() == said
-
-
-def test_what_the_user_set_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
-    assert python(STARTED, "envmap").stdout.startswith("3 ")
 
 
 def test_it_ends_at_once_with_its_status_and_what_was_said() -> None:

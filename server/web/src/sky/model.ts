@@ -4,7 +4,6 @@
  */
 
 import { clamp, radians } from "../pure/angles";
-import type { NumberArray } from "../pure/npz";
 
 export type Triple = [red: number, green: number, blue: number];
 
@@ -14,7 +13,28 @@ export interface SkyShape {
   radiance: Triple;
 }
 
+interface NumberArray {
+  shape: number[];
+  data: Float32Array;
+}
+
 export type SkyTable = ReadonlyMap<string, NumberArray>;
+
+/** The arrays of the table's file, one behind the other. */
+const SHAPES = { sky: [10, 2, 6, 3, 9], sky_radiance: [10, 2, 6, 3], sun: [10, 45, 3, 4, 6] };
+
+/** The table in the bytes of its file; throws a TypeError for another length. */
+export function readTable(bytes: ArrayBuffer): SkyTable {
+  const table = new Map<string, NumberArray>();
+  let at = 0;
+  for (const [name, shape] of Object.entries(SHAPES)) {
+    const length = shape.reduce((product, side) => product * side, 1);
+    table.set(name, { shape, data: new Float32Array(bytes.slice(at, at + 4 * length)) });
+    at += 4 * length;
+  }
+  if (at !== bytes.byteLength) throw new TypeError("The table of the sky has another length.");
+  return table;
+}
 
 export const CIE_Y_INTEGRAL = 106.75; // nm
 const SUN_RGB_FACTOR = 467.069280386; // nm

@@ -1,15 +1,14 @@
 /** The worker that renders skies, so that sliders need no request and the page stays quick. */
 
-import tableUrl from "../../../../lighting/data/hosek_wilkie.npz?url";
+import tableUrl from "../../../../lighting/data/hosek_wilkie.f32?url";
 import type { Parameters } from "../api";
 import type { Factors } from "../picture/factors";
 import type { Pixels } from "../picture/pixels";
 import { layAround, type Surroundings, withSurroundings } from "../picture/surroundings";
 import { direction, type Vector } from "../pure/angles";
 import type { Camera } from "../pure/camera";
-import { readNpz } from "../pure/npz";
 import { type Base, baseOf, type Light, lightOf, type Question } from "./light";
-import type { SkyTable } from "./model";
+import { readTable, type SkyTable } from "./model";
 import { type Picture, pictureOf } from "./picture";
 
 export type Message =
@@ -64,5 +63,5 @@ async function load(): Promise<SkyTable> {
   const response = await fetch(tableUrl).catch(() => undefined);
   if (!response?.ok)
     throw new Error("The table of the sky could not be loaded, so the light cannot be shown. Try again.");
-  return readNpz(await response.arrayBuffer());
+  return readTable(await response.arrayBuffer());
 }

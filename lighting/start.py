@@ -1,0 +1,107 @@
+"""The start of a command's process: made ready for a short life, and its network loaded while the rest is imported."""
+
+import errno
+import gc
+import io
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from lighting.heap import keep_memory
+
+_BRIEF = frozenset({"estimate", "envmap", "preview", "render"})  # commands that mostly end in less than a second
+_OF_ONE_PHOTO = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
+_WITHOUT_NETWORK = ("-h", "--help", "--model", "--lighting")  # options that run none or another
+_DATA = Path(__file__).parent / "data"
+_GARBAGE = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
+
+
+def prepare(arguments: Sequence[str]) -> None:
+    """Save a brief command what pays in long ones alone; call this before numpy is imported.
+
+    OpenBLAS's threads would spin while they wait for products of matrices that are too small to share.
+    """
+    if _BRIEF.isdisjoint(arguments):
+        return
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    gc.set_threshold(_GARBAGE)
+    keep_memory()
+
+
+class _EarlySession:
+    """The session of the packaged network, made in a thread; onnxruntime lets others run meanwhile."""
+
+    def __init__(self) -> None:
+        from lighting.onnx import import_onnxruntime, packaged, session_of
+
+        self._session: Any = None
+        self._error: Exception | None = None
+        import_onnxruntime()  # here, for two threads that import wait for each other
+
+        def load() -> None:
+            try:
+                self._session = session_of(packaged(_DATA, "outdoor"), 0, for_one_run=True)
+            except Exception as error:  # which `result` raises
+                self._error = error
+
+        self._thread = Thread(target=load)
+        self._thread.start()
+
+    def result(self) -> Any:
+        """The session, once it is made; raises ModelError where it cannot be."""
+        self._thread.join()
+        if self._error:
+            raise self._error
+        return self._session
+
+
+_started: list[_EarlySession] = []
+
+
+def start_network(arguments: Sequence[str]) -> None:
+    """Begin to load the packaged network if a command of these arguments runs it on one photo."""
+    if not arguments or arguments[0] not in _OF_ONE_PHOTO:
+        return
+    others = arguments[1:]
+    if not any(other.startswith(_WITHOUT_NETWORK) for other in others) and sum(map(_is_file, others)) == 1:
+        _started.append(_EarlySession())
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return name == "-" or Path(name).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def started_session() -> Any:
+    """The session that `start_network` began to make, for one use; None where it began none."""
+    return _started.pop().result() if _started else None
+
+
+class _ClosedStdout(io.TextIOBase):
+    """What takes the place of a stdout that is closed: an answer is not lost without a word."""
+
+    def write(self, text: str) -> int:
+        if not text:
+            return 0
+        raise OSError(errno.EBADF, "There is no stdout to write to, it is closed")
+
+
+def hold_closed_streams() -> None:
+    """Put something in the place of streams that the caller closed: what is said on stderr is lost, on stdout it fails.
+
+    Their numbers are held, too: otherwise the next file that is opened gets one, and what a library prints goes there.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+    if sys.stdout is None:
+        sys.stdout = _ClosedStdout()
+    if sys.stderr is None:
+        sys.stderr = os.fdopen(2, "w", encoding="utf-8")
