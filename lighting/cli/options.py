@@ -158,7 +158,7 @@ def map_options(command: Command) -> Command:
             "--sky",
             metavar="MODEL",
             callback=_sky,
-            help=f"The sky's shape: {format_sky_models(' or ')}.",
+            help=f"The sky's shape: {format_sky_models(' or ')}, which are advanced.",
         ),
         click.option(
             "--yaw", default=0.0, metavar="DEG", callback=_finite, help="Turn the map to the right, sun and all."

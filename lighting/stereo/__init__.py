@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from lighting.stereo.normals.job import Solved, Told, Watch, solve_day, write_solved
     from lighting.stereo.normals.network import Network
     from lighting.stereo.picture import HOPELESS, draw_plan, shown_error
-    from lighting.stereo.plan import FEWEST_SHOTS, NOISES, Plan, Question, Window, clock
+    from lighting.stereo.plan import Plan, Question, Window, clock
     from lighting.stereo.planning import Progress
     from lighting.stereo.request import (
         AskedSkies,
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
-    "FEWEST_SHOTS",
     "HOPELESS",
-    "NOISES",
     "AskedSkies",
     "MeasuredSkies",
     "ModelledSkies",
@@ -55,9 +53,7 @@ __all__ = [
 __getattr__ = from_homes(
     __name__,
     {
-        "FEWEST_SHOTS": "plan",
         "HOPELESS": "picture",
-        "NOISES": "plan",
         "AskedSkies": "request",
         "Told": "normals.job",
         "MeasuredSkies": "request",
