@@ -208,8 +208,11 @@ def write_map(output: str, lighting: "Lighting", compression: "Compression | Non
     """Render and write; with a yaw, the record in the file is turned with the map."""
     from lighting.envmap import view
     from lighting.files import encode_envmap, write_envmap
+    from lighting.files.compression import round_in_place
 
     image, lighting = view(lighting, **view_options)
+    if compression in (None, "zip") and (output == "-" or output.lower().endswith(".exr")):
+        round_in_place(image)  # which spares a copy of a large map
     if output == "-":
         write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip"))
     else:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lighting.envmap import render
 from lighting.errors import EnvironmentMapError
 from lighting.files import Compression, read_exr, write_exr
-from lighting.files.compression import _SET_EFFORT, COMPRESSIONS, MANTISSA, pack_in_threads, rounded
+from lighting.files.compression import _SET_EFFORT, COMPRESSIONS, MANTISSA, pack_in_threads, round_in_place, rounded
 from lighting.geometry import latlong_solid_angle
 from lighting.records import Lighting
 
@@ -146,3 +146,16 @@ def test_a_fork_leaves_the_parents_threads_as_they_were(image: NDArray[np.float3
         assert OpenEXR.global_thread_count() == 2
     finally:
         pack_in_threads(before)
+
+
+def test_values_are_rounded_in_place_once() -> None:
+    """As they are in an array of their own; what is rounded already is not copied, which large maps would feel."""
+    values = np.random.default_rng(3).lognormal(sigma=3, size=(70, 140, 3)).astype(np.float32)
+    values[1, :3, 0] = np.finfo(np.float32).max, np.inf, -1.2345
+    values[2, 0, 0] = np.nan
+    expected = rounded(values)
+    assert expected is not values
+    round_in_place(values)
+    np.testing.assert_array_equal(values, expected)
+    assert values[1, 0, 0] == np.finfo(np.float32).max
+    assert rounded(values) is values
