@@ -14,9 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.probe.report import DAY, PLACE, lighting_at
-from export.probe.scans import read_scans
-from export.probe.synthetic import TIMES, Camera, expose, photograph
+from export.reports.probe import (
+    BRACKET_TIMES,
+    SKY_DAY,
+    SKY_PLACE,
+    BracketCamera,
+    clear_sky_at,
+    expose_bracket,
+    photograph_sky,
+    read_sky_scans,
+)
 from lighting.colour import luminance, tone_map
 from lighting.geometry import Floats, direction
 from lighting.photo import LinearPhoto
@@ -36,8 +43,10 @@ SUNNY = "2013-05-27"
 
 def photos() -> list[LinearPhoto]:
     """Seven exposures of a clear June morning through a fisheye, the sun clipped in all."""
-    picture = photograph(lighting_at(Moment(DAY, *PLACE)), lens_of("equidistant", SIDE, SIDE), yaw_rotation(YAW))
-    return expose(picture, Camera(14, fill=8.0), np.random.default_rng(0), TIMES)
+    picture = photograph_sky(
+        clear_sky_at(Moment(SKY_DAY, *SKY_PLACE)), lens_of("equidistant", SIDE, SIDE), yaw_rotation(YAW)
+    )
+    return expose_bracket(picture, BracketCamera(14, fill=8.0), np.random.default_rng(0), BRACKET_TIMES)
 
 
 def draw(exposures: Sequence[LinearPhoto], probe: Probe, scan: Scan, offset: float) -> None:
@@ -49,7 +58,7 @@ def draw(exposures: Sequence[LinearPhoto], probe: Probe, scan: Scan, offset: flo
 
     figure = plt.figure(figsize=(12, 12), layout="constrained")
     top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 3.2, 2.0))
-    for axes, photo, time in zip(top.subplots(1, len(exposures)), exposures, TIMES, strict=True):
+    for axes, photo, time in zip(top.subplots(1, len(exposures)), exposures, BRACKET_TIMES, strict=True):
         axes.imshow(tone_map(photo.pixels, 1.0))
         axes.set_title(_seconds(time), fontsize=10)
         axes.axis("off")
@@ -110,15 +119,15 @@ def write_exposures(exposures: Sequence[LinearPhoto], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for index, photo in enumerate(exposures):
         counts: NDArray[np.uint16] = np.rint(photo.pixels * 65535).astype(np.uint16)
-        write_png16(folder / f"exposure_{index}.png", counts, taken(TIMES[index]))
+        write_png16(folder / f"exposure_{index}.png", counts, taken(BRACKET_TIMES[index]))
 
 
 def main(folder: Path) -> None:
     exposures = photos()
     write_exposures(exposures, folder)
-    probe = make_probe(bracket_of(exposures), Moment(DAY, *PLACE), Settings(fill=True))
+    probe = make_probe(bracket_of(exposures), Moment(SKY_DAY, *SKY_PLACE), Settings(fill=True))
     write_probe(probe, folder / "probe.exr")
-    day = read_scans()[SUNNY]
+    day = read_sky_scans()[SUNNY]
     draw(exposures, probe, day[4], orient(day).offset)
 
 

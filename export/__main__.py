@@ -8,11 +8,8 @@ from typing import Any
 
 import click
 
-from export.arguments import FILE, PATH
+from export.arguments import CLIP_KINDS, FILE, PATH, PHOTO_SET_PARTS, VIDEO_PARTS
 from export.stereo.normals_commands import stereo
-from export.turns import PARTS as TURNS_PARTS
-from export.video import KINDS
-from export.video import PARTS as VIDEO_PARTS
 from lighting.errors import LightingError
 
 Command = Callable[..., Any]
@@ -239,54 +236,58 @@ def fit(name: str, data: Path, labels: Path, model: Path | None, seen: Path | No
     click.echo(fit_constants.FITS[name](Model.load(model), data, labels, **more))
 
 
-@cli.command()
-@click.option("--stack", type=PATH, default=None, help="Folder of a fisheye sky in exposures of unknown length.")
-def probe(stack: Path | None) -> None:
-    """Print how exactly skies are merged, aligned and oriented; a few minutes on two cores."""
-    from export.probe.report import report
+@cli.group()
+def report() -> None:
+    """Print how exact something besides the network is."""
 
-    for line in report(stack):
+
+@report.command()
+def probe() -> None:
+    """How exactly skies are merged, aligned and oriented; a few minutes on two cores."""
+    from export.reports.probe import report_probe
+
+    for line in report_probe():
         click.echo(line)
 
 
-@cli.command()
-@click.option("--count", type=click.IntRange(1), default=24, show_default=True, help="Photos of rendered places.")
+@report.command("shadow-mask")
+@option("--count", "Photos of rendered places.", click.IntRange(1), 24)
 @network
-def shade(count: int, model: Path | None) -> None:
-    """Print how well the shade on the ground is found, and what shadows that are put there then look like."""
-    from export.shade.report import scenes, shade_report
+def shadow_mask(count: int, model: Path | None) -> None:
+    """How well the shade on the ground is found, and what shadows that are put there then look like."""
+    from export.reports.shadow_mask import render_ground_scenes, report_shadow_mask
     from lighting.model import Model
 
-    click.echo(shade_report(Model.load(model), list(scenes(count))))
+    click.echo(report_shadow_mask(Model.load(model), list(render_ground_scenes(count))))
 
 
-@cli.command()
+@report.command()
 @data
-@click.option("--count", type=click.IntRange(1), default=8, show_default=True, help="Clips of each kind.")
-@click.option("--kind", "kinds", type=click.Choice(KINDS), multiple=True, help="Only clips of these kinds. [all]")
-@click.option("--only", type=click.Choice(VIDEO_PARTS), help="One part of the report. [all]")
+@option("--count", "Clips of each kind.", click.IntRange(1), 8)
+@click.option("--kind", "kinds", type=click.Choice(CLIP_KINDS), multiple=True, help="Only clips of these kinds. [all]")
+@option("--only", "One part of the report. [all]", click.Choice(VIDEO_PARTS))
 @network
 def video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
-    """Print how well clips are followed, and how fast, by cameras moved in `val` panoramas and rendered places."""
-    from export.video.evaluate import evaluate
+    """How well clips are followed, by cameras moved in `val` panoramas and rendered places."""
+    from export.reports.video import report_video
     from lighting.model import Model
 
-    for part in evaluate(data, count, kinds or KINDS, Model.load(model), only):
+    for part in report_video(data, count, kinds or CLIP_KINDS, Model.load(model), only):
         click.echo(part + "\n")
 
 
-@cli.command()
+@report.command("photo-sets")
 @data
-@click.option("--split", type=click.Choice(["train", "val"]), default="val", show_default=True)
-@click.option("--last", type=click.IntRange(1), help="Only the last rows of the index, which a network did not see.")
-@click.option("--count", type=click.IntRange(1), help="At most so many places and walks. [all]")
+@option("--split", "Split of the panoramas.", click.Choice(["train", "val"]), "val")
+@option("--last", "Only the last rows of the index, which a network did not see.", click.IntRange(1))
+@option("--count", "At most so many places and walks. [all]", click.IntRange(1))
 @network
-@click.argument("parts", nargs=-1, type=click.Choice(TURNS_PARTS))
-def turns(parts: tuple[str, ...], **asked: Any) -> None:
-    """Print how well turns between photos are found, and what they are worth."""
-    from export.turns.report import Asked, report
+@click.argument("parts", nargs=-1, type=click.Choice(PHOTO_SET_PARTS))
+def photo_sets(parts: tuple[str, ...], **asked: Any) -> None:
+    """How well turns between photos are found, and what they are worth."""
+    from export.reports.photo_sets import PhotoSetOptions, report_photo_sets
 
-    click.echo(report(Asked(parts=parts or TURNS_PARTS, **asked)))
+    click.echo(report_photo_sets(PhotoSetOptions(parts=parts or PHOTO_SET_PARTS, **asked)))
 
 
 def main() -> None:

@@ -1,7 +1,8 @@
 """How strongly the errors of crops of one panorama correlate, if one number for all of them has to do.
 
 The correlation is learnt on one half of the places and tested on the other, and the reverse. That of elevations which
-ships lies between those of the two protocols, learnt on all places; export/turns/overlap.py learns those by overlap.
+ships lies between those of the two protocols, learnt on all places; those by overlap are learnt by
+export/reports/multi_view.py.
 """
 
 from collections.abc import Sequence

@@ -20,6 +20,7 @@ from export.crops import (
     training_camera,
 )
 from export.data import DataError, needed_photo_rows, read_index
+from export.evaluation.intervals import clustered_error
 from export.evaluation.light import WEATHER, Judged, by_network, estimates, judged, judged_of
 from export.evaluation.records import Bools, Names
 from export.evaluation.tables import table
@@ -111,12 +112,6 @@ def fit_ground_share(grounds: GroundSamples) -> tuple[float, float]:
     good = (at_best - best).mean(axis=1) <= [clustered_error(row - best, grounds.place) for row in at_best]
     share = int(np.flatnonzero(good)[0])
     return float(GROUND_SHARES[share]), float(GROUND_STOPS[darker[share]])
-
-
-def clustered_error(values: Floats, places: Names) -> float:
-    """The standard error of the mean of values (N,), of which those of one place are not independent."""
-    _, index = np.unique(places, return_inverse=True)
-    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))
 
 
 def report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:

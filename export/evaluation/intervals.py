@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from export.evaluation.records import Names
+from export.evaluation.records import Bools, Names
 from lighting.geometry import Floats
 
 REPEATS = 2000
@@ -29,3 +29,9 @@ def median_interval(error: Floats, units: Names) -> tuple[float, float]:
 def difference_interval(ours: Floats, theirs: Floats, units: Names) -> tuple[float, float]:
     """95 % interval of our median error minus theirs on the same crops; below zero, ours is better."""
     return bootstrap(units, lambda i: float(np.median(ours[i]) - np.median(theirs[i])))
+
+
+def clustered_error(values: Floats | Bools, places: Names) -> float:
+    """The standard error of the mean of values (N,), of which those of one place are not independent."""
+    _, index = np.unique(places, return_inverse=True)
+    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))

@@ -18,7 +18,7 @@ from lighting.records import Prediction
 if TYPE_CHECKING:
     from lighting.turns import Placed
 
-MISMATCHES = 0.01  # share of the turns by matches that are useless; `export turns` found none in 75 pairs
+MISMATCHES = 0.01  # share of the turns by matches that are useless; `export report photo-sets` found none in 75 pairs
 CONTRARY = 25.0  # deg between two verticals, five times what nine of ten photos err in their camera's elevation
 TURN_NOISE = 10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
 

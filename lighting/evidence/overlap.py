@@ -4,7 +4,7 @@ The errors of two views correlate by a number FAR where they share nothing and b
 between by the square of the overlap. A view counts by one over the sum of its correlations with all, itself included;
 that is the weight of the best linear mean where all correlate alike. In a share of cases, though, one thing misleads
 all views, and then they say no more than one does: the answer is a mixture of both products. Without it, a few places
-where all views err would have to be paid for by too wide regions everywhere. `python -m export turns overlap` fits
+where all views err would have to be paid for by too wide regions everywhere. `export report photo-sets overlap` fits
 both numbers of SUN; those of AZIMUTH were chosen by the same loss on rings, on 160 panoramas of the same places.
 """
 

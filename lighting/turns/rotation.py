@@ -25,7 +25,7 @@ LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
 LEAST_STILL = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
 LEAST_ZOOMED = 0.95  # of the matches that obey an epipolar geometry must obey a zoom, which is then all there is to it
 GUESSED = 0.1  # spread of a focal length's logarithm from which on it is a guess, which does not see a zoom
-STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # by which errors exceed what the scatter of the matches says (`export turns`)
+STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # errors over what the scatter of the matches says (`export report photo-sets`)
 
 
 @dataclass(frozen=True, eq=False)

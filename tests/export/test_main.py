@@ -57,8 +57,8 @@ def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, ne
         (["fit", "sky-color", *asked], data, "The network states no light"),
         (["fit", "ground", *asked], data, "The network states no light"),
         (["fit", "sun-color", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
-        (["video", "--model", str(network)], tmp_path, "is of the split val"),
-        (["turns", "pairs"], tmp_path, "is left in `val`"),
+        (["report", "video", "--model", str(network)], tmp_path, "is of the split val"),
+        (["report", "photo-sets", "pairs"], tmp_path, "is left in `val`"),
     ):
         result = CliRunner().invoke(cli, [*command, "--data", str(folder)])
         assert isinstance(result.exception, DataError | LightingError), (command, result.output)
@@ -68,7 +68,7 @@ def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, ne
 
 
 def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:
-    result = CliRunner().invoke(cli, ["video", "--data", str(data), "--kind", "nosuch"])
+    result = CliRunner().invoke(cli, ["report", "video", "--data", str(data), "--kind", "nosuch"])
     assert result.exit_code == 2
     assert "'nosuch' is not one of 'pan', 'tilt'" in result.output
 
@@ -84,7 +84,7 @@ def test_a_folder_is_no_file_to_write_which_is_said_before_the_work(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    "command", ["label", "prior", "train", "evaluate", "video", "turns", "fit ground", "suitable x"]
+    "command", ["label", "prior", "train", "evaluate", "report video", "report photo-sets", "fit ground", "suitable x"]
 )
 def test_commands_without_data_say_so_in_one_sentence(command: str) -> None:
     result = CliRunner().invoke(cli, command.split())

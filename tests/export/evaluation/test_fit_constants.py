@@ -15,7 +15,6 @@ from export.evaluation.fit_constants import (
     GroundSamples,
     SkySamples,
     SunSample,
-    clustered_error,
     fit_ground_share,
     fit_sky_trust,
     panorama_sun_stops,
@@ -29,6 +28,7 @@ from export.evaluation.fit_constants import (
     stops_over_clear,
     sun_color_errors,
 )
+from export.evaluation.intervals import clustered_error
 from lighting.colour import luminance
 from lighting.model import Model
 from tests.conftest import encode, scene

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from export.probe.report import DAY, PLACE, lighting_at
-from export.probe.synthetic import Camera, expose, photograph
+from export.reports.probe import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from lighting.cli import cli
 from lighting.cli.probe import KINDS
 from lighting.envmap import render
@@ -25,7 +24,7 @@ from tests.lighting.cli.runners import error_of
 from tests.pictures import taken, write_png16
 
 TIMES = (1 / 8000, 1 / 90, 1.0)
-WHERE = ["--lat", str(PLACE[0]), "--lon", str(PLACE[1])]
+WHERE = ["--lat", str(SKY_PLACE[0]), "--lon", str(SKY_PLACE[1])]
 
 
 def run(*arguments: object) -> Result:
@@ -35,9 +34,11 @@ def run(*arguments: object) -> Result:
 def shoot(folder: Path, hours: int = 0, fill: float = 8.0, with_exif: bool = True) -> list[Path]:
     """Three exposures of a clear sky as 16-bit PNG, `hours` after nine in the morning UTC."""
     folder.mkdir(parents=True)
-    time = DAY + timedelta(hours=hours)
-    picture = photograph(lighting_at(Moment(time, *PLACE)), lens_of("equidistant", 160, 160), yaw_rotation(40.0))
-    photos = expose(picture, Camera(14, fill), np.random.default_rng(hours), TIMES)
+    time = SKY_DAY + timedelta(hours=hours)
+    picture = photograph_sky(
+        clear_sky_at(Moment(time, *SKY_PLACE)), lens_of("equidistant", 160, 160), yaw_rotation(40.0)
+    )
+    photos = expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(hours), TIMES)
     local = (time + timedelta(hours=2)).strftime("%Y:%m:%d %H:%M:%S")
     return [
         write_png16(
@@ -59,7 +60,7 @@ def test_exposures_become_a_map_that_can_be_fitted(exposures: list[Path], tmp_pa
     result = run("merge", *exposures, "--lens", "equidistant", *WHERE, "--fill-sun", "--height", 128, "-o", target)
     assert result.exit_code == 0, result.output
     assert "estimated by the model" in result.stderr
-    azimuth, elevation = Moment(DAY, *PLACE).sun
+    azimuth, elevation = Moment(SKY_DAY, *SKY_PLACE).sun
     assert f"sun {azimuth:.1f}° from north, {elevation:.1f}° high" in result.stdout
     assert read_exr(target)[0].shape == (128, 256, 3)
     assert read_attributes(target)["lighting.sun_estimated"] == 1
@@ -73,7 +74,7 @@ def test_a_folder_of_exposures_and_a_folder_to_fill(exposures: list[Path], tmp_p
     result = run("merge", exposures[0].parent, "--lens", "equidistant", *WHERE, "--height", 64, "-o", tmp_path, "-q")
     assert result.exit_code == 0, result.output
     assert not result.stdout
-    assert probes_in(tmp_path)[0].time == DAY
+    assert probes_in(tmp_path)[0].time == SKY_DAY
 
 
 def test_a_series_fills_a_folder(tmp_path: Path) -> None:
@@ -82,7 +83,7 @@ def test_a_series_fills_a_folder(tmp_path: Path) -> None:
     result = run("merge", *brackets, *arguments)
     assert result.exit_code == 0, result.output
     assert "3 suns leave" in result.stdout
-    assert [probe.time - DAY for probe in probes_in(tmp_path / "sky")] == [timedelta(hours=h) for h in (0, 3, 6)]
+    assert [probe.time - SKY_DAY for probe in probes_in(tmp_path / "sky")] == [timedelta(hours=h) for h in (0, 3, 6)]
 
 
 def test_bad_exposures_end_as_one_sentence(exposures: list[Path], tmp_path: Path) -> None:
@@ -155,10 +156,10 @@ def panorama(path: Path, value: float = 0.5, height: int = 32) -> Path:
 
 
 def test_no_exposure_is_replaced(tmp_path: Path) -> None:
-    exposures = [panorama(tmp_path / "a.exr"), panorama(probe_path(tmp_path, DAY), 0.1)]
+    exposures = [panorama(tmp_path / "a.exr"), panorama(probe_path(tmp_path, SKY_DAY), 0.1)]
     before = [path.read_bytes() for path in exposures]
     for output in (tmp_path / "a.exr", tmp_path):
-        result = run("merge", *exposures, "--lens", "latlong", *WHERE, "--time", DAY.isoformat(), "-o", output)
+        result = run("merge", *exposures, "--lens", "latlong", *WHERE, "--time", SKY_DAY.isoformat(), "-o", output)
         assert error_of(result, 2) == "The input and the outputs must be different files."
     assert [path.read_bytes() for path in exposures] == before
 
@@ -211,7 +212,7 @@ def test_a_folder_may_have_a_dot_in_its_name(exposures: list[Path], tmp_path: Pa
         (tmp_path / name).mkdir()
         result = run("merge", *exposures, "--lens", "equidistant", *WHERE, "--height", 64, "-q", "-o", tmp_path / name)
         assert result.exit_code == 0, result.output
-        assert probes_in(tmp_path / name)[0].time == DAY
+        assert probes_in(tmp_path / name)[0].time == SKY_DAY
 
 
 def test_a_probe_does_not_go_to_stdout(exposures: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,7 +232,16 @@ def test_exposures_that_cannot_be_read_are_named(tmp_path: Path) -> None:
         other = path.with_stem("other")
         other.write_bytes(path.read_bytes())
         result = run(
-            "merge", path, other, "--lens", "latlong", *WHERE, "--time", DAY.isoformat(), "-o", tmp_path / "probe.exr"
+            "merge",
+            path,
+            other,
+            "--lens",
+            "latlong",
+            *WHERE,
+            "--time",
+            SKY_DAY.isoformat(),
+            "-o",
+            tmp_path / "probe.exr",
         )
         assert error_of(result) == f"{path}{said}"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export.turns.walk import Daylight, Standpoint, Walk
+from export.reports.registration import Daylight, Standpoint, WalkableTown
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sun_radiance
 
@@ -11,11 +11,11 @@ pytest.importorskip("mitsuba")
 
 
 @pytest.fixture(scope="module")
-def walk() -> Walk:
-    return Walk(0)
+def walk() -> WalkableTown:
+    return WalkableTown(0)
 
 
-def test_a_standpoint_gives_the_same_photo_again_and_a_step_another(walk: Walk) -> None:
+def test_a_standpoint_gives_the_same_photo_again_and_a_step_another(walk: WalkableTown) -> None:
     at = Standpoint((0.0, 0.0), 20.0, 2.0, 0.0, 50.0)
     first, again, aside = (walk.photo(s, 64, 48) for s in (at, at, Standpoint((2.0, 0.0), 20.0, 2.0, 0.0, 50.0)))
     assert first.shape == (48, 64, 3)

@@ -22,21 +22,23 @@ from lighting.photo import Photo
 from lighting.pipeline import Estimator
 from lighting.records import Lighting
 
-FIRST = 6000  # number of the first place; training renders those below 1,000, and 5,000 on chose the rule's constants
-WIDTH, HEIGHT = 320, 240  # pixels
-LEAST_GROUND = 0.05  # of the picture
-LEAST_SUN = 0.5  # share of the sun that clouds let through
-WHOLE = 0.03  # share of the ground up to which a picture counts as all lit, or as all in shade
-LIKELY = 0.8  # visibility of the sun where the light is the true one
-LEAST = 1e-6  # luminance
-NOTE = (
+FIRST_PLACE = (
+    6000  # number of the first place; training renders those below 1,000, and 5,000 on chose the rule's constants
+)
+GROUND_WIDTH, GROUND_HEIGHT = 320, 240  # pixels
+MIN_GROUND = 0.05  # of the picture
+MIN_SUN = 0.5  # share of the sun that clouds let through
+WHOLE_SHARE = 0.03  # share of the ground up to which a picture counts as all lit, or as all in shade
+TRUE_VISIBILITY = 0.8  # visibility of the sun where the light is the true one
+MIN_LUMINANCE_SHADE = 1e-6  # luminance
+SHADE_NOTE = (
     "Shade on level ground [%], and how far the shadow of a thing that is put there is off [hundredths of a stop], by "
     "the true light and by the network's. Photos by what their ground shows: sunlight, shade or both."
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class GroundScene:
     """A photo of a rendered place with the truth about its ground."""
 
     picture: NDArray[np.uint8]  # (h, w, 3)
@@ -49,12 +51,12 @@ class Scene:
     def kind(self) -> str:
         """ "lit", "shade" or "both", by what the ground shows."""
         share = float(self.lit[self.ground].mean())
-        return "lit" if share > 1 - WHOLE else "shade" if share < WHOLE else "both"
+        return "lit" if share > 1 - WHOLE_SHARE else "shade" if share < WHOLE_SHARE else "both"
 
 
-def scenes(count: int) -> Iterator[Scene]:
+def render_ground_scenes(count: int) -> Iterator[GroundScene]:
     """Photos of `count` sunny places that show enough ground; each number gives the same one in every run."""
-    number = FIRST
+    number = FIRST_PLACE
     while count:
         found = _scene(number)
         number += 1
@@ -63,16 +65,16 @@ def scenes(count: int) -> Iterator[Scene]:
             yield found
 
 
-def _scene(number: int) -> Scene | None:
+def _scene(number: int) -> GroundScene | None:
     rng = np.random.default_rng([17, number])
     sky = random_sky(rng)
     there = RenderedPlace(*random_place(rng), sky)
     angles = {"azimuth": rng.uniform(-180, 180), "elevation": rng.uniform(-18, 5)}
-    camera = Pinhole(WIDTH, HEIGHT, rng.uniform(42, 65), **angles)
-    if sky.sunlight < LEAST_SUN or not there.is_clear():
+    camera = Pinhole(GROUND_WIDTH, GROUND_HEIGHT, rng.uniform(42, 65), **angles)
+    if sky.sunlight < MIN_SUN or not there.is_clear():
         return None
     seen = there.photo(camera, 2 * number)
-    if seen.ground.mean() < LEAST_GROUND:
+    if seen.ground.mean() < MIN_GROUND:
         return None
     radiance = seen.sky + seen.sun
     gain = automatic_gain(radiance)
@@ -80,47 +82,49 @@ def _scene(number: int) -> Scene | None:
     light = replace(
         sky.lighting,
         sun_azimuth=float(wrap_azimuth(sky.lighting.sun_azimuth - camera.azimuth)),
-        sun_visibility=LIKELY,
+        sun_visibility=TRUE_VISIBILITY,
         camera_elevation=camera.elevation,
         vertical_fov=camera.vertical_fov,
         sun_irradiance=tuple((gain * sky.sun_irradiance).tolist()),
         sky_irradiance=tuple((gain * above).tolist()),
     )
-    return Scene(tone_map(gain * radiance), light, seen.ground, seen.lit, gain * luminance(seen.sky))
+    return GroundScene(tone_map(gain * radiance), light, seen.ground, seen.lit, gain * luminance(seen.sky))
 
 
-def shade_report(model: Model, found: Sequence[Scene]) -> str:
+def report_shadow_mask(model: Model, found: Sequence[GroundScene]) -> str:
     """Tables of the masks by the true light and by the network's, beside no mask and the true one."""
     estimator = Estimator(model)
-    said = [estimator(Photo(s.picture, WIDTH, HEIGHT, "PNG")).lighting for s in found]
+    said = [estimator(Photo(s.picture, GROUND_WIDTH, GROUND_HEIGHT, "PNG")).lighting for s in found]
     true = [s.light for s in found]
     methods: dict[str, tuple[list[Lighting], list[Floats]]] = {
         "no mask, true light": (true, [np.ones(s.lit.shape) for s in found]),
-        "mask, true light": (true, [mask(s, s.light) for s in found]),
+        "mask, true light": (true, [predicted_mask(s, s.light) for s in found]),
         "true mask, true light": (true, [np.asarray(s.lit, dtype=np.float64) for s in found]),
         "no mask": (said, [np.ones(s.lit.shape) for s in found]),
-        "mask": (said, [mask(s, light) for s, light in zip(found, said, strict=True)]),
+        "mask": (said, [predicted_mask(s, light) for s, light in zip(found, said, strict=True)]),
         "true mask": (said, [np.asarray(s.lit, dtype=np.float64) for s in found]),
     }
     kinds = np.array([s.kind for s in found])
-    sections = [NOTE]
+    sections = [SHADE_NOTE]
     for kind in sorted(set(kinds.tolist())):
         chosen = np.flatnonzero(kinds == kind).tolist()
         rows = {
-            name: figures([found[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
+            name: shade_figures([found[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
             for name, (lights, masks) in methods.items()
         }
         sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)]
     return "\n\n".join(sections)
 
 
-def mask(scene: Scene, light: Lighting) -> Floats:
+def predicted_mask(scene: GroundScene, light: Lighting) -> Floats:
     """How far the picture's ground counts as lit (h, w)."""
     lit = Image.fromarray(lit_ground(scene.picture, light))
-    return np.asarray(lit.resize((WIDTH, HEIGHT), Image.Resampling.BILINEAR), dtype=np.float64)
+    return np.asarray(lit.resize((GROUND_WIDTH, GROUND_HEIGHT), Image.Resampling.BILINEAR), dtype=np.float64)
 
 
-def figures(found: Sequence[Scene], lights: Sequence[Lighting], masks: Sequence[Floats]) -> dict[str, float]:
+def shade_figures(
+    found: Sequence[GroundScene], lights: Sequence[Lighting], masks: Sequence[Floats]
+) -> dict[str, float]:
     """Precision, recall and accuracy [%] of shade over all ground, and errors of the shadow [hundredths of a stop]."""
     said = np.concatenate([m[s.ground] < 0.5 for s, m in zip(found, masks, strict=True)])
     true = np.concatenate([~s.lit[s.ground] for s in found])
@@ -139,10 +143,12 @@ def _share(of: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:
     return float(of[among].mean()) if among.any() else float("nan")
 
 
-def shadow_error(scene: Scene, light: Lighting, lit: Floats) -> Floats:
+def shadow_error(scene: GroundScene, light: Lighting, lit: Floats) -> Floats:
     """Stops (N,) by which the ground is too bright where a thing that is put there hides the sun."""
     sky = float(luminance(sky_irradiance(light)))
     sun = float(luminance(sun_irradiance(light))) * max(float(light.sun_direction[1]), 0.0)
     seen = luminance(SRGB_LINEAR[scene.picture])[scene.ground]
     left = seen * sky / (sky + lit[scene.ground] * sun)
-    return np.asarray(np.log2(np.maximum(left, LEAST) / np.maximum(scene.darkened[scene.ground], LEAST)))
+    return np.asarray(
+        np.log2(np.maximum(left, MIN_LUMINANCE_SHADE) / np.maximum(scene.darkened[scene.ground], MIN_LUMINANCE_SHADE))
+    )

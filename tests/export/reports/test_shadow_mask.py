@@ -6,7 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.shade.report import Scene, figures, mask, scenes, shade_report, shadow_error
+from export.reports.shadow_mask import (
+    GroundScene,
+    predicted_mask,
+    render_ground_scenes,
+    report_shadow_mask,
+    shade_figures,
+    shadow_error,
+)
 from lighting.colour import tone_map
 from lighting.model import Model
 from tests.lighting.envmap import test_lit_ground
@@ -15,7 +22,7 @@ from tests.lighting.envmap.test_lit_ground import SHADED, SUNLIT
 LIGHT = replace(test_lit_ground.LIGHT, camera_elevation=0.0)
 
 
-def halves(width: int = 320, height: int = 240) -> Scene:
+def halves(width: int = 320, height: int = 240) -> GroundScene:
     """Ground of which the right half lies in shade."""
     linear = np.full((height, width, 3), 0.8)
     lit = np.ones((height, width), dtype=bool)
@@ -24,12 +31,12 @@ def halves(width: int = 320, height: int = 240) -> Scene:
     ground[height // 2 :] = True
     linear[ground] = np.where(lit[ground][:, None], SUNLIT, SHADED)
     weights = np.array([0.2126, 0.7152, 0.0722])
-    return Scene(tone_map(linear), LIGHT, ground, lit & ground, np.full(lit.shape, SHADED @ weights))
+    return GroundScene(tone_map(linear), LIGHT, ground, lit & ground, np.full(lit.shape, SHADED @ weights))
 
 
 def test_a_right_mask_leaves_no_error_of_the_shadow() -> None:
     scene = halves()
-    right = figures([scene], [LIGHT], [mask(scene, LIGHT)])
+    right = shade_figures([scene], [LIGHT], [predicted_mask(scene, LIGHT)])
     assert right["right"] > 97
     assert right["shadow off by, mean"] < 10
 
@@ -40,7 +47,7 @@ def test_without_a_mask_shade_is_darkened_twice() -> None:
     shade = ~scene.lit[scene.ground]
     assert np.abs(error[~shade]).max() < 0.05
     assert error[shade].max() < -1.0
-    none = figures([scene], [LIGHT], [np.ones(scene.lit.shape)])
+    none = shade_figures([scene], [LIGHT], [np.ones(scene.lit.shape)])
     assert none["recall"] == 0.0
     assert none["right"] == pytest.approx(50.0)
     assert none["too dark by, mean"] == pytest.approx(none["shadow off by, mean"], abs=5.0)
@@ -56,10 +63,10 @@ def test_what_the_ground_shows_has_a_name() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("llvm")
 def test_a_rendered_photo_is_darker_in_shade_and_is_reported(lit_network: Path) -> None:
-    (scene,) = scenes(1)
+    (scene,) = render_ground_scenes(1)
     seen = scene.picture.mean(axis=-1)
     assert seen[scene.ground & scene.lit].mean() > seen[scene.ground & ~scene.lit].mean()
     assert scene.light.sun_irradiance is not None
-    report = shade_report(Model.load(lit_network), [scene])
+    report = report_shadow_mask(Model.load(lit_network), [scene])
     assert f"Ground of 1 photos: {scene.kind}" in report
     assert "true mask, true light" in report

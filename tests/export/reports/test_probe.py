@@ -1,0 +1,136 @@
+"""Brackets of known skies, a real stack, and scans of the real sky."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from export.reports.probe import (
+    BRACKET_TIMES,
+    SCAN_MODELS,
+    SKY_DAY,
+    SKY_FILL,
+    SKY_PLACE,
+    BracketCamera,
+    bracket_gain,
+    clear_sky_at,
+    expose_bracket,
+    measure_bracket,
+    offset_along_sky,
+    photograph_sky,
+    read_sky_scans,
+    rotation_between,
+    scan_residuals,
+)
+from lighting.envmap import sun_irradiance
+from lighting.errors import ProbeError
+from lighting.probe.align import yaw_rotation
+from lighting.probe.develop import make_probe
+from lighting.probe.exposures import bracket_of, read_bracket
+from lighting.probe.lens import lens_of
+from lighting.probe.orientation import orient
+from lighting.probe.ratios import exposed
+from lighting.probe.settings import Moment, Settings
+
+RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)
+
+
+def test_a_bracket_holds_rounded_values_that_clip() -> None:
+    photos = expose_bracket(RAMP, BracketCamera(8, 0.8, noise=False), np.random.default_rng(0))
+    assert [photo.exposure for photo in photos] == list(BRACKET_TIMES)
+    short, long = photos[0].pixels, photos[-1].pixels
+    assert short.max() == pytest.approx(0.8)
+    assert long.max() == 1
+    np.testing.assert_allclose(255 * short, np.rint(255 * short), atol=1e-4)
+    np.testing.assert_allclose(
+        short, RAMP * bracket_gain(RAMP, BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
+    )
+
+
+def test_noise_is_that_of_light_and_reading() -> None:
+    even = np.full((60, 60, 3), 1.0, dtype=np.float32)
+    (photo,) = expose_bracket(even, BracketCamera(14, 0.5), np.random.default_rng(0), [1.0])
+    assert photo.pixels.std() == pytest.approx(np.sqrt(25_000 + 9) / 50_000, rel=0.05)
+    assert photo.pixels.mean() == pytest.approx(0.5, rel=1e-3)
+
+
+def test_the_sun_stands_out_and_nothing_is_outside_the_lens() -> None:
+    moment = Moment(datetime(2024, 6, 1, 9, tzinfo=UTC), 47.0, 8.0)
+    picture = photograph_sky(clear_sky_at(moment), lens_of("equidistant", 64, 64), np.eye(3))
+    assert picture.max() > 1000 * np.median(picture[picture > 0])
+    assert not picture[0, 0].any()
+
+
+def test_azimuths_of_the_clear_day_run_counter_clockwise_from_about_13_degrees() -> None:
+    scans = read_sky_scans()["2013-05-27"]
+    found = orient(scans)
+    assert found.sense == -1
+    assert found.sure
+    assert found.offset == pytest.approx(13, abs=5)
+    assert np.median(found.offsets) == pytest.approx(13, abs=5)
+    assert offset_along_sky(scans, found, 13) < 5  # each scan of the day
+
+
+def test_the_clear_sky_is_near_the_models_and_far_from_overcast() -> None:
+    scans = read_sky_scans()["2013-05-27"][::5]
+    errors = {name: float(np.median(scan_residuals(scans, -1, 11.0, model))) for name, model in SCAN_MODELS.items()}
+    assert 0.08 < errors["Hosek-Wilkie, turbidity fitted"] < 0.2
+    assert errors["CIE general sky, type fitted"] <= errors["CIE clear sky (type 12)"] < 0.2
+    assert errors["CIE overcast sky"] > 0.5
+
+
+STACK = Path(__file__).parents[3].parent / "shared" / "stereo-data" / "fisheye_bracket"
+ALPNACH = Moment(datetime(2018, 1, 29, 11, 9, 20, tzinfo=UTC), 46.94, 8.28)
+ALPNACH_CIRCLE = ((149.5, 141.0), 132.5)  # centre and radius, pixels, read off the longest exposure
+MOMENT = Moment(SKY_DAY, *SKY_PLACE)
+LENS = lens_of("equidistant", 400, 400)
+
+
+@pytest.mark.parametrize("bits", [8, 12, 14])
+def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(bits: int) -> None:
+    got = measure_bracket(BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
+    assert got.sky < 0.02
+    assert got.clipped
+    assert got.turn < 0.3
+
+
+@pytest.mark.parametrize("bits", [8, 12, 14])
+def test_suns_exposed_for_are_within_three_percent(bits: int) -> None:
+    got = measure_bracket(BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
+    assert not got.clipped
+    assert got.sun < 0.03
+    assert got.turn < 0.3
+    assert got.sky < 0.02
+    assert got.sky < got.alone * (0.5 if bits == 8 else 1.05)  # the sky is then a few of 8 bits' steps above black
+    assert (got.steps < 3) == (bits == 8)
+
+
+def test_a_photographed_sun_has_its_power() -> None:
+    lighting = clear_sky_at(MOMENT)
+    picture = photograph_sky(lighting, LENS, yaw_rotation(0.0))
+    probe = make_probe(
+        bracket_of(expose_bracket(picture, BracketCamera(noise=False), np.random.default_rng(0))), MOMENT, Settings()
+    )
+    assert probe.spot is not None
+    assert probe.spot.irradiance / bracket_gain(picture, BracketCamera()) == pytest.approx(
+        sun_irradiance(lighting), rel=0.02
+    )
+
+
+def test_turns_are_measured() -> None:
+    assert rotation_between(yaw_rotation(20.0), yaw_rotation(-10.0)) == pytest.approx(30.0)
+
+
+@pytest.mark.skipif(not STACK.is_dir(), reason="the fisheye stack is not here")
+def test_the_fisheye_stack_has_its_ratios_its_clipped_sun_and_its_lens_residual() -> None:
+    bracket = read_bracket(sorted(STACK.glob("*_image.png")), "linear")
+    ratios = [ratio.value for ratio in exposed(bracket).ratios if ratio is not None]
+    # From the sixth exposure on the camera's times follow a 1-2-5 series; the shorter ones show the sun alone.
+    assert ratios[5:] == pytest.approx([2, 2, 2.5, 2.5, 4, 2.5, 2], rel=0.05)
+    told = Settings(centre=ALPNACH_CIRCLE[0], radius=ALPNACH_CIRCLE[1], height=64)
+    probe = make_probe(bracket, ALPNACH, told)
+    assert "clipped in every exposure" in probe.warnings[0]
+    assert probe.off == pytest.approx(4.6, abs=1.0)
+    with pytest.raises(ProbeError, match="only one"):
+        read_bracket(sorted(STACK.glob("*_12_image.png")))
