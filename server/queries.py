@@ -1,9 +1,9 @@
 """The parameters in the URLs of requests, with units and ranges."""
 
 from dataclasses import fields
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from lighting.evidence import Given, read_headings
@@ -200,11 +200,29 @@ class SkyQuery(MapQuery, SkyParameters):
     sun: Flag = Field(True, description="paint the sun's disc")
 
 
-class SceneQuery(Query):
+class _ToolQuery(Query):
+    tool: Annotated[str, NameIn(EXPORTERS)] = Field(description="the tool that opens it")
+
+
+def _options_of_tools() -> Any:
+    """_ToolQuery with a field for each option of EXPORTERS."""
+    options: dict[str, Any] = {
+        name: (Annotated[str, NameIn(option.choices)], Field(option.default, description=f"with `tool={tool}`"))
+        for tool, entry in EXPORTERS.items()
+        for name, option in entry.options.items()
+    }
+    return create_model("_ToolOptionsQuery", __base__=_ToolQuery, **options)
+
+
+if TYPE_CHECKING:
+    _ToolOptionsQuery = _ToolQuery
+else:
+    _ToolOptionsQuery = _options_of_tools()
+
+
+class SceneQuery(_ToolOptionsQuery):
     """The tool that a scene is for, and its options."""
 
-    tool: Annotated[str, NameIn(EXPORTERS)] = Field(description="the tool that opens it")
-    up_axis: Literal["Y", "Z"] = Field("Y", description="with `tool=usd`")
     sun: FlagOrAuto = Field(None, description=f"include direct sunlight; {BY_DEFAULT}")
     height: Height = 512
 

@@ -17,7 +17,10 @@ from lighting.cli import cli
 from lighting.evidence.declination import TYPICAL_DECLINATION
 from lighting.evidence.fusion import COMPASS_SPREAD, GROSS_ERRORS
 from lighting.evidence.metadata import GIVEN_HEADING_SPREAD
+from lighting.files import MAP_FORMATS
 from lighting.ranges import OPTIONAL_RANGES, RANGES
+from lighting.scene import EXPORTERS
+from lighting.sky import SKY_MODELS
 from server.app import create_app
 from server.settings import Settings
 from tests.lighting.cli.runners import commands
@@ -34,8 +37,8 @@ OPTIONS = sorted(
     {
         name
         for _, c in COMMANDS
-        for p in c.params
-        if not getattr(p, "hidden", False)
+        for p in c.get_params(click.Context(c))
+        if p.name != "help" and not getattr(p, "hidden", False)
         for name in (*p.opts, *p.secondary_opts)
         if name[:1] == "-"
     }
@@ -62,6 +65,24 @@ def test_every_command_is_documented_and_has_help(name: str, command: click.Comm
 @pytest.mark.parametrize("option", OPTIONS)
 def test_every_option_is_documented(option: str) -> None:
     assert re.search(rf"`{re.escape(option)}\b", text(*DOCS)), option
+
+
+def test_the_names_of_registries_are_documented() -> None:
+    """Tools, models and formats in the order of their registries; of advanced models the first and the last."""
+    advanced = [name for name, model in SKY_MODELS.items() if model.advanced]
+    models = [name for name in SKY_MODELS if name not in advanced[1:-1]]
+    command_line, light, service = (text(ROOT / "docs" / f"{name}.md") for name in ("command-line", "light", "service"))
+    assert _names_in_row(command_line, "`--for TOOL`") == [*EXPORTERS]
+    assert _names_in_row(command_line, "`--sky MODEL`") == models
+    assert [name for name in re.findall(r"`([\w-]+)`", light) if name in models][-len(models) :] == models
+    first, *others, last = (f"`{name}`" for name in MAP_FORMATS)
+    assert f"`format={first[1:]}, {', '.join(others)} or {last}" in service
+
+
+def _names_in_row(page: str, first: str) -> list[str]:
+    """The tools and models in the second cell of the row of a table whose first cell is this."""
+    (row,) = (line for line in page.splitlines() if line.startswith(f"| {first} |"))
+    return [name for name in re.findall(r"`([\w-]+)`", row.split("|")[2]) if name in {*EXPORTERS, *SKY_MODELS}]
 
 
 def test_every_parameter_is_in_the_table_with_its_range() -> None:

@@ -3,7 +3,7 @@
 import math
 import os
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -103,12 +103,12 @@ class FiniteRange(click.FloatRange):
 class NameIn(click.Choice):  # type: ignore[type-arg]  # which click before 8.4 knows none of
     """A name in a registry, which is read when it is needed: what was added to it meanwhile counts."""
 
-    def __init__(self, registry: Collection[str]) -> None:
-        self.registry, self.case_sensitive = registry, True
+    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+        self.names, self.case_sensitive = names, True
 
     @property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(self.registry)
+        return tuple(self.names())
 
 
 def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:

@@ -69,7 +69,7 @@ def _tool_options() -> list[click.Option]:
 
 @cli.command(cls=_SceneCommand)
 @click.argument("photo")
-@click.option("--for", "tool", required=True, type=NameIn(EXPORTERS), help="The tool that opens the scene.")
+@click.option("--for", "tool", required=True, type=NameIn(lambda: EXPORTERS), help="The tool that opens the scene.")
 @results_folder
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; other files in it stay.")
 @click.option(

@@ -9,8 +9,17 @@ import click
 from lighting.cli.files import refuse_collisions
 from lighting.cli.given import given_options
 from lighting.cli.group import cli
-from lighting.cli.options import FiniteRange, height_option, model_option, results_folder, sun_option, unwarned_option
+from lighting.cli.options import (
+    FiniteRange,
+    NameIn,
+    height_option,
+    model_option,
+    results_folder,
+    sun_option,
+    unwarned_option,
+)
 from lighting.cli.words import shown
+from lighting.scene import animated_tools
 from lighting.words import aside
 
 if TYPE_CHECKING:
@@ -30,7 +39,7 @@ if TYPE_CHECKING:
     metavar="SECONDS",
     help="The network sees a frame this often; all are followed and get a record.",
 )
-@click.option("--for", "tool", type=click.Choice(("blender", "usd")), help="Also a scene, its camera with key frames.")
+@click.option("--for", "tool", type=NameIn(animated_tools), help="Also a scene, its camera with key frames.")
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
 @height_option

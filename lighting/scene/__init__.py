@@ -8,24 +8,22 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from lighting.lazy import from_homes
-from lighting.scene.tools import SHARED_FILES, Exporter, ExporterOption, import_writer
+from lighting.scene.tools import SHARED_FILES, Exporter, ExporterOption, import_function
 
 if TYPE_CHECKING:
-    from lighting.scene.axes import to_z_up
-    from lighting.scene.common import PLATE_SIDE, Scene, make_scene
+    from lighting.scene.common import PLATE_SIDE, CameraMotion, Scene, make_scene
     from lighting.scene.files import check_target, write_scene, zip_scene
-    from lighting.scene.usd import APERTURE_UNIT
 
 __all__ = [
-    "APERTURE_UNIT",
     "EXPORTERS",
     "PLATE_SIDE",
+    "CameraMotion",
     "Exporter",
     "ExporterOption",
     "Scene",
+    "animated_tools",
     "check_target",
     "make_scene",
-    "to_z_up",
     "unsupported_options",
     "write_scene",
     "zip_scene",
@@ -33,29 +31,30 @@ __all__ = [
 
 EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
-        import_writer("lighting.scene.blender"),
+        import_function("lighting.scene.blender", "write"),
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
+        animate=import_function("lighting.scene.blender", "animate"),
     ),
     "usd": Exporter(
-        import_writer("lighting.scene.usd"),
+        import_function("lighting.scene.usd", "write"),
         files=("scene.usda", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
+        animate=import_function("lighting.scene.usd", "animate"),
     ),
-    "gltf": Exporter(import_writer("lighting.scene.gltf"), files=("scene.glb",), has_map=False),
-    "threejs": Exporter(import_writer("lighting.scene.threejs"), files=("scene.html",)),
+    "gltf": Exporter(import_function("lighting.scene.gltf", "write"), files=("scene.glb",), has_map=False),
+    "threejs": Exporter(import_function("lighting.scene.threejs", "write"), files=("scene.html",)),
     "mitsuba": Exporter(
-        import_writer("lighting.scene.mitsuba"),
+        import_function("lighting.scene.mitsuba", "write"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),
     ),
 }
 
 _HOME = {
-    "APERTURE_UNIT": "usd",
+    "CameraMotion": "common",
     "PLATE_SIDE": "common",
     "Scene": "common",
     "check_target": "files",
     "make_scene": "common",
-    "to_z_up": "axes",
     "write_scene": "files",
     "zip_scene": "files",
 }
@@ -67,3 +66,8 @@ def unsupported_options(options: Collection[str], tool: str) -> dict[str, str]:
     """Those of the options that other tools alone take, each with such a tool."""
     others = set(options) - set(EXPORTERS[tool].options)
     return {name: owner for owner, entry in EXPORTERS.items() for name in entry.options if name in others}
+
+
+def animated_tools() -> list[str]:
+    """The tools whose scenes can have a moving camera."""
+    return [tool for tool, entry in EXPORTERS.items() if entry.animate]

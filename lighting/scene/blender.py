@@ -7,18 +7,22 @@ Texture is the same Hosek-Wilkie model on the same scale; by way of other colour
 import json
 import subprocess
 import sys
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lighting.errors import SceneError
 from lighting.scene.axes import colour_and_strength, to_z_up
-from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, Scene
+from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, CameraMotion, Scene
 from lighting.scene.parts import Folder, data_text, write_shared_files
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 from lighting.scene.tools import ENVIRONMENT, LIT_GROUND, PLATE
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
+SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
 
 SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
@@ -31,6 +35,22 @@ def write(scene: Scene, folder: Folder) -> None:
     (folder / SCRIPT).write_text(data_text("blender.py"), encoding="utf-8")
     if isinstance(folder, Path) and find_spec("bpy") is not None:
         _save(folder)
+
+
+def animate(motion: CameraMotion) -> dict[str, str]:
+    """SHOT_SCRIPT, which builds the scene and sets key frames, and the SHOT_NUMBERS that it reads."""
+    matrices = motion.matrices.copy()
+    matrices[:, :3] = np.swapaxes(to_z_up(np.swapaxes(matrices[:, :3], 1, 2)), 1, 2)
+    numbers = {
+        "clip": motion.clip,
+        "first_frame": motion.first_frame,
+        "frame_rate": motion.frame_rate,
+        "frames": [round(float(frame) + 1.0, 4) for frame in motion.frames],
+        "matrices": np.round(matrices, 7).tolist(),
+        "focal_lengths": np.round(motion.focal_lengths, 4).tolist(),
+    }
+    script = files("lighting") / "video" / "data" / "blender_shot.py"
+    return {SHOT_NUMBERS: json.dumps(numbers) + "\n", SHOT_SCRIPT: script.read_text(encoding="utf-8")}
 
 
 def _save(folder: Path) -> None:

@@ -170,6 +170,18 @@ class Scene:
         return self.spot - self.camera_position
 
 
+@dataclass(frozen=True, eq=False)
+class CameraMotion:
+    """How the camera of a clip moves in a scene: N frames of one shot."""
+
+    matrices: Floats  # (N, 4, 4) camera to world for column vectors, in the scene's frame
+    focal_lengths: Floats  # (N,) mm, as Scene.focal_length
+    frames: Floats  # (N,) from the shot's first, by time: not whole where the clip's frame rate varies
+    frame_rate: float  # Hz
+    first_frame: int  # of the shot, counted in the clip
+    clip: str  # the clip's file, from the scene's folder
+
+
 def make_scene(
     photo: Photo,
     lighting: Lighting,

@@ -25,12 +25,13 @@ class Exporter:
     files: tuple[str, ...]  # all that `write` may make; the tool opens the first
     options: dict[str, ExporterOption] = field(default_factory=dict)
     has_map: bool = True  # whether the scene holds the environment map
+    animate: Callable[..., dict[str, str]] | None = None  # (CameraMotion) to the texts of files beside the scene's
 
 
-def import_writer(module: str) -> Callable[..., None]:
-    """The function `write` of a module, which is imported when it is first called."""
+def import_function(module: str, name: str) -> Callable[..., Any]:
+    """A function of a module, which is imported when it is first called."""
 
-    def write(*arguments: Any, **options: Any) -> None:
-        import_module(module).write(*arguments, **options)
+    def call(*arguments: Any, **options: Any) -> Any:
+        return getattr(import_module(module), name)(*arguments, **options)
 
-    return write
+    return call

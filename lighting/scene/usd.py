@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import SceneError
+from lighting.geometry import Floats
 from lighting.scene.axes import colour_and_strength, to_z_up
-from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, Scene
+from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, CameraMotion, Scene
 from lighting.scene.parts import Folder, filled, write_shared_files
 from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
 from lighting.scene.tools import ENVIRONMENT, PLATE
 
-STAGE = "scene.usda"
+STAGE, SHOT_STAGE = "scene.usda", "shot.usda"
 
 Placed = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
@@ -37,6 +38,49 @@ def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.")
     write_shared_files(scene, folder)
     (folder / STAGE).write_text(filled("scene.usda", _values(scene, up_axis)), encoding="utf-8")
+
+
+def animate(motion: CameraMotion) -> dict[str, str]:
+    """SHOT_STAGE, which lays time samples over STAGE."""
+    samples = _samples(motion.frames, map(_rows, motion.matrices))
+    lens = _samples(motion.frames, (f"{length:.6g}" for length in motion.focal_lengths / APERTURE_UNIT))
+    stage = f"""#usda 1.0
+(
+    defaultPrim = "World"
+    endTimeCode = {motion.frames[-1]:.6g}
+    framesPerSecond = {motion.frame_rate:.6g}
+    metersPerUnit = 1
+    renderSettingsPrimPath = "/Render/Settings"
+    startTimeCode = 0
+    subLayers = [@./scene.usda@]
+    timeCodesPerSecond = {motion.frame_rate:.6g}
+    upAxis = "Y"
+)
+
+over "World"
+{{
+    over "Camera"
+    {{
+        float focalLength.timeSamples = {{
+{lens}
+        }}
+        matrix4d xformOp:transform.timeSamples = {{
+{samples}
+        }}
+    }}
+}}
+"""
+    return {SHOT_STAGE: stage}
+
+
+def _samples(codes: Floats, values: Iterable[str]) -> str:
+    return "\n".join(f"            {code:.6g}: {value}," for code, value in zip(codes, values, strict=True))
+
+
+def _rows(matrix: Floats) -> str:
+    """A matrix (4, 4) for column vectors as USD writes it: rows of row vectors."""
+    rows = (", ".join(f"{float(v) + 0.0:.9g}" for v in row) for row in matrix.T)
+    return f"( {', '.join(f'({row})' for row in rows)} )"
 
 
 def _values(scene: Scene, up_axis: str) -> dict[str, Any]:

@@ -34,7 +34,7 @@ class Wanted:
 
     height: int = 512  # rows of the maps
     sun: bool | None = None  # whether their sun's disc is painted; None where it likely shines
-    tool: str | None = None  # "blender" or "usd"
+    tool: str | None = None  # one of `animated_tools`
     frames_exr: bool = False  # a map a frame
     film: bool = False
 

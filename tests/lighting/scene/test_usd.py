@@ -12,11 +12,11 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdValidation
 from lighting.errors import SceneError
 from lighting.files.exr import read_exr
 from lighting.geometry import latlong_directions
-from lighting.scene import UP_AXES, usd
+from lighting.scene import EXPORTERS, usd
 from lighting.scene.placeholder import placeholder_of
 from tests.scenes import known_scene, shaded_spot_scene
 
-BOTH_AXES = pytest.mark.parametrize("up_axis", UP_AXES)
+BOTH_AXES = pytest.mark.parametrize("up_axis", EXPORTERS["usd"].options["up_axis"].choices)
 
 
 def opened(folder: Path, up_axis: str) -> Any:
