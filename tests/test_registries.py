@@ -138,7 +138,7 @@ def test_the_service_lists_both(client: TestClient) -> None:
 
 
 def test_help_and_the_options_of_requests_know_what_was_there_at_the_start() -> None:
-    code = "from lighting.cli import main\nmain()"
+    code = "from lighting.cli import cli\ncli(prog_name='lighting')"
     said = " ".join(in_new_process(code, "scene", "--help").split())
     assert "threejs|mitsuba|toy]" in said
     assert "--unit [m|cm] With --for toy; m by default." in said
