@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, best_angle
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.ranges import RANGES
-from lighting.records import Lighting, Prediction, SunEstimate, significant
+from lighting.records import EvidenceKind, Lighting, Prediction, SunEstimate, significant
 from lighting.strength import strength_of
 from lighting.sun_grid import grid_directions, radii
 
@@ -56,7 +56,7 @@ def lighting_from(prediction: Prediction, sun: SunEstimate | None = None) -> Lig
     inside: dict[str, Any] = {name: significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()}
     spec = prediction.spec
     inside |= strength_of(prediction.light, prediction.sun_visibility) if prediction.light else {}
-    return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=("pixels",))
+    return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=(EvidenceKind.PIXELS,))
 
 
 def best_guess(probability: ArrayLike, layout: str) -> Floats:

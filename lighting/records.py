@@ -4,7 +4,8 @@ import json
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from enum import StrEnum
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,51 @@ from lighting.sections import record_of, values_in
 from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
-EVIDENCE = ("pixels", "time+place", "heading", "focal length", "gravity", "camera exposure", "turns", "other photos")
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 SUITABLE = 0.5  # `suitable` below it earns a warning
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
+
+
+class EvidenceKind(StrEnum):
+    """What an answer may rest on, in the order of its list."""
+
+    PIXELS = "pixels"
+    TIME_AND_PLACE = "time+place"
+    HEADING = "heading"
+    FOCAL_LENGTH = "focal length"
+    GRAVITY = "gravity"
+    CAMERA_EXPOSURE = "camera exposure"
+    TURNS = "turns"
+    OTHER_PHOTOS = "other photos"
+
+
+class WarningCode(StrEnum):
+    """What a warning is about, for programs: stable, unlike its sentence."""
+
+    ELEVATION_CONTRADICTED = "elevation-contradicted"  # the sun's, of time and place, by the pixels
+    HEADING_CONTRADICTED = "heading-contradicted"
+    LENS_CONTRADICTED = "lens-contradicted"
+    GRAVITY_CONTRADICTED = "gravity-contradicted"  # and not used
+    TURN_INFERRED = "turn-inferred"  # nothing in common says how the photos are turned
+    OTHER = "other"
+
+
+class CodedWarning(str):
+    """A warning's sentence with its code; everywhere else, in JSON too, it is a text like any other."""
+
+    code: WarningCode
+
+    def __new__(cls, sentence: str, code: WarningCode = WarningCode.OTHER) -> Self:
+        """Make one of a sentence and its code."""
+        made = super().__new__(cls, sentence)
+        made.code = code
+        return made
+
+
+def warning_code(warning: str) -> WarningCode:
+    """The code of a warning; OTHER for a plain text, as one in a record that was read."""
+    return warning.code if isinstance(warning, CodedWarning) else WarningCode.OTHER
+
 
 Colour = tuple[float, float, float]  # linear Rec.709
 AROUND_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
@@ -116,7 +158,7 @@ class Lighting:
     vertical_fov: float = 50.0
     model_name: str = "none"
     model_version: str = "0"
-    evidence: tuple[str, ...] = ()  # of EVIDENCE
+    evidence: tuple[str, ...] = ()  # each the value of an EvidenceKind
     warnings: tuple[str, ...] = ()  # sentences, above all about evidence that contradicts the pixels
     camera_heading: float | None = None
     camera_heading_radius_50: float | None = None
@@ -144,8 +186,8 @@ class Lighting:
         _check_headings(self.camera_heading_probability)
         for name in ("model_name", "model_version"):
             _check_text(name, getattr(self, name))
-        for name in ("evidence", "warnings"):
-            object.__setattr__(self, name, _texts(name, getattr(self, name)))
+        object.__setattr__(self, "evidence", tuple(map(str, _texts("evidence", self.evidence))))
+        object.__setattr__(self, "warnings", _texts("warnings", self.warnings))
         if not isinstance(self.sky_model, str) or self.sky_model not in SKY_MODELS:
             predicate = f"is {reprlib.repr(self.sky_model)}; the known ones are {format_sky_models()}."
             raise ParameterError.about("sky_model", predicate, ErrorCode.UNKNOWN)
@@ -215,7 +257,7 @@ class Estimate:
 
     @property
     def evidence(self) -> tuple[str, ...]:
-        """What the answer rests on, of EVIDENCE."""
+        """What the answer rests on: values of EvidenceKind."""
         return self.lighting.evidence
 
     @property

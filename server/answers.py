@@ -13,7 +13,7 @@ from lighting.envmap import Image
 from lighting.files import MAP_FORMATS, full_record
 from lighting.geometry import angles
 from lighting.ranges import COLOUR_RANGES
-from lighting.records import Lighting, SunDistribution, significant
+from lighting.records import Lighting, SunDistribution, significant, warning_code
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
 from lighting.version import __version__
@@ -34,6 +34,8 @@ def answer_record(answer: Answer, root: str, probability: bool) -> dict[str, Any
     """The JSON of an answer, with a link to its environment map."""
     lighting = answer.estimate.lighting
     record = {**full_record(lighting), "links": {"envmap": envmap_link(lighting, root)}}
+    if lighting.warnings:
+        record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
     if probability:
         record["probability"] = sun_probability(answer.estimate.distribution)
     if answer.factors is not None:

@@ -8,7 +8,7 @@ from anyio.from_thread import check_cancelled
 from lighting import turns
 from lighting.errors import LightingError, MissingExtraError
 from lighting.photo import TARGET
-from lighting.records import Estimate
+from lighting.records import CodedWarning, Estimate, WarningCode
 
 NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
 INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
@@ -44,9 +44,10 @@ class Matching:
         """The estimates, with a warning each where the photos were not matched."""
         if not self.failure:
             return estimates
-        return [_warned(estimate, f"{self.failure} {INFERRED}") for estimate in estimates]
+        warning = CodedWarning(f"{self.failure} {INFERRED}", WarningCode.TURN_INFERRED)
+        return [_warned(estimate, warning) for estimate in estimates]
 
 
-def _warned(estimate: Estimate, warning: str) -> Estimate:
+def _warned(estimate: Estimate, warning: CodedWarning) -> Estimate:
     lighting = estimate.lighting
     return replace(estimate, lighting=replace(lighting, warnings=(*lighting.warnings, warning)))

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, FailFast, Field
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
 from lighting.ranges import OPTIONAL_RANGES
-from lighting.records import GROUND_ALBEDO, Lighting
+from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
 from server.values import (
@@ -135,7 +135,7 @@ class LightingRecord(Part):
     evidence: Texts = Field(
         [],
         description="the sources that the estimate uses",
-        examples=[["pixels", "time+place", "heading", "focal length", "gravity", "camera exposure"]],
+        examples=[[kind.value for kind in tuple(EvidenceKind)[:6]]],
     )
     warnings: Texts = Field([], description="sentences, mostly about metadata that contradict the pixels")
     place: PlacePart | None = None
@@ -171,6 +171,11 @@ class SurroundingsRecord(BaseModel):
 
 class LightingEstimate(LightingRecord):
     links: Links
+    warning_codes: Texts = Field(
+        [],
+        description="what each of the `warnings` is about, in their order; absent where there are none",
+        json_schema_extra={"items": {"type": "string", "enum": [code.value for code in WarningCode]}},
+    )
     probability: SunProbability | None = Field(None, description="present only if the request set `probability`")
     surroundings: SurroundingsRecord | None = Field(
         None, description="present only if the request set `surroundings` and the network says what lies around"

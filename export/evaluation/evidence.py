@@ -11,7 +11,7 @@ from export.evaluation.intervals import difference_interval
 from export.evaluation.metrics import azimuth_error, elevation_error, median, share, sun_error
 from export.evaluation.records import Truth, select
 from export.evaluation.records import answers as answers_of
-from export.evaluation.simulated_metadata import COMPASS_MEDIAN, GROSS, Taken, only
+from export.evaluation.simulated_metadata import COMPASS_MEDIAN, GROSS, LOCAL_TIME, Taken, only
 from export.evaluation.tables import figures_table, interval
 from lighting.evidence import (
     ELEVATION_TAIL,
@@ -27,14 +27,15 @@ from lighting.evidence import (
 )
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.photo import SENSOR_SPREAD, PhotoFacts
-from lighting.records import Prediction
+from lighting.records import EvidenceKind, Prediction, WarningCode, warning_code
 
-PARTS = ("time+place", "heading", "focal length")
+PARTS = (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING, EvidenceKind.FOCAL_LENGTH)
+_WITH_HEADING = (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING)
 SUBSETS: tuple[tuple[str, ...], ...] = (
     (),
     *(tuple(part for bit, part in enumerate(PARTS) if number >> bit & 1) for number in range(1, 8)),
-    ("local time+place",),
-    ("local time+place", "heading"),
+    (LOCAL_TIME,),
+    (LOCAL_TIME, EvidenceKind.HEADING),
 )
 
 SIMULATION = fill(
@@ -69,7 +70,7 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: 
             f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
             SIMULATION,
             figures_table(rows),
-            _azimuth_sentence(scored, fused[()], fused[("time+place",)]),
+            _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
             WARNED,
             figures_table(warning_shares(scored, [without for without, _ in predictions], records)),
         ]
@@ -83,7 +84,7 @@ def _fuse(said: ByLens, taken: Taken, parts: tuple[str, ...]) -> Fused:
 def _own(said: ByLens, parts: Container[str]) -> Prediction:
     """What is said of a photo of which these parts are known."""
     without, with_lens = said
-    return with_lens if "focal length" in parts else without
+    return with_lens if EvidenceKind.FOCAL_LENGTH in parts else without
 
 
 def in_view_evidence(truth: Truth, said: Sequence[ByLens], pictures: Sequence[NDArray[np.uint8]]) -> str:
@@ -121,7 +122,7 @@ def _gravity(truth: Truth, off: float = 0.0) -> list[Evidence]:
 
 
 def _name(parts: tuple[str, ...]) -> str:
-    return " + ".join(("pixels", *parts)).replace("local time+place", "time without zone+place")
+    return " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place")
 
 
 def figures(truth: Truth, fused: Sequence[Fused], taken: Sequence[Taken]) -> dict[str, float]:
@@ -170,12 +171,14 @@ def warning_shares(truth: Truth, said: Sequence[Prediction], taken: Sequence[Tak
     cropped = [replace(f, vertical_fov=_half(f.vertical_fov or 0.0)) for f in true]
     sound = [(p, t.facts) for p, t in zip(said, taken, strict=True) if not t.gross]
     return {
-        f"sun off by {WRONG_SUN:g}° or more": _shares(said, true, others, ("time+place",)),
+        f"sun off by {WRONG_SUN:g}° or more": _shares(said, true, others, (EvidenceKind.TIME_AND_PLACE,)),
         "heading off by 90 to 270°": {
-            "true": _share([p for p, _ in sound], [f for _, f in sound], ("time+place", "heading"), "heading"),
-            "false": _share(said, turned, ("time+place", "heading"), "heading"),
+            "true": _share(
+                [p for p, _ in sound], [f for _, f in sound], _WITH_HEADING, WarningCode.HEADING_CONTRADICTED
+            ),
+            "false": _share(said, turned, _WITH_HEADING, WarningCode.HEADING_CONTRADICTED),
         },
-        "picture cropped to half": _shares(said, true, cropped, ("focal length",)),
+        "picture cropped to half": _shares(said, true, cropped, (EvidenceKind.FOCAL_LENGTH,)),
         f"camera off by {WRONG_GRAVITY:g}°": {
             "true": _warned(said, _gravity(truth)),
             "false": _warned(said, _gravity(truth, WRONG_GRAVITY)),
@@ -199,11 +202,16 @@ def _shares(
     return {"true": _share(said, true, parts), "false": _share(said, false, parts)}
 
 
-def _share(said: Sequence[Prediction], facts: Sequence[PhotoFacts], parts: tuple[str, ...], word: str = "") -> float:
-    """Percentage of photos with a warning that contains a word."""
-    return _warned(said, [known(only(f, parts), NOTHING_GIVEN).evidence for f in facts], word)
+def _share(
+    said: Sequence[Prediction],
+    facts: Sequence[PhotoFacts],
+    parts: tuple[str, ...],
+    code: WarningCode | None = None,
+) -> float:
+    """Percentage of photos with a warning, or with one of this code."""
+    return _warned(said, [known(only(f, parts), NOTHING_GIVEN).evidence for f in facts], code)
 
 
-def _warned(said: Sequence[Prediction], evidence: Sequence[Evidence], word: str = "") -> float:
-    warned = [any(word in w for w in fuse_photo(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
-    return share(np.array(warned))
+def _warned(said: Sequence[Prediction], evidence: Sequence[Evidence], code: WarningCode | None = None) -> float:
+    codes = [map(warning_code, fuse_photo(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
+    return share(np.array([any(code in (None, found) for found in own) for own in codes]))

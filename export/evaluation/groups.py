@@ -16,7 +16,7 @@ from export.evaluation.tables import figures_table
 from lighting.circular import Heading
 from lighting.evidence import NOTHING_GIVEN, Evidence, Fused, fuse_together, known
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.records import Prediction
+from lighting.records import EvidenceKind, Prediction
 
 COMPASS_JITTER = 10.0  # deg, standard deviation between two headings of one phone; the rest of its error is shared
 SIMULATION = fill(
@@ -74,7 +74,7 @@ def _compass(taken: Taken, rng: np.random.Generator, shared: float) -> Evidence:
 
 
 def _time(taken: Taken, _: np.random.Generator, __: float) -> Evidence:
-    return known(only(taken.facts, ("time+place",)), NOTHING_GIVEN).evidence
+    return known(only(taken.facts, (EvidenceKind.TIME_AND_PLACE,)), NOTHING_GIVEN).evidence
 
 
 def _time_and_compass(taken: Taken, rng: np.random.Generator, shared: float) -> Evidence:

@@ -15,7 +15,10 @@ from export.evaluation.records import Truth
 from lighting.evidence import sun_position, zones
 from lighting.geometry import angles
 from lighting.photo import PhotoFacts
+from lighting.photo.exif import HeadingReference
+from lighting.records import EvidenceKind
 
+LOCAL_TIME = "local time+place"  # a part of what is known: a time without its zone
 LATITUDES = (-55.0, 65.0)  # deg, where people live
 FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
 STEP = 300  # s, between the moments of a day that are tried first
@@ -88,19 +91,19 @@ def _taken(truth: Truth, i: int, seen: Sighting, index: int) -> Taken:
         latitude=seen.latitude,
         longitude=seen.longitude,
         heading=(heading + error) % 360.0,
-        heading_reference="true",
+        heading_reference=HeadingReference.TRUE,
         vertical_fov=float(truth.camera[i, 2]),
     )
     return Taken(facts, heading, gross)
 
 
 def only(facts: PhotoFacts, parts: tuple[str, ...]) -> PhotoFacts:
-    """The facts reduced to `parts`, which are some of "time+place" or "local time+place", "heading", "focal length"."""
+    """The facts reduced to `parts`, which are some of LOCAL_TIME, TIME_AND_PLACE, HEADING and FOCAL_LENGTH."""
     kept = facts
-    if "time+place" not in parts:
+    if EvidenceKind.TIME_AND_PLACE not in parts:
         kept = replace(kept, utc_time=None, utc_offset=None)
-    if "time+place" not in parts and "local time+place" not in parts:
+    if EvidenceKind.TIME_AND_PLACE not in parts and LOCAL_TIME not in parts:
         kept = replace(kept, local_time=None, latitude=None, longitude=None)
-    if "heading" not in parts:
+    if EvidenceKind.HEADING not in parts:
         kept = replace(kept, heading=None, heading_reference=None)
-    return kept if "focal length" in parts else replace(kept, vertical_fov=None)
+    return kept if EvidenceKind.FOCAL_LENGTH in parts else replace(kept, vertical_fov=None)

@@ -7,7 +7,7 @@ from lighting.decoding import lighting_from, said_elevation
 from lighting.evidence.exposure import daylight_probability, too_dark
 from lighting.evidence.fusion import Evidence, Fused
 from lighting.evidence.metadata import Known
-from lighting.records import SUITABLE, Estimate, Lighting, significant
+from lighting.records import SUITABLE, Estimate, EvidenceKind, Lighting, significant
 from lighting.strength import tinted
 
 _UNSUITABLE = (
@@ -53,7 +53,7 @@ def _sunlight(lighting: Lighting, fused: Fused, known: Known) -> dict[str, Any]:
     if irradiance is None:
         return {}
     said = said_elevation(fused.prediction) if fused.said_elevation is None else fused.said_elevation
-    elevation = lighting.sun_elevation if "time+place" in fused.used else said
+    elevation = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in fused.used else said
     return {"sun_irradiance": tinted(irradiance, said, elevation)}
 
 

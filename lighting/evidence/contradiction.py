@@ -12,7 +12,7 @@ import numpy as np
 
 from lighting.circular import HEADINGS, blur
 from lighting.geometry import Floats, angles
-from lighting.records import Prediction
+from lighting.records import CodedWarning, Prediction, WarningCode
 from lighting.sun_grid import grid_directions
 
 ELEVATION_TAIL = 0.004  # tail probability by the pixels, under which the elevation of time and place is contradicted
@@ -29,25 +29,28 @@ def contradictions(
     compass: tuple[float, float] | None,
     vertical_fov: float | None,
     subject: str = "photo",
-) -> Iterator[str]:
+) -> Iterator[CodedWarning]:
     """One sentence for each part of the evidence that the pixels almost exclude.
 
     `candidates` (K, 2) are suns with the pixels' density (K, 360) for each heading; K may be 0; `compass` is a heading
     and its spread [deg]; `subject` is what the sentences call the pixels' source.
     """
     if len(candidates) and elevation_tail(prediction, candidates[:, 0]) < ELEVATION_TAIL:
-        yield (
+        yield CodedWarning(
             f"The sun's elevation at this time and place, {_range(candidates[:, 0])}, is very unlikely by the pixels: "
-            "check the clock, the zone and the place."
+            "check the clock, the zone and the place.",
+            WarningCode.ELEVATION_CONTRADICTED,
         )
     if len(candidates) and compass is not None and heading_tail(density, *compass) < HEADING_TAIL:
-        yield f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
+        sentence = f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
+        yield CodedWarning(sentence, WarningCode.HEADING_CONTRADICTED)
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
         wider = vertical_fov > prediction.vertical_fov  # which a crop makes it
         cause = f"the {subject} may be cropped" if wider else "check the focal length, unless the lens is a long one"
-        yield (
+        yield CodedWarning(
             f"The vertical field of view is {vertical_fov:.0f}° by what is known of the lens, "
-            f"{prediction.vertical_fov:.0f}° by the pixels: {cause}."
+            f"{prediction.vertical_fov:.0f}° by the pixels: {cause}.",
+            WarningCode.LENS_CONTRADICTED,
         )
 
 

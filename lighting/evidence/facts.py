@@ -7,6 +7,7 @@ from typing import Any
 
 from lighting.evidence.given import Given
 from lighting.photo import PhotoFacts, in_utc
+from lighting.photo.exif import HeadingReference
 
 # Hours from UTC that clocks follow somewhere, summer times included.
 ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
@@ -35,7 +36,7 @@ def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
     if given.latitude is not None:
         merged = replace(merged, latitude=given.latitude, longitude=given.longitude)
     if given.heading is not None:
-        merged = replace(merged, heading=given.heading, heading_reference="true")
+        merged = replace(merged, heading=given.heading, heading_reference=HeadingReference.TRUE)
     return replace(merged, vertical_fov=given.vertical_fov) if given.vertical_fov is not None else merged
 
 

@@ -13,7 +13,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence.fusion import GROSS_ERRORS, Evidence
 from lighting.geometry import Floats, angle_between, up_in_camera, wrap_azimuth
 from lighting.ranges import check_range, is_finite
-from lighting.records import Prediction
+from lighting.records import EvidenceKind, Prediction
 
 if TYPE_CHECKING:
     from lighting.turns import Placed
@@ -31,7 +31,7 @@ class Frames:
     turn: Floats  # (n,) deg clockwise from the group's zero
     noise: Floats  # (n,) deg, one standard deviation of that
     useless: float = 0.0  # share of the turns that say nothing, whatever their standard deviation
-    source: str = ""  # "heading" by compass, "turns" by matches
+    source: EvidenceKind | None = None  # HEADING by compass, TURNS by matches
 
     def members(self) -> list[NDArray[np.intp]]:
         """The photos (m,) of each group."""
@@ -116,13 +116,13 @@ def frames(
         matched = _by_matches(placed)
         return _joined(matched, np.array(compass)) if len(compass) == count and matched.group.any() else matched
     if len(compass) == count:
-        return Frames(together, np.array(compass), np.full(count, TURN_NOISE), GROSS_ERRORS, "heading")
+        return Frames(together, np.array(compass), np.full(count, TURN_NOISE), GROSS_ERRORS, EvidenceKind.HEADING)
     return Frames(np.arange(count), np.zeros(count), np.zeros(count))
 
 
 def _by_matches(placed: "Sequence[Placed]") -> Frames:
     group, turn, noise = ([getattr(p, name) for p in placed] for name in ("group", "heading", "heading_sigma"))
-    return Frames(np.array(group, dtype=np.intp), np.array(turn), np.array(noise), MISMATCHES, "turns")
+    return Frames(np.array(group, dtype=np.intp), np.array(turn), np.array(noise), MISMATCHES, EvidenceKind.TURNS)
 
 
 def _joined(matched: Frames, compass: Floats) -> Frames:
@@ -131,4 +131,4 @@ def _joined(matched: Frames, compass: Floats) -> Frames:
     for own in matched.members():
         turn[own] += mean_angle(wrap_azimuth(compass[own] - matched.turn[own]))
         noise[own] = np.hypot(noise[own], TURN_NOISE / np.sqrt(len(own)))
-    return Frames(np.zeros_like(matched.group), turn, noise, GROSS_ERRORS, "turns")
+    return Frames(np.zeros_like(matched.group), turn, noise, GROSS_ERRORS, EvidenceKind.TURNS)

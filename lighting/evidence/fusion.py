@@ -16,7 +16,7 @@ from lighting.errors import ParameterError
 from lighting.evidence.contradiction import contradictions
 from lighting.evidence.gravity import Gravity, contrary, held
 from lighting.geometry import Floats, direction
-from lighting.records import Prediction, SunDistribution, SunEstimate
+from lighting.records import EvidenceKind, Prediction, SunDistribution, SunEstimate
 from lighting.sun_grid import grid_directions, over_cells, smooth_density
 
 COMPASS_SPREAD = 25.0  # deg, standard deviation: phones' compasses err by 17 deg in the median
@@ -44,7 +44,7 @@ class Fused:
     sun: SunEstimate
     directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
     probability: Floats  # (M,) of each, sums to 1
-    used: tuple[str, ...]  # of records.EVIDENCE
+    used: tuple[EvidenceKind, ...]
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north, where time and place are known
     relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
@@ -145,17 +145,17 @@ def on_rings(prediction: Prediction, evidence: Evidence, weight: Floats) -> Fuse
     return Fused(known, sun, directions, p.ravel(), used(prediction, evidence), camera_heading=heading(p.sum(axis=0)))
 
 
-def used(prediction: Prediction, evidence: Evidence) -> tuple[str, ...]:
+def used(prediction: Prediction, evidence: Evidence) -> tuple[EvidenceKind, ...]:
     """The evidence that the answer uses.
 
     Without time and place, a heading says nothing about the sun; without `suitable`, an exposure says nothing at all.
     """
     parts = {
-        "pixels": True,
-        "time+place": bool(evidence.candidates),
-        "heading": bool(evidence.candidates) and evidence.heading is not None,
-        "focal length": evidence.vertical_fov is not None,
-        "gravity": evidence.gravity is not None,
-        "camera exposure": prediction.light is not None and evidence.exposure_value is not None,
+        EvidenceKind.PIXELS: True,
+        EvidenceKind.TIME_AND_PLACE: bool(evidence.candidates),
+        EvidenceKind.HEADING: bool(evidence.candidates) and evidence.heading is not None,
+        EvidenceKind.FOCAL_LENGTH: evidence.vertical_fov is not None,
+        EvidenceKind.GRAVITY: evidence.gravity is not None,
+        EvidenceKind.CAMERA_EXPOSURE: prediction.light is not None and evidence.exposure_value is not None,
     }
-    return tuple(name for name, there in parts.items() if there)
+    return tuple(kind for kind, there in parts.items() if there)

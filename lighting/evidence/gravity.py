@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from lighting.geometry import STEEP, wrap_azimuth
-from lighting.records import Prediction
+from lighting.records import CodedWarning, Prediction, WarningCode
 from lighting.words import tilt_in_words
 
 CAMERA_SPREAD = 3.5  # deg, of the network's camera elevation: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
@@ -26,16 +26,17 @@ class Gravity:
     spread: float  # deg, one standard deviation
 
 
-def contrary(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> str | None:
+def contrary(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> CodedWarning | None:
     """A sentence about a `subject` whose pixels and gravity are farther apart than chance explains."""
     above, aside = _apart(prediction, gravity)
     if math.hypot(above, aside * math.cos(math.radians(gravity.elevation))) <= MOST_APART:
         return None
     said = _words(gravity.elevation, gravity.roll)
-    return (
+    return CodedWarning(
         f"By its metadata the camera {said}, by the pixels it "
         f"{_words(prediction.camera_elevation, None if gravity.roll is None else prediction.camera_roll)}: "
-        f"the {subject} may be cropped, turned or edited. What the metadata say of it was not used."
+        f"the {subject} may be cropped, turned or edited. What the metadata say of it was not used.",
+        WarningCode.GRAVITY_CONTRADICTED,
     )
 
 

@@ -15,6 +15,7 @@ from lighting.evidence.gravity import Gravity
 from lighting.evidence.sun import below_horizon, suns
 from lighting.geometry import SUN_RADIUS, angle_between, direction
 from lighting.photo import PhotoFacts
+from lighting.photo.exif import HeadingReference
 
 GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
 
@@ -165,10 +166,10 @@ def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
         return {}
     if given.heading is not None:
         return {"heading": facts.heading % 360.0, "heading_spread": GIVEN_HEADING_SPREAD}
-    if facts.heading_reference == "true":
+    if facts.heading_reference == HeadingReference.TRUE:
         return {"heading": facts.heading % 360.0, "heading_spread": COMPASS_SPREAD}
     off = _declination(facts)
-    if facts.heading_reference == "magnetic" and off is not None:
+    if facts.heading_reference == HeadingReference.MAGNETIC and off is not None:
         return {"heading": (facts.heading + off) % 360.0, "heading_spread": COMPASS_SPREAD}
     doubt = TYPICAL_DECLINATION if off is None else off
     return {"heading": facts.heading % 360.0, "heading_spread": math.hypot(COMPASS_SPREAD, doubt)}

@@ -29,7 +29,7 @@ from lighting.evidence.fusion import (
 )
 from lighting.evidence.overlap import AZIMUTH, SUN, UNLIKE, axes, counts, multiplied, power
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.records import EVIDENCE, Light, Prediction, SunEstimate
+from lighting.records import CodedWarning, EvidenceKind, Light, Prediction, SunEstimate, WarningCode
 from lighting.strength import light_numbers, light_of_numbers
 from lighting.sun_grid import grid_directions, grid_solid_angle
 
@@ -38,9 +38,10 @@ if TYPE_CHECKING:
 
 ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 
-_APART = (
+_APART = CodedWarning(
     "Nothing in the photos that overlap with it was found in the first photo: how it is turned against that one is "
-    "inferred from their light alone."
+    "inferred from their light alone.",
+    WarningCode.TURN_INFERRED,
 )
 _LOWEST = 1e-12  # density that stands for none
 _BIN_SPREAD = 0.5  # deg, least spread of a heading over whole degrees
@@ -71,7 +72,7 @@ def fuse_together(
         replace(
             a,
             warnings=(*single.warnings, *_by_matches(i, predictions[i], turns, placed)),
-            used=_used(a, turns.source if turns.has_company(i) else ""),
+            used=_used(a, turns.source if turns.has_company(i) else None),
             said_elevation=said,
         )
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
@@ -95,15 +96,16 @@ def _by_matches(
     if placed is None:
         return ()
     if not turns.has_company(photo):
-        return ("Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",)
+        sentence = "Nothing in it was found in the other photos: how it is turned is inferred from its light alone."
+        return (CodedWarning(sentence, WarningCode.TURN_INFERRED),)
     apart = () if turns.heading_of_first(photo) is not None else (_APART,)
     return (*apart, *contrary_up(prediction, placed[photo]))
 
 
-def _used(fused: Fused, source: str) -> tuple[str, ...]:
+def _used(fused: Fused, source: EvidenceKind | None) -> tuple[EvidenceKind, ...]:
     """What counts for the answer; compass headings also where they only say how the photos lie to each other."""
-    used = {*fused.used, "other photos", source}
-    return tuple(name for name in EVIDENCE if name in used)
+    used = {*fused.used, EvidenceKind.OTHER_PHOTOS, source}
+    return tuple(kind for kind in EvidenceKind if kind in used)
 
 
 def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
@@ -148,7 +150,7 @@ def _on_cells(predictions: Sequence[Prediction], evidence: Sequence[Evidence], t
     in_order = _share_elevation(predictions, [weights[i] for i in range(len(predictions))], turns)
     apart = [on_grid(p, e, w) for p, e, w in zip(predictions, evidence, in_order, strict=True)]
     answers = [replace(a, sun=_sun_of_group(i, apart, turns)) for i, a in enumerate(apart)]
-    if turns.source != "turns" and not turns.group.any():
+    if turns.source != EvidenceKind.TURNS and not turns.group.any():
         return answers
     return [replace(a, relative_heading=_relative(i, answers, turns)) for i, a in enumerate(answers)]
 
@@ -235,7 +237,7 @@ def _turned(value: Floats, turn: float) -> Floats:
 
 def _relative(photo: int, answers: Sequence[Fused], turns: Frames) -> Heading:
     """How far a camera is turned from the first: as matched, or from where both see the one sun."""
-    turn = turns.heading_of_first(photo) if turns.source == "turns" else None
+    turn = turns.heading_of_first(photo) if turns.source == EvidenceKind.TURNS else None
     if turn is None:
         return heading(correlate(_azimuths(answers[0]), _azimuths(answers[photo])))
     bell = von_mises(HEADINGS - turn, max(float(turns.noise[photo]), _BIN_SPREAD))

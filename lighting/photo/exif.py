@@ -9,8 +9,9 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from enum import StrEnum
 from functools import partial
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 from PIL import ExifTags, Image
 
@@ -31,6 +32,13 @@ _EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others 
 _SAME_ASPECT = 0.02  # relative difference up to which a picture counts as uncropped
 
 
+class HeadingReference(StrEnum):
+    """The north from which a heading counts."""
+
+    TRUE = "true"
+    MAGNETIC = "magnetic"
+
+
 @dataclass(frozen=True)
 class PhotoFacts:
     """What is known of how a photo was taken; None is unknown. The repr omits the place, so that no log shows it."""
@@ -41,7 +49,7 @@ class PhotoFacts:
     latitude: float | None = field(default=None, repr=False)  # deg, positive north
     longitude: float | None = field(default=None, repr=False)  # deg, positive east; known if latitude is
     heading: float | None = None  # deg clockwise from `heading_reference`, 0 to 360
-    heading_reference: Literal["true", "magnetic"] | None = None
+    heading_reference: HeadingReference | None = None
     focal_length: float | None = None  # mm, of the 36 x 24 mm camera with the same diagonal field of view
     vertical_fov: float | None = None  # deg, of the upright photo
     camera_elevation: float | None = None  # deg, positive looks up, of the upright photo
@@ -70,7 +78,9 @@ def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
         heading=gimbal if compass is None else compass,
-        heading_reference="true" if compass is None and gimbal is not None else _fact(_heading_reference, position),
+        heading_reference=HeadingReference.TRUE
+        if compass is None and gimbal is not None
+        else _fact(_heading_reference, position),
         focal_length=focal_length,
         vertical_fov=None if focal_length is None or not whole else vertical_fov(focal_length, width, height),
         camera_elevation=None if held is None else held.elevation,
@@ -193,9 +203,9 @@ def _heading(tags: Tags) -> float | None:
     return heading % 360.0 if 0 <= heading <= 360 else None
 
 
-def _heading_reference(tags: Tags) -> Literal["true", "magnetic"] | None:
+def _heading_reference(tags: Tags) -> HeadingReference | None:
     reference = _text(tags[ExifTags.GPS.GPSImgDirectionRef])[:1].upper()
-    return "true" if reference == "T" else "magnetic" if reference == "M" else None
+    return {"T": HeadingReference.TRUE, "M": HeadingReference.MAGNETIC}.get(reference)
 
 
 def _focal_length(tags: Tags) -> float | None:

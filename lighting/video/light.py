@@ -13,7 +13,7 @@ from lighting.circular import HEADINGS
 from lighting.evidence import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, seen_from
 from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts, multiplied
 from lighting.geometry import Floats, direction
-from lighting.records import Light, Prediction
+from lighting.records import EvidenceKind, Light, Prediction
 from lighting.strength import light_numbers, light_of_numbers
 from lighting.sun_grid import grid_solid_angle
 from lighting.video.watched import Seen
@@ -100,7 +100,9 @@ class ShotLight:
         fused = fuse(by_pixels, evidence)
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
             fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
-        return replace(fused, used=fused.used if self._looks == 1 else (*fused.used, "turns", "other photos"))
+        return replace(
+            fused, used=fused.used if self._looks == 1 else (*fused.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS)
+        )
 
     @property
     def ground(self) -> Floats | None:

@@ -7,6 +7,7 @@ from datetime import timedelta
 from lighting.evidence import Given, Known, camera_evidence, known, known_later
 from lighting.geometry import Floats
 from lighting.photo import PhotoFacts
+from lighting.photo.exif import HeadingReference
 from lighting.records import Prediction
 from lighting.video.follow import Key, Step
 from lighting.video.telemetry import Gimbal
@@ -63,7 +64,7 @@ class Circumstances:
         facts = replace(self.facts, **moved)
         given = self.given if self.given.time is None else replace(self.given, time=self.given.time + later)
         if heading is not None:
-            facts = replace(facts, heading=heading, heading_reference="true")
+            facts = replace(facts, heading=heading, heading_reference=HeadingReference.TRUE)
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
             facts, given = replace(facts, heading=None), replace(given, heading=None)
         tell = known if seconds == 0.0 else known_later

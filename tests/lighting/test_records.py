@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from lighting.errors import ModelError, ParameterError
 from lighting.geometry import direction
 from lighting.ranges import OPTIONAL_RANGES, RANGES
-from lighting.records import Lighting, ModelSpec, clipped_colour
+from lighting.records import CodedWarning, EvidenceKind, Lighting, ModelSpec, WarningCode, clipped_colour, warning_code
 from tests.conftest import TINY
 
 LIGHTING = Lighting(
@@ -395,3 +396,17 @@ def test_the_headings_probabilities_are_a_list(probability: Any) -> None:
 def test_cover_needs_irradiances() -> None:
     with pytest.raises(ParameterError, match=r"^sky_cover needs"):
         replace(LIGHTING, sky_cover=0.5)
+
+
+def test_a_coded_warning_is_a_text_like_any_other() -> None:
+    coded = CodedWarning("It may be cropped.", WarningCode.LENS_CONTRADICTED)
+    light = replace(
+        LIGHTING, warnings=(coded, "Look out."), evidence=(EvidenceKind.PIXELS, EvidenceKind.TIME_AND_PLACE)
+    )
+    assert light.warnings == ("It may be cropped.", "Look out.")
+    assert [warning_code(warning) for warning in light.warnings] == ["lens-contradicted", "other"]
+    assert warning_code(pickle.loads(pickle.dumps(coded))) == "lens-contradicted"
+    record = json.loads(json.dumps(light.to_dict()))
+    assert (record["warnings"], record["evidence"]) == (["It may be cropped.", "Look out."], ["pixels", "time+place"])
+    assert [type(kind) for kind in light.evidence] == [str, str]
+    assert Lighting.from_dict(record) == light

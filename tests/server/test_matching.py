@@ -79,6 +79,7 @@ def test_photos_without_overlap_are_answered_as_before_and_told_so(client: TestC
     matched, inferred = (records(client, FIRST, STRANGER, match=match) for match in ("true", "false"))
     for one, other in zip(matched, inferred, strict=True):
         assert one["warnings"].pop().startswith(ALONE)
+        assert one.pop("warning_codes") == ["turn-inferred"]
         assert one == other
 
 
@@ -107,6 +108,7 @@ def test_without_opencv_the_answer_is_as_before_and_says_so(
     monkeypatch.setattr(turns, "has_opencv", lambda: False)
     for record, before in zip(records(client, FIRST, SECOND), expected, strict=True):
         assert record["warnings"].pop() == f"{NO_OPENCV} {INFERRED}"
+        assert record.pop("warning_codes") == ["turn-inferred"]
         assert record == before
     assert Matching(1.0).target == TARGET
 

@@ -15,6 +15,7 @@ from PIL import Image
 from lighting.errors import PhotoError
 from lighting.evidence import location_of
 from lighting.photo import Curve
+from lighting.photo.exif import HeadingReference
 from lighting.stereo.normals.alike import check_alike
 from lighting.stereo.normals.images import FORMATS, Shot, read_mask, read_shot
 from lighting.stereo.normals.moments import TIMES, absent, check_times, times_of
@@ -80,7 +81,9 @@ def read_shots(
         times=times,
         mask=kept,
         place=next((place for f in facts if (place := location_of(f))), None),
-        heading=next((f.heading for f in facts if f.heading is not None and f.heading_reference == "true"), None),
+        heading=next(
+            (f.heading for f in facts if f.heading is not None and f.heading_reference == HeadingReference.TRUE), None
+        ),
         focal_length=next((f.focal_length for f in facts if f.vertical_fov is not None), None),  # not of cropped ones
         warnings=(*_warnings(shots, lost), *_about_the_day(folder, shots, images, kept)),
     )

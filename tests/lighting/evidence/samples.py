@@ -9,6 +9,7 @@ import pytest
 
 from lighting.evidence import Evidence, Given, estimate_of, fuse, known, sun_position
 from lighting.photo import PhotoFacts
+from lighting.photo.exif import HeadingReference
 from lighting.records import Lighting, Prediction
 from lighting.sun_grid import grid_directions
 from tests.conftest import TINY
@@ -23,7 +24,7 @@ FACTS = PhotoFacts(
     latitude=48.14,
     longitude=11.575,
     heading=60.0,
-    heading_reference="true",
+    heading_reference=HeadingReference.TRUE,
     focal_length=26.0,
     vertical_fov=53.0,
 )

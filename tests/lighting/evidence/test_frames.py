@@ -22,7 +22,7 @@ def test_headings_win_over_everything() -> None:
     found = frames(COMPASS, [1.0, 2.0, 3.0], placed(0, 0, 0))
     assert found.turn.tolist() == [1.0, 2.0, 3.0]
     assert not found.noise.any()
-    assert found.source == ""
+    assert found.source is None
 
 
 def test_matches_win_over_the_compass_where_they_connect_all() -> None:

@@ -13,7 +13,7 @@ from lighting.evidence.declination import magnetic_declination
 from lighting.evidence.facts import of_one_place
 from lighting.evidence.fusion import COMPASS_SPREAD, Evidence
 from lighting.evidence.metadata import GIVEN_HEADING_SPREAD, known, known_alone, known_together
-from lighting.photo.exif import PhotoFacts
+from lighting.photo.exif import HeadingReference, PhotoFacts
 from tests.lighting.evidence.samples import FACTS, MORNING, ZONELESS, evidence_of
 
 NIGHT = datetime(2024, 6, 1, 23, 0, tzinfo=UTC)
@@ -43,7 +43,7 @@ def test_a_true_heading_stays() -> None:
 
 
 def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
-    found = evidence_of(replace(FACTS, heading_reference="magnetic"))
+    found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC))
     off = magnetic_declination(48.14, 11.575, MORNING)
     assert off is not None
     assert found.heading == pytest.approx(60.0 + off)
@@ -52,7 +52,7 @@ def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": MORNING.replace(year=2005)}])
 def test_an_unknown_declination_widens_the_heading(lost: dict[str, Any]) -> None:
-    found = evidence_of(replace(FACTS, heading_reference="magnetic", **lost))
+    found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC, **lost))
     assert found.heading == 60.0
     assert found.heading_spread == pytest.approx(math.hypot(COMPASS_SPREAD, 17.0))
 
@@ -65,7 +65,7 @@ def test_an_unknown_reference_widens_the_heading_by_the_declination() -> None:
 
 
 def test_a_heading_that_is_said_counts_for_more() -> None:
-    found = evidence_of(replace(FACTS, heading_reference="magnetic"), heading=-30.0)
+    found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC), heading=-30.0)
     assert (found.heading, found.heading_spread) == (330.0, GIVEN_HEADING_SPREAD)
 
 

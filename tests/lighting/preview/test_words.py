@@ -8,7 +8,7 @@ from lighting.drawing import Style, text_width
 from lighting.preview import words as module
 from lighting.preview.layout import GAP, MARGIN, WIDTH
 from lighting.preview.words import draw_headline, numbers_of, warning_lines
-from lighting.records import EVIDENCE
+from lighting.records import EvidenceKind
 from tests.previews import amber, outdoors
 
 
@@ -86,6 +86,6 @@ def test_the_title_leaves_room_for_what_is_beside_it(
             written[spot[0]] = text_width(text, style.size)
 
     monkeypatch.setattr(module, "write", write)
-    sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=EVIDENCE, camera_heading=115.0)
+    sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=tuple(EvidenceKind), camera_heading=115.0)
     draw_headline(Image.new("RGB", (WIDTH, 140)), sun)
     assert written[MARGIN] + GAP + written[WIDTH - MARGIN] <= WIDTH - 2 * MARGIN
