@@ -1,6 +1,6 @@
 """Where the ground that a photo shows lies in sunlight, and where in shade.
 
-The page in the browser has the same rule (`server/web/src/picture/ground.ts`), tested on the same numbers.
+The page in the browser has the same rule (`server/web/src/surroundings/shadowMask.ts`), tested on the same numbers.
 """
 
 from dataclasses import dataclass

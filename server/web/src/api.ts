@@ -1,11 +1,10 @@
 /** The service as the page uses it. Paths are relative, so that it also works behind a proxy's prefix. */
 
-import { apiKey, keyHeader } from "./key";
-import type { Factors } from "./picture/factors";
-import type { Camera } from "./pure/camera";
-import type { Distribution } from "./pure/distribution";
-import { type Given, givenQuery } from "./pure/given";
-import type { Triple } from "./sky/model";
+import type { Camera } from "./geometry/camera";
+import type { Triple } from "./geometry/color";
+import type { Distribution } from "./geometry/distribution";
+import type { SurroundingsFactors } from "./surroundings/surroundings";
+import { type UserInput, userInputQuery } from "./text/metadata";
 
 /** The record of a photo's light, as the service answers it; what may be missing is newer than some networks. */
 export interface Lighting {
@@ -36,22 +35,22 @@ export interface Lighting {
 }
 
 /** The record of a light that was changed by hand: what the estimate said of itself is no longer in it. */
-export type Edited = Omit<Lighting, "sun"> & { sun: Omit<Lighting["sun"], "radius_50" | "radius_90"> };
+export type EditedLighting = Omit<Lighting, "sun"> & { sun: Omit<Lighting["sun"], "radius_50" | "radius_90"> };
 
 export interface Estimate extends Lighting {
   links: { envmap: string };
   probability: Distribution;
-  surroundings?: Factors; // what the place makes of the bare map, where the network says what lies around
+  surroundings?: SurroundingsFactors; // what the place makes of the bare map, where the network says what lies around
 }
 
 /** The strength of a light, in the photo's linear values. */
-export interface Power {
+export interface Irradiances {
   sun: Triple; // irradiance of a plane that faces the sun
   sky: Triple; // irradiance of level ground
 }
 
 /** What an environment map is rendered from. */
-export interface Parameters {
+export interface LightParameters {
   sun_azimuth: number;
   sun_elevation: number;
   turbidity: number;
@@ -61,7 +60,7 @@ export interface Parameters {
 }
 
 /** A light, and perhaps a camera, in place of the estimated ones. Where it states no power, the estimate's follows the other parameters. */
-export interface Changed extends Parameters {
+export interface LightOverrides extends LightParameters {
   sun_irradiance?: Triple;
   sky_irradiance?: Triple;
   sky_cover?: number;
@@ -72,10 +71,10 @@ export interface Changed extends Parameters {
   vertical_fov?: number;
 }
 
-export type Format = "exr" | "hdr" | "png";
+export type MapFormat = "exr" | "hdr" | "png";
 
 /** A refusal by the service, in its own words; status 0 where there was no answer. */
-export class Refusal extends Error {
+export class ServiceError extends Error {
   constructor(
     readonly status: number,
     readonly title: string,
@@ -85,9 +84,9 @@ export class Refusal extends Error {
   }
 
   /** The same with the file's name, where the file is what was refused. */
-  of(file: File): Refusal {
-    const itsFault = [400, 413, 415].includes(this.status);
-    return itsFault ? new Refusal(this.status, this.title, `${file.name}: ${this.message}`) : this;
+  withFileName(file: File): ServiceError {
+    const isAboutFile = [400, 413, 415].includes(this.status);
+    return isAboutFile ? new ServiceError(this.status, this.title, `${file.name}: ${this.message}`) : this;
   }
 }
 
@@ -95,107 +94,140 @@ export const TOOLS = ["blender", "usd", "gltf", "threejs", "mitsuba"] as const;
 export type Tool = (typeof TOOLS)[number];
 
 /** The light of photos of one place, one estimate for each. */
-export async function estimate(photos: Blob[], given: Given, signal: AbortSignal): Promise<Estimate[]> {
-  const query = givenQuery(given, photos.length);
+export async function estimatePhotos(photos: Blob[], userInput: UserInput, signal: AbortSignal): Promise<Estimate[]> {
+  const query = userInputQuery(userInput, photos.length);
   query.set("probability", "true");
   query.set("surroundings", "true");
-  const response = await ask(`v1/lighting?${query}`, { method: "POST", body: formOf(photos), signal });
+  const response = await request(`v1/lighting?${query}`, { method: "POST", body: buildForm(photos), signal });
   const answer = (await response.json()) as Estimate | { lightings: Estimate[] };
   return "lightings" in answer ? answer.lightings : [answer];
 }
 
 /** The photo upright, as JPEG, for browsers that cannot decode the file. */
-export const uprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =>
-  send("v1/photo", formOf([photo]), signal);
+export const fetchUprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =>
+  post("v1/photo", buildForm([photo]), signal);
 
 /** An example's file. */
-export const exampleFile = async (url: string, signal: AbortSignal): Promise<Blob> =>
-  (await ask(url, { signal })).blob();
+export const fetchExample = async (url: string, signal: AbortSignal): Promise<Blob> =>
+  (await request(url, { signal })).blob();
 
 /** The preview of a photo's estimate, as PNG. */
-export const previewFile = (photo: Blob, given: Given): Promise<Blob> =>
-  send(`v1/preview?${givenQuery(given, 1)}`, formOf([photo]));
+export const fetchPreview = (photo: Blob, userInput: UserInput): Promise<Blob> =>
+  post(`v1/preview?${userInputQuery(userInput, 1)}`, buildForm([photo]));
 
 /** The parameters of a photo's URL: what the user said of it, and the light that replaces the estimated one. */
-export function photoQuery(given: Given, changed?: Changed): URLSearchParams {
-  const query = givenQuery(given, 1);
-  for (const [name, value] of Object.entries(changed ?? {})) {
-    if (name !== "ground_albedo") query.set(name, valueText(value));
+export function photoQuery(userInput: UserInput, overrides?: LightOverrides): URLSearchParams {
+  const query = userInputQuery(userInput, 1);
+  for (const [name, value] of Object.entries(overrides ?? {})) {
+    if (name !== "ground_albedo") query.set(name, formatValue(value));
   }
   return query;
 }
 
 /** A scene with the photo in it, as ZIP; `changed` replaces the estimated light. */
-export function sceneFile(photo: Blob, given: Given, tool: Tool, changed?: Changed): Promise<Blob> {
-  const query = photoQuery(given, changed);
+export function fetchScene(photo: Blob, userInput: UserInput, tool: Tool, overrides?: LightOverrides): Promise<Blob> {
+  const query = photoQuery(userInput, overrides);
   query.set("tool", tool);
-  return send(`v1/scene?${query}`, formOf([photo]));
+  return post(`v1/scene?${query}`, buildForm([photo]));
 }
 
 /** How a map is wanted. */
 export interface MapOptions {
-  format: Format;
+  format: MapFormat;
   height: number;
 }
 
 /** The environment map of a photo, with the place; `changed` replaces the estimated light. */
-export function envmapFile(
+export function fetchEnvmap(
   photo: Blob,
-  given: Given,
+  userInput: UserInput,
   { format, height }: MapOptions,
-  changed?: Changed,
+  overrides?: LightOverrides,
 ): Promise<Blob> {
-  const query = photoQuery(given, changed);
+  const query = photoQuery(userInput, overrides);
   query.set("format", format);
   query.set("height", String(height));
-  return send(`v1/envmap?${query}`, formOf([photo]));
+  return post(`v1/envmap?${query}`, buildForm([photo]));
 }
 
-async function send(url: string, body: BodyInit, signal?: AbortSignal): Promise<Blob> {
-  return (await ask(url, { method: "POST", body, ...(signal ? { signal } : {}) })).blob();
+async function post(url: string, body: BodyInit, signal?: AbortSignal): Promise<Blob> {
+  return (await request(url, { method: "POST", body, ...(signal ? { signal } : {}) })).blob();
 }
 
-function formOf(photos: Blob[]): FormData {
+function buildForm(photos: Blob[]): FormData {
   const form = new FormData();
   for (const photo of photos) form.append("photo", photo);
   return form;
 }
 
-const numberText = (value: number): string => String(Number(value.toPrecision(6)));
+const formatNumber = (value: number): string => String(Number(value.toPrecision(6)));
 
 /** A number, or several with commas between them, to 6 digits; or a switch. */
-export function valueText(value: number | Triple | boolean): string {
+export function formatValue(value: number | Triple | boolean): string {
   if (typeof value === "boolean") return String(value);
-  return typeof value === "number" ? numberText(value) : value.map(numberText).join(",");
+  return typeof value === "number" ? formatNumber(value) : value.map(formatNumber).join(",");
 }
 
 /** What the service says of itself. */
-export interface Described {
+export interface ModelInfo {
   accuracy: Record<string, Record<string, number>>; // median errors by protocol, then by the names of the model card
   matching: boolean; // whether it finds by what several photos show in common how they are turned
 }
 
-export const description = async (): Promise<Described> => (await ask("v1/model", {})).json();
+export const fetchModelInfo = async (): Promise<ModelInfo> => (await request("v1/model", {})).json();
 
-async function ask(url: string, init: RequestInit): Promise<Response> {
+async function request(url: string, init: RequestInit): Promise<Response> {
   const key = apiKey();
-  const headers: HeadersInit = key ? keyHeader(key) : {};
+  const headers: HeadersInit = key ? authorizationHeader(key) : {};
   const response = await fetch(url, { ...init, headers }).catch((error: unknown) => {
     if (init.signal?.aborted) throw error;
-    throw new Refusal(
+    throw new ServiceError(
       0,
       "The service did not answer",
       "Check your connection, and that the service is still running, then try again.",
     );
   });
-  if (!response.ok) throw await refusal(response);
+  if (!response.ok) throw await readProblem(response);
   return response;
 }
 
-async function refusal(response: Response): Promise<Refusal> {
+async function readProblem(response: Response): Promise<ServiceError> {
   const problem = await response.json().catch(() => ({}));
   const [first] = Array.isArray(problem.errors) ? problem.errors : [];
-  if (first?.place === "form") return new Refusal(response.status, "These photos cannot be taken", first.detail);
+  if (first?.place === "form") return new ServiceError(response.status, "These photos cannot be taken", first.detail);
   const title = typeof problem.title === "string" ? problem.title : `The service answered ${response.status}`;
-  return new Refusal(response.status, title, typeof problem.detail === "string" ? problem.detail : response.statusText);
+  return new ServiceError(
+    response.status,
+    title,
+    typeof problem.detail === "string" ? problem.detail : response.statusText,
+  );
+}
+
+const STORAGE_NAME = "lighting-api-key";
+
+export const apiKey = (): string | null => sessionStorage.getItem(STORAGE_NAME);
+
+/** The header that carries a key. */
+export const authorizationHeader = (key: string): Record<string, string> => ({ Authorization: `Bearer ${key}` });
+
+/** Keeps a key; false for one with characters that no request can carry, which is not kept. */
+export function storeKey(key: string): boolean {
+  try {
+    new Headers(authorizationHeader(key));
+  } catch {
+    return false;
+  }
+  sessionStorage.setItem(STORAGE_NAME, key);
+  return true;
+}
+
+let pending: Promise<ModelInfo | undefined> | undefined;
+
+/** Undefined where the service does not say it, as without a key; then it is asked again the next time. */
+export function modelInfo(): Promise<ModelInfo | undefined> {
+  pending ??= fetchModelInfo().catch(() => {
+    pending = undefined;
+    return undefined;
+  });
+  return pending;
 }

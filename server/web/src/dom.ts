@@ -1,4 +1,6 @@
-/** The page's elements by their ids. */
+/** The page's elements by their ids, and small SVG drawings in the units of their own viewBox. */
+
+import type { Point } from "./geometry/camera";
 
 export function byId<T extends Element = HTMLElement>(id: string): T {
   const element = document.getElementById(id);
@@ -6,7 +8,7 @@ export function byId<T extends Element = HTMLElement>(id: string): T {
   return element as Element as T;
 }
 
-export function make<K extends keyof HTMLElementTagNameMap>(
+export function createElement<K extends keyof HTMLElementTagNameMap>(
   name: K,
   properties: Partial<HTMLElementTagNameMap[K]> = {},
   ...children: (Node | string)[]
@@ -17,20 +19,77 @@ export function make<K extends keyof HTMLElementTagNameMap>(
 }
 
 /** Whether the device is worked by fingers, as phones are: nothing is dropped, pointed at or typed. */
-export const byTouch = (): boolean => matchMedia("(hover: none)").matches;
+export const isTouchDevice = (): boolean => matchMedia("(hover: none)").matches;
 
 /** A row of radio buttons, the first one chosen. */
-export function choices<T extends string>(root: HTMLElement, values: readonly T[], chosen: (value: T) => void): void {
+export function addRadioButtons<T extends string>(
+  root: HTMLElement,
+  values: readonly T[],
+  onChoice: (value: T) => void,
+): void {
   values.forEach((value, i) => {
-    const radio = make("input", { type: "radio", name: root.id, value, defaultChecked: i === 0 });
-    radio.addEventListener("change", () => chosen(value));
-    root.append(make("label", {}, radio, make("span", { textContent: value })));
+    const findRadio = createElement("input", { type: "radio", name: root.id, value, defaultChecked: i === 0 });
+    findRadio.addEventListener("change", () => onChoice(value));
+    root.append(createElement("label", {}, findRadio, createElement("span", { textContent: value })));
   });
 }
 
 /** The radio button of a value. */
-export function radio(root: HTMLElement, value: string): HTMLInputElement {
-  const found = [...root.querySelectorAll("input")].find((input) => input.value === value);
-  if (!found) throw new Error(`There is no ${value} in #${root.id}.`);
-  return found;
+export function findRadio(root: HTMLElement, value: string): HTMLInputElement {
+  const button = [...root.querySelectorAll("input")].find((input) => input.value === value);
+  if (!button) throw new Error(`There is no ${value} in #${root.id}.`);
+  return button;
+}
+
+const NAMESPACE = "http://www.w3.org/2000/svg";
+
+export function createSvg(
+  name: string,
+  attributes: Record<string, string | number>,
+  ...children: (Node | string)[]
+): SVGElement {
+  const element = document.createElementNS(NAMESPACE, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
+  element.append(...children);
+  return element;
+}
+
+export function drawPath(points: readonly Point[], kind: string): SVGElement {
+  return createSvg("path", {
+    d: `M${points.map(([x, y]) => `${x.toFixed(2)} ${y.toFixed(2)}`).join("L")}`,
+    class: kind,
+  });
+}
+
+export function drawText([x, y]: Point, content: string, kind: string): SVGElement {
+  return createSvg("text", { x: x.toFixed(1), y: y.toFixed(1), class: kind }, content);
+}
+
+/** A disc with eight rays around it; `size` is the disc's radius. */
+export function drawSun([x, y]: Point, size: number, kind: string): SVGElement {
+  const rays = Array.from({ length: 8 }, (_, i) => {
+    const [c, s] = [Math.cos((i * Math.PI) / 4), Math.sin((i * Math.PI) / 4)];
+    return `M${(1.6 * size * c).toFixed(2)} ${(1.6 * size * s).toFixed(2)}L${(2.3 * size * c).toFixed(2)} ${(2.3 * size * s).toFixed(2)}`;
+  });
+  const layer = (grow: number, kind: string): SVGElement =>
+    createSvg(
+      "g",
+      { class: kind, "stroke-width": size / 3 + 2 * grow, "stroke-linecap": "round" },
+      createSvg("path", { d: rays.join("") }),
+      createSvg("circle", { r: size + grow, "stroke-width": 0 }),
+    );
+  const position = `translate(${x.toFixed(2)} ${y.toFixed(2)})`;
+  return createSvg("g", { transform: position }, layer(size / 4, "shade"), layer(0, kind));
+}
+
+/** Draws into an SVG in CSS pixels, again whenever its size changes. */
+export function fitDrawing(element: SVGSVGElement, draw: (width: number, height: number) => Node[]): () => void {
+  const redraw = (): void => {
+    const { width, height } = element.getBoundingClientRect();
+    if (width < 1 || height < 1) return;
+    element.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    element.replaceChildren(...draw(width, height));
+  };
+  new ResizeObserver(redraw).observe(element);
+  return redraw;
 }

@@ -1,105 +1,123 @@
 /** The page: photos go to the service, its answers to the views, and the controls change light and object on show. */
 
-import { estimate, type Parameters, Refusal } from "./api";
-import { byId } from "./dom";
-import { apiKey, keepKey } from "./key";
-import { parametersOf } from "./parameters";
-import { aspectOf, openPhoto, type Photo } from "./photo";
-import { type Given, NOTHING } from "./pure/given";
-import { headline } from "./pure/headline";
-import { latest } from "./pure/latest";
-import type { Subject } from "./pure/snippets";
-import { SkyRenderer } from "./sky/renderer";
-import { held, type Source } from "./source";
-import { filesOf, type Look, lookOf, questionOf, type Shown, type View, viewOf } from "./studio";
+import { apiKey, estimatePhotos, type LightParameters, ServiceError, storeKey } from "./api";
+import { byId, fitDrawing } from "./dom";
+import { SkyClient } from "./sky/client";
+import {
+  aspectRatio,
+  createView,
+  currentState,
+  decodePhoto,
+  type EditState,
+  type Photo,
+  type PhotoSource,
+  type PhotoView,
+  parametersFromRecord,
+  photoFiles,
+  type Session,
+  skyRequest,
+  sourceInMemory,
+} from "./state";
+import { buildHeadline } from "./text/format";
+import { NO_USER_INPUT, type UserInput } from "./text/metadata";
+import type { SnippetInput } from "./text/snippets";
+import { debounceLatest } from "./ui/debounce";
+import { currentGesture, listenForGestures } from "./ui/gesture";
+import { listenForUndo, showUndo } from "./ui/history";
 import { Dome } from "./views/dome";
-import { changedLight, isChanged, listenForDownloads, mapHeight, showPreview } from "./views/downloads";
-import { FactsView } from "./views/facts";
-import { gesture, listenForGestures } from "./views/gesture";
-import { listenForUndo, showUndo } from "./views/history";
-import { mapMarks, photoMarks } from "./views/marks";
-import { showNumbers } from "./views/numbers";
+import {
+  hideSnippet,
+  isChanged,
+  lightOverrides,
+  listenForCopies,
+  listenForDownloads,
+  mapHeight,
+  offerPreview,
+} from "./views/downloads";
+import { MetadataView, showNumbers } from "./views/facts";
+import { drawMapMarkers, drawPhotoMarkers } from "./views/markers";
 import { ObjectView } from "./views/object";
-import { showPhotos } from "./views/photos";
-import { listenForPhotos, showMatching } from "./views/pick";
 import { Sliders } from "./views/sliders";
-import { forgetCopy, listenForCopies } from "./views/snippets";
-import { fitted } from "./views/svg";
+import { listenForUploads, showMatching, showPhotos } from "./views/upload";
 
-interface Wish {
-  sources: Source[];
-  given: Given;
+interface EstimateRequest {
+  sources: PhotoSource[];
+  userInput: UserInput;
 }
 
-let shown: Shown | undefined;
-let asked: Wish | undefined;
+let session: Session | undefined;
+let lastRequest: EstimateRequest | undefined;
 
 const result = byId("result");
 const status = byId("status");
-const current = (): View | undefined => shown?.views[shown.at];
-const light = (part: Partial<Parameters>, kind: string): void => {
-  const view = current();
-  if (view) change({ parameters: { ...lookOf(view).parameters, ...part } }, kind);
+const currentView = (): PhotoView | undefined => session?.views[session.index];
+const light = (part: Partial<LightParameters>, kind: string): void => {
+  const view = currentView();
+  if (view) editState({ parameters: { ...currentState(view).parameters, ...part } }, kind);
 };
 
 const dome = new Dome(byId("dome"), byId("readout"), ({ azimuth, elevation }) =>
   light({ sun_azimuth: azimuth, sun_elevation: elevation }, "dome"),
 );
 const sliders = new Sliders(light);
-const object = new ObjectView(change, tell);
-const facts = new FactsView((given) => shown && take(filesOf(shown).map(held), given));
-const submit = latest<Wish>(run, 0, fail);
-const sky = new SkyRenderer(({ light, picture }) => {
-  const view = current();
+const object = new ObjectView(editState, showError);
+const metadata = new MetadataView(
+  (userInput) => session && submitPhotos(photoFiles(session).map(sourceInMemory), userInput),
+);
+const debouncedEstimate = debounceLatest<EstimateRequest>(runEstimate, 0, failRequest);
+const sky = new SkyClient(({ light, picture }) => {
+  const view = currentView();
   if (!view) return;
   const canvas = byId<HTMLCanvasElement>("envmap");
   canvas.getContext("2d")?.putImageData(new ImageData(picture.data, picture.width, picture.height), 0, 0);
   canvas.dataset.lights = String(Number(canvas.dataset.lights ?? 0) + 1); // how often the light has changed, for tests
-  view.power = { sun: light.sun, sky: light.sky };
+  view.irradiances = { sun: light.sun, sky: light.sky };
   object.light(light, view);
-}, tell);
+}, showError);
 
-const drawPhotoMarks = fitted(byId<SVGSVGElement>("marks"), (width, height) => {
-  const view = current();
+const drawPhotoMarks = fitDrawing(byId<SVGSVGElement>("marks"), (width, height) => {
+  const view = currentView();
   if (!view || !byId<HTMLInputElement>("show-marks").checked) return [];
-  return photoMarks(view.answer.camera, lookOf(view).parameters, width, height);
+  return drawPhotoMarkers(view.estimate.camera, currentState(view).parameters, width, height);
 });
-const drawMapMarks = fitted(byId<SVGSVGElement>("map-marks"), (width, height) => {
-  const view = current();
-  return view ? mapMarks(view.answer, lookOf(view).parameters, aspectOf(view.photo), width, height) : [];
+const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height) => {
+  const view = currentView();
+  return view
+    ? drawMapMarkers(view.estimate, currentState(view).parameters, aspectRatio(view.photo), width, height)
+    : [];
 });
 
-listenForPhotos((sources) => take(sources, NOTHING), withPhoto, tell);
+listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
 listenForGestures();
-listenForDownloads(settled, tell);
-listenForUndo(() => current()?.history, refresh);
-listenForCopies(subject);
+listenForDownloads(settleLight, showError);
+listenForUndo(() => currentView()?.history, refresh);
+listenForCopies(snippetInput);
 void showMatching();
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  const kept = keepKey(byId<HTMLInputElement>("key").value);
-  byId("key-note").hidden = kept;
-  if (kept && asked) take(asked.sources, asked.given);
+  const stored = storeKey(byId<HTMLInputElement>("key").value);
+  byId("key-note").hidden = stored;
+  if (stored && lastRequest) submitPhotos(lastRequest.sources, lastRequest.userInput);
 });
 byId("reset").addEventListener("click", () => {
-  const view = current();
-  if (view) change({ parameters: parametersOf(view.answer) }, "reset");
+  const view = currentView();
+  if (view) editState({ parameters: parametersFromRecord(view.estimate) }, "reset");
 });
 byId("show-marks").addEventListener("change", drawPhotoMarks);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dome.paint());
 
-function take(sources: Source[], given: Given): void {
-  asked = { sources, given };
+function submitPhotos(sources: PhotoSource[], userInput: UserInput): void {
+  lastRequest = { sources, userInput: userInput };
   status.textContent = `Looking at ${sources.map(({ name }) => name).join(", ")}…`;
-  forgive();
+  clearErrors();
   setBusy(true);
-  submit(asked);
+  debouncedEstimate(lastRequest);
 }
 
-function withPhoto(model: File): void {
-  forgive();
-  if (current()) object.take(model);
-  else tell(new Error("Choose a photo first, then drop your object on it."));
+function takeModel(model: File): void {
+  clearErrors();
+  if (currentView()) object.takeModel(model);
+  else showError(new Error("Choose a photo first, then drop your object on it."));
 }
 
 function setBusy(busy: boolean): void {
@@ -107,126 +125,126 @@ function setBusy(busy: boolean): void {
   document.body.toggleAttribute("data-busy", busy);
 }
 
-async function run({ sources, given }: Wish, signal: AbortSignal): Promise<void> {
+async function runEstimate({ sources, userInput }: EstimateRequest, signal: AbortSignal): Promise<void> {
   const files = await Promise.all(sources.map(({ load }) => load(signal)));
-  const began = performance.now();
-  const pictures = opened(files, signal);
-  pictures.catch(() => {}); // told below: what is said of the light comes first, for it says which photo is meant
-  const answers = await estimate(files, given, signal).catch((error: unknown) => {
+  const startTime = performance.now();
+  const decoding = decodePhotos(files, signal);
+  decoding.catch(() => {}); // told below: what is said of the light comes first, for it says which photo is meant
+  const answers = await estimatePhotos(files, userInput, signal).catch((error: unknown) => {
     const [file, ...others] = files; // of several, the service says which it means
-    throw error instanceof Refusal && file && others.length === 0 ? error.of(file) : error;
+    throw error instanceof ServiceError && file && others.length === 0 ? error.withFileName(file) : error;
   });
-  const photos = await pictures;
+  const photos = await decoding;
   if (signal.aborted) return;
-  for (const { photo } of shown?.views ?? []) URL.revokeObjectURL(photo.url);
-  const views = photos.map((photo, i) => viewOf(photo, answers[i] as (typeof answers)[number]));
-  shown = { views, at: 0, given };
-  forgive();
+  for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
+  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number]));
+  session = { views, index: 0, userInput: userInput };
+  clearErrors();
   byId("intro").hidden = true;
   result.hidden = false;
   setBusy(false);
   void showMatching();
-  open(0);
-  const seconds = ((performance.now() - began) / 1000).toFixed(1);
+  showPhoto(0);
+  const seconds = ((performance.now() - startTime) / 1000).toFixed(1);
   const decoded = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";
   status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${decoded}`;
 }
 
-const opened = (files: File[], signal: AbortSignal): Promise<Photo[]> =>
-  Promise.all(files.map((file) => openPhoto(file, signal)));
+const decodePhotos = (files: File[], signal: AbortSignal): Promise<Photo[]> =>
+  Promise.all(files.map((file) => decodePhoto(file, signal)));
 
 /** Shows one of the photos. */
-function open(index: number): void {
-  if (!shown) return;
-  shown.at = index;
-  const view = shown.views[index];
+function showPhoto(index: number): void {
+  if (!session) return;
+  session.index = index;
+  const view = session.views[index];
   if (!view) return;
-  const { answer, photo } = view;
-  const { title, text, kind } = headline(answer);
+  const { estimate, photo } = view;
+  const { title, text, kind } = buildHeadline(estimate);
   byId("title").textContent = title.replaceAll("° ", "°\u00a0"); // no line ends inside an angle
   byId("title").className = kind;
   byId("spread").textContent = text;
-  byId("model").textContent = `Network ${answer.model.name} ${answer.model.version}`;
+  byId("model").textContent = `Network ${estimate.model.name} ${estimate.model.version}`;
   Object.assign(byId("photo"), { src: photo.url, alt: photo.file.name });
-  byId("frame").style.setProperty("--aspect", String(aspectOf(photo)));
-  showPhotos(shown, open);
-  showNumbers(answer);
-  facts.show(shown, view);
-  dome.show(answer, aspectOf(photo));
+  byId("frame").style.setProperty("--aspect", String(aspectRatio(photo)));
+  showPhotos(session, showPhoto);
+  showNumbers(estimate);
+  metadata.show(session, view);
+  dome.show(estimate, aspectRatio(photo));
   object.open(view);
-  sky.setPhoto(photo.pixels, answer.camera, answer.surroundings);
+  sky.setPhoto(photo.pixels, estimate.camera, estimate.surroundings);
   refresh();
 }
 
 /** Changes the look of the photo on show; `kind` says which steps may be undone together. */
-function change(part: Partial<Look>, kind: string): void {
-  const view = current();
+function editState(part: Partial<EditState>, kind: string): void {
+  const view = currentView();
   if (!view) return;
-  forgive();
-  view.history.push({ ...lookOf(view), ...part }, kind, gesture());
+  clearErrors();
+  view.history.push({ ...currentState(view), ...part }, kind, currentGesture());
   refresh();
 }
 
 /** Brings everything to the look that the history holds. */
 function refresh(): void {
-  const view = current();
-  if (!view || !shown) return;
-  const look = lookOf(view);
-  forgetCopy();
-  sliders.show(look.parameters, parametersOf(view.answer));
+  const view = currentView();
+  if (!view || !session) return;
+  const state = currentState(view);
+  hideSnippet();
+  sliders.show(state.parameters, parametersFromRecord(view.estimate));
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
   showUndo(view.history);
-  showPreview(view, shown);
-  dome.mark(look.parameters);
+  offerPreview(view, session);
+  dome.mark(state.parameters);
   drawPhotoMarks();
   drawMapMarks();
-  object.show(look);
-  sky.ask(questionOf(view));
+  object.show(state);
+  sky.request(skyRequest(view));
 }
 
 /** What is shown, once its light is known; undefined where it cannot be, which is told. */
-async function settled(): Promise<Shown | undefined> {
-  forgive();
-  return (await sky.settled()) ? shown : undefined;
+async function settleLight(): Promise<Session | undefined> {
+  clearErrors();
+  return (await sky.settled()) ? session : undefined;
 }
 
-async function subject(): Promise<Subject | undefined> {
-  const shown = await settled();
-  const view = shown?.views[shown.at];
-  if (!view || !shown) return undefined;
+async function snippetInput(): Promise<SnippetInput | undefined> {
+  const session = await settleLight();
+  const view = session?.views[session.index];
+  if (!view || !session) return undefined;
   return {
     origin: new URL(".", location.href).href,
     photo: view.photo.file.name,
-    given: shown.given,
-    changed: changedLight(view, shown),
+    offsetText: session.userInput,
+    overrides: lightOverrides(view, session),
     height: mapHeight(),
     keyed: apiKey() !== null,
   };
 }
 
 /** Takes an error away, with what was said beside it, when something else is tried. */
-function forgive(): void {
+function clearErrors(): void {
   for (const id of ["error", "kept", "key-form", "key-note"]) byId(id).hidden = true;
 }
 
 /** A question to the service that failed. */
-function fail(error: unknown): void {
+function failRequest(error: unknown): void {
   setBusy(false);
   status.textContent = "";
-  tell(error);
+  showError(error);
 }
 
 /** Says what is wrong; a photo that is being looked at goes on. */
-function tell(error: unknown): void {
+function showError(error: unknown): void {
   const { title, message } =
-    error instanceof Refusal
+    error instanceof ServiceError
       ? error
       : { title: "That did not work", message: error instanceof Error ? error.message : String(error) };
   const box = byId("error");
   box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: `${title}.` }), ` ${message}`);
   box.hidden = false;
-  byId("key-form").hidden = !(error instanceof Refusal && [401, 403].includes(error.status));
-  const names = shown && filesOf(shown).map(({ name }) => name);
-  byId("kept").textContent = names ? `Below is still the answer for ${names.join(", ")}.` : ""; // not for what was refused
-  byId("kept").hidden = !names || document.body.hasAttribute("data-busy");
+  byId("key-form").hidden = !(error instanceof ServiceError && [401, 403].includes(error.status));
+  const fileNames = session && photoFiles(session).map(({ name }) => name);
+  byId("kept").textContent = fileNames ? `Below is still the answer for ${fileNames.join(", ")}.` : ""; // not for what was refused
+  byId("kept").hidden = !fileNames || document.body.hasAttribute("data-busy");
 }

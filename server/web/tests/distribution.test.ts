@@ -1,20 +1,20 @@
 import { describe, expect, it } from "vitest";
-import { direction } from "../src/pure/angles";
-import { between, type Rgb, rgbOf } from "../src/pure/colour";
-import { cellsOf, densityOf, within } from "../src/pure/distribution";
+import { direction } from "../src/geometry/angles";
+import { mixColors, parseHexColor, type Rgb } from "../src/geometry/color";
+import { gridCells, probabilityWithin, smoothDensity } from "../src/geometry/distribution";
 
 describe("the sun's probability", () => {
   const distribution = { grid: "any", azimuth: [0, 90, 180], elevation: [10, 20, 60], probability: [0.5, 0.3, 0.2] };
-  const cells = cellsOf(distribution);
+  const cells = gridCells(distribution);
 
   it("is the sum of the cells within a radius", () => {
-    expect(within(cells, direction(2, 12), 5)).toBeCloseTo(0.5);
-    expect(within(cells, direction(45, 80), 180)).toBeCloseTo(1);
-    expect(within(cells, direction(-90, 10), 20)).toBe(0);
+    expect(probabilityWithin(cells, direction(2, 12), 5)).toBeCloseTo(0.5);
+    expect(probabilityWithin(cells, direction(45, 80), 180)).toBeCloseTo(1);
+    expect(probabilityWithin(cells, direction(-90, 10), 20)).toBe(0);
   });
 
   it("is spread over the neighbourhood and sums to one", () => {
-    const density = densityOf(fibonacci(1024));
+    const density = smoothDensity(fibonacci(1024));
     let sum = 0;
     for (let row = 0; row < 180; row++) {
       for (let column = 0; column < 180; column++) {
@@ -27,28 +27,28 @@ describe("the sun's probability", () => {
 });
 
 /** The golden spiral of `lighting.sun_grid` with a lobe of 6 degrees at azimuth 50, elevation 40. */
-function fibonacci(count: number): { towards: readonly [number, number, number]; probability: number }[] {
+function fibonacci(count: number): { ray: readonly [number, number, number]; probability: number }[] {
   const centre = direction(50, 40);
   const cells = Array.from({ length: count }, (_, i) => {
     const elevation = (Math.asin(1 - (i + 0.5) / count) * 180) / Math.PI;
-    const towards = direction(i * 180 * (3 - Math.sqrt(5)), elevation);
-    const cosine = towards[0] * centre[0] + towards[1] * centre[1] + towards[2] * centre[2];
-    return { towards, probability: Math.exp(80 * (cosine - 1)) };
+    const ray = direction(i * 180 * (3 - Math.sqrt(5)), elevation);
+    const cosine = ray[0] * centre[0] + ray[1] * centre[1] + ray[2] * centre[2];
+    return { ray: ray, probability: Math.exp(80 * (cosine - 1)) };
   });
   const total = cells.reduce((sum, { probability }) => sum + probability, 0);
-  return cells.map(({ towards, probability }) => ({ towards, probability: probability / total }));
+  return cells.map(({ ray, probability }) => ({ ray: ray, probability: probability / total }));
 }
 
 describe("colours", () => {
   const stops: Rgb[] = [[0, 0, 0], [100, 50, 0], [200, 50, 80]]; // biome-ignore format: a table
 
   it("are read from hex", () => {
-    expect(rgbOf(" #1e22fa")).toEqual([30, 34, 250]);
+    expect(parseHexColor(" #1e22fa")).toEqual([30, 34, 250]);
   });
 
   it("are mixed between stops and clamped at the ends", () => {
-    expect(between(stops, 0.25)).toEqual([50, 25, 0]);
-    expect(between(stops, 0.75)).toEqual([150, 50, 40]);
-    expect([between(stops, -1), between(stops, 7)]).toEqual([stops[0], stops[2]]);
+    expect(mixColors(stops, 0.25)).toEqual([50, 25, 0]);
+    expect(mixColors(stops, 0.75)).toEqual([150, 50, 40]);
+    expect([mixColors(stops, -1), mixColors(stops, 7)]).toEqual([stops[0], stops[2]]);
   });
 });

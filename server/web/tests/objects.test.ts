@@ -1,8 +1,7 @@
 import { describe, expect, it } from "vitest";
-import { heightOf } from "../src/scene/box";
 import { readModel } from "../src/scene/model";
-import { meshOf } from "../src/scene/objects";
-import { joined } from "./files";
+import { createShape, heightAboveOrigin } from "../src/scene/objects";
+import { joinBytes } from "./exifFiles";
 
 /** A .glb of one triangle, x and y as long as stated, turned by a quaternion. */
 function triangle(x: number, y: number, rotation = [0, 0, 0, 1]): File {
@@ -16,24 +15,24 @@ function triangle(x: number, y: number, rotation = [0, 0, 0, 1]): File {
   const json = text.padEnd(Math.ceil(text.length / 4) * 4);
   const words = (...values: number[]): Uint8Array => new Uint8Array(Uint32Array.from(values).buffer);
   const chunks = [words(json.length, 0x4e4f534a), json, words(points.length, 0x004e4942), points] as const;
-  const whole = joined("glTF", words(2, 12 + joined(...chunks).length), ...chunks);
+  const whole = joinBytes("glTF", words(2, 12 + joinBytes(...chunks).length), ...chunks);
   return new File([whole], "triangle.glb");
 }
 
 describe("an object's height at radius 1", () => {
   it("is that of its shape", () => {
-    expect(heightOf(meshOf("sphere"))).toBeCloseTo(2);
-    expect(heightOf(meshOf("box"))).toBeCloseTo(1.4);
+    expect(heightAboveOrigin(createShape("sphere"))).toBeCloseTo(2);
+    expect(heightAboveOrigin(createShape("box"))).toBeCloseTo(1.4);
   });
 
   it("is its own where another side is the longest", async () => {
-    expect(heightOf(await readModel(triangle(4, 1)))).toBeCloseTo(0.5);
-    expect(heightOf(await readModel(triangle(1, 4)))).toBeCloseTo(2);
+    expect(heightAboveOrigin(await readModel(triangle(4, 1)))).toBeCloseTo(0.5);
+    expect(heightAboveOrigin(await readModel(triangle(1, 4)))).toBeCloseTo(2);
   });
 
   it("is that of the vertices, not of a box turned with them", async () => {
     const eighth = [0, 0, Math.sin(Math.PI / 8), Math.cos(Math.PI / 8)]; // of a turn, about the view's axis
-    const height = heightOf(await readModel(triangle(1, 1, eighth)));
+    const height = heightAboveOrigin(await readModel(triangle(1, 1, eighth)));
     expect(height).toBeCloseTo(1); // both legs rise to 0.707 and reach 1.414 across
   });
 });

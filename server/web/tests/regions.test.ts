@@ -1,44 +1,48 @@
 import { describe, expect, it } from "vitest";
 import type { Lighting } from "../src/api";
-import { direction, type Vector } from "../src/pure/angles";
-import type { Point } from "../src/pure/camera";
-import { regions, type Spot, shareSpots } from "../src/pure/regions";
-import { toDome, toMap } from "../src/pure/sphere";
+import { direction, type Vector } from "../src/geometry/angles";
+import type { Point } from "../src/geometry/camera";
+import { placeShareLabels, type ShareLabel, sunRegions, toDome, toMap } from "../src/geometry/sphere";
 
-const lit = (sun: Partial<Lighting["sun"]>): Lighting =>
+const lightingWith = (sun: Partial<Lighting["sun"]>): Lighting =>
   ({ sun: { azimuth: 120, elevation: 20, visibility: 1, radius_50: 13, radius_90: 27, ...sun } }) as Lighting;
 
-const dome = (towards: Vector): Point => {
-  const [x, y] = toDome(towards);
+const dome = (ray: Vector): Point => {
+  const [x, y] = toDome(ray);
   return [100 * x, 100 * y];
 };
 
-const onDome = (sun: Partial<Lighting["sun"]>): Spot[] =>
-  shareSpots(regions(lit(sun)), dome, 8, [[-100, -100], [100, 100]]); // biome-ignore format: two corners
+const labelsOnDome = (sun: Partial<Lighting["sun"]>): ShareLabel[] =>
+  placeShareLabels(sunRegions(lightingWith(sun)), dome, 8, [[-100, -100], [100, 100]]); // biome-ignore format: two corners
 
-const apart = ([a, b]: Spot[]): boolean =>
-  !!a && !!b && (Math.abs(a.at[0] - b.at[0]) >= 23.9 || Math.abs(a.at[1] - b.at[1]) >= 9.5);
+const areApart = ([a, b]: ShareLabel[]): boolean =>
+  !!a && !!b && (Math.abs(a.center[0] - b.center[0]) >= 23.9 || Math.abs(a.center[1] - b.center[1]) >= 9.5);
 
 describe("the sun's regions", () => {
   it("are pale where no sun shines, and their shares too", () => {
-    expect(regions(lit({})).map(({ kind }) => kind)).toEqual(["region wide", "region"]);
-    expect(regions(lit({ visibility: 0.2 })).map(({ kind }) => kind)).toEqual(["region wide pale", "region pale"]);
-    expect(onDome({ visibility: 0.2 }).map(({ pale }) => pale)).toEqual([true, true]);
+    expect(sunRegions(lightingWith({})).map(({ kind }) => kind)).toEqual(["region wide", "region"]);
+    expect(sunRegions(lightingWith({ visibility: 0.2 })).map(({ kind }) => kind)).toEqual([
+      "region wide pale",
+      "region pale",
+    ]);
+    expect(labelsOnDome({ visibility: 0.2 }).map(({ pale }) => pale)).toEqual([true, true]);
   });
 
   it("that no longer reach the sky are left out", () => {
-    expect(regions(lit({ elevation: 60, radius_90: 130 })).map(({ share }) => share)).toEqual(["50\u00a0%"]);
+    expect(sunRegions(lightingWith({ elevation: 60, radius_90: 130 })).map(({ share }) => share)).toEqual([
+      "50\u00a0%",
+    ]);
   });
 
   it("have their shares beside them, clear of each other", () => {
-    expect(onDome({}).map(({ share }) => share)).toEqual(["50\u00a0%", "90\u00a0%"]);
+    expect(labelsOnDome({}).map(({ share }) => share)).toEqual(["50\u00a0%", "90\u00a0%"]);
     for (const azimuth of [-170, -90, -60, -10, 0, 45, 90, 120, 180]) {
       for (const [radius_50, radius_90] of [
         [3, 5],
         [13, 27],
         [40, 90],
       ] as const) {
-        expect(apart(onDome({ azimuth, radius_50, radius_90 })), `${azimuth} ${radius_50}`).toBe(true);
+        expect(areApart(labelsOnDome({ azimuth, radius_50, radius_90 })), `${azimuth} ${radius_50}`).toBe(true);
       }
     }
   });
@@ -46,19 +50,19 @@ describe("the sun's regions", () => {
   it("have their shares off the sun's sign, however small they are", () => {
     for (const azimuth of [0, 34, 90, -120]) {
       const [x, y] = dome(direction(azimuth, 13));
-      for (const { at } of onDome({ azimuth, elevation: 13, radius_50: 2, radius_90: 4 })) {
+      for (const { center: at } of labelsOnDome({ azimuth, elevation: 13, radius_50: 2, radius_90: 4 })) {
         expect(Math.hypot(at[0] - x, at[1] - y)).toBeGreaterThan(19);
       }
     }
   });
 
   it("keep their shares in the map", () => {
-    const place = (towards: Vector): Point => {
-      const [x, y] = toMap(towards);
+    const toPoint = (ray: Vector): Point => {
+      const [x, y] = toMap(ray);
       return [150 * x, 150 * y];
     };
-    const spots = shareSpots(regions(lit({ azimuth: 179, elevation: 70 })), place, 12, [[0, 0], [300, 150]]); // biome-ignore format: two corners
-    for (const { at } of spots) {
+    const labels = placeShareLabels(sunRegions(lightingWith({ azimuth: 179, elevation: 70 })), toPoint, 12, [[0, 0], [300, 150]]); // biome-ignore format: two corners
+    for (const { center: at } of labels) {
       expect(at[0]).toBeLessThanOrEqual(300 - 18);
       expect(at[1]).toBeGreaterThanOrEqual(7);
     }

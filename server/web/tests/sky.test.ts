@@ -2,22 +2,22 @@
 
 import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
-import { direction } from "../src/pure/angles";
-import { baseOf, lightOf, type Question } from "../src/sky/light";
-import { readTable, type SkyTable, skyShape, sunPower, type Triple } from "../src/sky/model";
-import { horizontalIrradiance, type Latlong, paintSky } from "../src/sky/paint";
-import { pictureOf } from "../src/sky/picture";
+import { direction } from "../src/geometry/angles";
+import type { Triple } from "../src/geometry/color";
+import { parseSkyTable, type SkyTable, skyShape, sunIrradiance } from "../src/sky/hosekWilkie";
+import { prepareLight, renderLight, type SkyRequest } from "../src/sky/lighting";
+import { horizontalIrradiance, type Latlong, renderSky, toneMap } from "../src/sky/render";
 
 let table: SkyTable;
 
 beforeAll(() => {
   const bytes = readFileSync(new URL("../../../lighting/data/hosek_wilkie.f32", import.meta.url));
-  table = readTable(bytes.slice().buffer);
+  table = parseSkyTable(bytes.slice().buffer);
 });
 
 const P = { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3.4, exposure: 5, ground_albedo: 0.3, sun: true };
 
-function near(actual: readonly number[], expected: readonly number[], share = 1e-3): void {
+function expectNear(actual: readonly number[], expected: readonly number[], share = 1e-3): void {
   expect(actual).toHaveLength(expected.length);
   expected.forEach((value, i) => {
     expect(Math.abs((actual[i] as number) / value - 1)).toBeLessThan(share);
@@ -31,68 +31,73 @@ const pixel = ({ width, data }: Latlong, row: number, column: number): number[] 
 describe("the sky in the browser", () => {
   it("has the coefficients of the record", () => {
     const { coefficients, radiance } = skyShape(table, 33, 3.4, 0.3);
-    near(coefficients[0], [-1.07305, -0.14831, 1.20856, 1.09883, -2.47119, 1.00631, 0.225885, 1.26059, 0.692973]);
-    near(radiance, [0.0808307, 0.111253, 0.150349]);
+    expectNear(coefficients[0], [-1.07305, -0.14831, 1.20856, 1.09883, -2.47119, 1.00631, 0.225885, 1.26059, 0.692973]);
+    expectNear(radiance, [0.0808307, 0.111253, 0.150349]);
   });
 
   it("is the map of the service, pixel by pixel", () => {
-    const { map, sky, sun } = lightOf(table, { parameters: P, asked: P, stated: {} }, 64);
-    near(pixel(map, 0, 0), [0.0977541, 0.173998, 0.338024]);
-    near(pixel(map, 20, 40), [0.645378, 0.783341, 0.962248]);
-    near(pixel(map, 31, 100), [0.772792, 0.969318, 1.00184]);
-    near(pixel(map, 40, 10), [0.442336, 0.404372, 0.373209], 5e-3);
-    near(sky, [0.846854, 1.22553, 1.84393], 5e-3);
-    near(sun, [6.95008, 5.52486, 3.79021], 5e-3);
+    const { map, sky, sun } = renderLight(table, { parameters: P, estimated: P, stated: {} }, 64);
+    expectNear(pixel(map, 0, 0), [0.0977541, 0.173998, 0.338024]);
+    expectNear(pixel(map, 20, 40), [0.645378, 0.783341, 0.962248]);
+    expectNear(pixel(map, 31, 100), [0.772792, 0.969318, 1.00184]);
+    expectNear(pixel(map, 40, 10), [0.442336, 0.404372, 0.373209], 5e-3);
+    expectNear(sky, [0.846854, 1.22553, 1.84393], 5e-3);
+    expectNear(sun, [6.95008, 5.52486, 3.79021], 5e-3);
   });
 
   it("has the sun of a low and of a high elevation", () => {
-    near(sunPower(table, 0.1, 2).slice(0, 2), [0.0796472, 0.010731], 0.03);
-    near(sunPower(table, 90, 9.5), [1.11112, 0.910308, 0.733481], 5e-3);
+    expectNear(sunIrradiance(table, 0.1, 2).slice(0, 2), [0.0796472, 0.010731], 0.03);
+    expectNear(sunIrradiance(table, 90, 9.5), [1.11112, 0.910308, 0.733481], 5e-3);
   });
 });
 
 describe("what a record may state", () => {
-  const question = (parts: Partial<Question>): Question => ({ parameters: P, asked: P, stated: {}, ...parts });
+  const question = (parts: Partial<SkyRequest>): SkyRequest => ({ parameters: P, estimated: P, stated: {}, ...parts });
 
   it("is computed once for a photo, for all that its sliders say", () => {
-    const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], cover: 0.5 } as Question["stated"];
-    const ofPhoto = { asked: P, stated, groundSeen: [0.2, 0.1, 0.05] as Triple };
-    const base = baseOf(table, ofPhoto);
+    const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], cover: 0.5 } as SkyRequest["stated"];
+    const ofPhoto = { estimated: P, stated, photoGround: [0.2, 0.1, 0.05] as Triple };
+    const base = prepareLight(table, ofPhoto);
     for (const sun_elevation of [33, 10]) {
-      const asked = { ...ofPhoto, parameters: { ...P, sun_elevation } };
-      expect(lightOf(table, asked, 32, base)).toEqual(lightOf(table, asked, 32));
+      const request = { ...ofPhoto, parameters: { ...P, sun_elevation } };
+      expect(renderLight(table, request, 32, base)).toEqual(renderLight(table, request, 32));
     }
   });
 
   it("is kept: irradiances and the ground's colour", () => {
-    const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], ground: [0.2, 0.1, 0.05], cover: 0.5 } as Question["stated"];
-    const { sky, sun, ground } = lightOf(table, question({ stated }), 64);
-    near(sun, [3, 2, 1], 1e-6);
-    near(sky, [0.5, 0.6, 0.9], 0.01);
-    near(
+    const stated = {
+      sun: [3, 2, 1],
+      sky: [0.5, 0.6, 0.9],
+      groundColor: [0.2, 0.1, 0.05],
+      cover: 0.5,
+    } as SkyRequest["stated"];
+    const { sky, sun, ground } = renderLight(table, question({ stated }), 64);
+    expectNear(sun, [3, 2, 1], 1e-6);
+    expectNear(sky, [0.5, 0.6, 0.9], 0.01);
+    expectNear(
       ground,
-      [0, 1, 2].map((c) => ((stated.ground?.[c] ?? 0) / Math.PI) * ((sky[c] ?? 0) + (sun[c] ?? 0) * 0.544639)),
+      [0, 1, 2].map((c) => ((stated.groundColor?.[c] ?? 0) / Math.PI) * ((sky[c] ?? 0) + (sun[c] ?? 0) * 0.544639)),
     );
   });
 
   it("makes an ordinary sun of a low one that is raised, and gives the low one back", () => {
     const low = { ...P, sun_elevation: 1 };
     const stated = { sun: [15, 10, 1.5] as [number, number, number] };
-    const high = lightOf(table, question({ parameters: { ...P, sun_elevation: 35 }, asked: low, stated }), 32);
+    const high = renderLight(table, question({ parameters: { ...P, sun_elevation: 35 }, estimated: low, stated }), 32);
     high.sun.forEach((value, c) => {
       expect(value).toBeGreaterThan(stated.sun[c] as number);
       expect(value).toBeLessThan(25 * (stated.sun[c] as number));
     });
-    near(lightOf(table, question({ parameters: low, asked: low, stated }), 32).sun, stated.sun, 1e-6);
+    expectNear(renderLight(table, question({ parameters: low, estimated: low, stated }), 32).sun, stated.sun, 1e-6);
   });
 
   it("holds its ratio when a slider moves", () => {
-    const before = lightOf(table, question({}), 32);
+    const before = renderLight(table, question({}), 32);
     const stated = { sun: before.sun.map((value) => 2 * value) as [number, number, number] };
     const moved = { ...P, sun_elevation: 60 };
-    const free = lightOf(table, question({ parameters: moved }), 32);
-    near(
-      lightOf(table, question({ parameters: moved, stated }), 32).sun,
+    const free = renderLight(table, question({ parameters: moved }), 32);
+    expectNear(
+      renderLight(table, question({ parameters: moved, stated }), 32).sun,
       free.sun.map((value) => 2 * value),
       1e-6,
     );
@@ -101,34 +106,34 @@ describe("what a record may state", () => {
   it("may be an overcast sky, brightest overhead, of the same irradiance", () => {
     const shape = skyShape(table, 33, 3.4, 0.3);
     const painting = { azimuth: 0, elevation: 33, gain: [1, 1, 1] as [number, number, number] };
-    const clear = paintSky(64, shape, { ...painting, cover: 0 });
-    const grey = paintSky(64, shape, { ...painting, cover: 1 });
+    const clear = renderSky(64, shape, { ...painting, cover: 0 });
+    const grey = renderSky(64, shape, { ...painting, cover: 1 });
     const [zenith = 0, edge = 0] = [pixel(grey, 0, 0)[1], pixel(grey, 31, 0)[1]];
     expect(zenith / edge).toBeGreaterThan(2.7);
     const grade = ([r, g, b]: number[]): number => 0.2126 * (r ?? 0) + 0.7152 * (g ?? 0) + 0.0722 * (b ?? 0);
-    near([grade(horizontalIrradiance(grey))], [grade(horizontalIrradiance(clear))], 5e-3);
+    expectNear([grade(horizontalIrradiance(grey))], [grade(horizontalIrradiance(clear))], 5e-3);
   });
 });
 
 describe("the ground", () => {
   it("has the photo's colour and follows the light", () => {
-    const seen = [0.2, 0.15, 0.1] as [number, number, number];
-    const same = lightOf(table, { parameters: P, asked: P, stated: {}, groundSeen: seen }, 32);
-    near(same.ground, seen, 1e-6);
+    const photoColor = [0.2, 0.15, 0.1] as [number, number, number];
+    const same = renderLight(table, { parameters: P, estimated: P, stated: {}, photoGround: photoColor }, 32);
+    expectNear(same.ground, photoColor, 1e-6);
     const brighter = { ...P, exposure: 10 };
-    near(
-      lightOf(table, { parameters: brighter, asked: P, stated: {}, groundSeen: seen }, 32).ground,
+    expectNear(
+      renderLight(table, { parameters: brighter, estimated: P, stated: {}, photoGround: photoColor }, 32).ground,
       [0.4, 0.3, 0.2],
       1e-6,
     );
-    expect(pixel(same.map, 20, 5).map((value) => Number(value.toFixed(6)))).toEqual(seen);
+    expect(pixel(same.map, 20, 5).map((value) => Number(value.toFixed(6)))).toEqual(photoColor);
   });
 });
 
 describe("the map's picture", () => {
   it("shows the sun where it is, and nothing brighter", () => {
-    const light = lightOf(table, { parameters: P, asked: P, stated: {} }, 64);
-    const { data } = pictureOf(light, P);
+    const light = renderLight(table, { parameters: P, estimated: P, stated: {} }, 64);
+    const { data } = toneMap(light, P);
     const column = Math.floor(((P.sun_azimuth + 180) / 360) * 128);
     const row = Math.floor(((90 - P.sun_elevation) / 180) * 64);
     expect([...data.slice(4 * (row * 128 + column), 4 * (row * 128 + column) + 3)]).toEqual([255, 255, 255]);
@@ -138,6 +143,6 @@ describe("the map's picture", () => {
 
 describe("a table", () => {
   it("of another length is refused", () => {
-    expect(() => readTable(new ArrayBuffer(100))).toThrow("another length");
+    expect(() => parseSkyTable(new ArrayBuffer(100))).toThrow("another length");
   });
 });

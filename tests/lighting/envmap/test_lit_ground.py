@@ -79,7 +79,7 @@ def test_a_difference_that_the_light_does_not_make_is_the_grounds_own() -> None:
 
 
 def test_the_page_has_the_same_rule() -> None:
-    """`server/web/tests/picture.test.ts` reads the same file."""
+    """`server/web/tests/surroundings.test.ts` reads the same file."""
     for case in json.loads(CASES.read_text())["cases"]:
         sizes = (case["height"], case["width"])
         pixels = np.frombuffer(base64.b64decode(case["pixels"]), np.uint8).reshape(*sizes, 3)

@@ -15,8 +15,8 @@ import {
   Vector3,
   ZeroFactor,
 } from "three";
-import type { Lit } from "../picture/ground";
-import type { Triple } from "../sky/model";
+import type { Triple } from "../geometry/color";
+import type { ShadowMask } from "../surroundings/shadowMask";
 
 const VERTEX = /* glsl */ `
 #include <common>
@@ -56,36 +56,36 @@ void main() {
   #include <colorspace_fragment>
 }`;
 
-export class Ground extends Mesh<PlaneGeometry, ShaderMaterial> {
+export class ShadowGround extends Mesh<PlaneGeometry, ShaderMaterial> {
   constructor() {
-    super(new PlaneGeometry(400, 400).rotateX(-Math.PI / 2), groundMaterial());
+    super(new PlaneGeometry(400, 400).rotateX(-Math.PI / 2), createMaterial());
     this.receiveShadow = true;
   }
 
   /** Irradiance of the level ground by the sky and by the sun. */
-  light(sky: Triple, sun: Triple): void {
+  setIrradiance(sky: Triple, sun: Triple): void {
     Object.assign(this.material.uniforms, { sky: { value: new Vector3(...sky) }, sun: { value: new Vector3(...sun) } });
   }
 
   /** The object on it: where it touches and how large it is. */
-  carry(position: Vector3, radius: number): void {
+  setObject(position: Vector3, radius: number): void {
     this.position.copy(position);
     Object.assign(this.material.uniforms, { object: { value: position.clone() }, radius: { value: radius } });
   }
 
   /** Where the picture's ground lies in the sun. */
-  shade({ width, height, data }: Lit): void {
+  setShadowMask({ width, height, data }: ShadowMask): void {
     this.material.uniforms.lit?.value?.dispose();
-    Object.assign(this.material.uniforms, { lit: { value: maskOf(data, width, height) } });
+    Object.assign(this.material.uniforms, { lit: { value: maskTexture(data, width, height) } });
   }
 
   /** The size of what is drawn on, pixels. */
-  fit(canvas: Vector2): void {
+  setSize(canvas: Vector2): void {
     Object.assign(this.material.uniforms, { canvas: { value: canvas } });
   }
 }
 
-function maskOf(data: Uint8Array, width: number, height: number): DataTexture {
+function maskTexture(data: Uint8Array, width: number, height: number): DataTexture {
   const texture = new DataTexture(new Uint8Array(data), width, height, RedFormat);
   texture.unpackAlignment = 1;
   texture.minFilter = LinearFilter;
@@ -94,7 +94,7 @@ function maskOf(data: Uint8Array, width: number, height: number): DataTexture {
   return texture;
 }
 
-function groundMaterial(): ShaderMaterial {
+function createMaterial(): ShaderMaterial {
   return new ShaderMaterial({
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
@@ -106,7 +106,7 @@ function groundMaterial(): ShaderMaterial {
         object: { value: new Vector3() },
         radius: { value: 1 },
         canvas: { value: new Vector2(1, 1) },
-        lit: { value: maskOf(Uint8Array.of(255), 1, 1) },
+        lit: { value: maskTexture(Uint8Array.of(255), 1, 1) },
       },
     ]),
     lights: true,

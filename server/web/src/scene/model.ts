@@ -2,20 +2,20 @@
 
 import { type Box3, Group, type Object3D, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
-import { boxOf } from "./box";
+import { boundingBox } from "./objects";
 
-const MOST_BYTES = 100e6;
+const MAX_MODEL_BYTES = 100e6;
 
 /** Reads a .glb; throws an Error with one sentence for what cannot be used. */
 export async function readModel(file: File): Promise<Object3D> {
-  if (file.size > MOST_BYTES) throw new Error(`${file.name} is larger than ${MOST_BYTES / 1e6} MB.`);
-  const model = await parsed(file);
-  const box = boxOf(model);
+  if (file.size > MAX_MODEL_BYTES) throw new Error(`${file.name} is larger than ${MAX_MODEL_BYTES / 1e6} MB.`);
+  const model = await parseGlb(file);
+  const box = boundingBox(model);
   if (box.isEmpty()) throw new Error(`${file.name} holds no surfaces.`);
-  return standing(model, box);
+  return normalizeModel(model, box);
 }
 
-async function parsed(file: File): Promise<Object3D> {
+async function parseGlb(file: File): Promise<Object3D> {
   try {
     return (await new GLTFLoader().parseAsync(await file.arrayBuffer(), "")).scene;
   } catch {
@@ -23,7 +23,7 @@ async function parsed(file: File): Promise<Object3D> {
   }
 }
 
-function standing(model: Object3D, box: Box3): Object3D {
+function normalizeModel(model: Object3D, box: Box3): Object3D {
   const size = box.getSize(new Vector3());
   const middle = box.getCenter(new Vector3());
   const scale = 2 / Math.max(size.x, size.y, size.z, 1e-9);

@@ -1,18 +1,20 @@
 /** What one can put into the photo: shapes of radius about 1 that stand on y = 0, and materials. */
 
 import {
+  Box3,
   type BufferGeometry,
   Color,
   Float32BufferAttribute,
   Mesh,
   MeshPhysicalMaterial,
   MeshStandardMaterial,
+  type Object3D,
   SphereGeometry,
   TorusKnotGeometry,
 } from "three";
 import { RoundedBoxGeometry } from "three/addons/geometries/RoundedBoxGeometry.js";
 import { TeapotGeometry } from "three/addons/geometries/TeapotGeometry.js";
-import type { Finish, Shape } from "../pure/objects";
+import type { Finish, Shape } from "../state";
 
 const GEOMETRIES: Record<Exclude<Shape, "own">, () => BufferGeometry> = {
   sphere: () => new SphereGeometry(1, 96, 64),
@@ -29,30 +31,39 @@ const MATERIALS: Record<Finish, () => MeshStandardMaterial> = {
 };
 
 /** A shape standing on the origin. */
-export function meshOf(shape: Exclude<Shape, "own">): Mesh {
+export function createShape(shape: Exclude<Shape, "own">): Mesh {
   const geometry = GEOMETRIES[shape]();
   geometry.computeBoundingBox();
   geometry.translate(0, -(geometry.boundingBox?.min.y ?? 0), 0);
-  darkenTowardsGround(geometry);
+  darkenTowardGround(geometry);
   return new Mesh(geometry);
 }
 
 /** A material; with `shaded`, it takes the darkening that a geometry carries as vertex colours. */
-export function materialOf(finish: Finish, shaded: boolean): MeshStandardMaterial {
+export function createFinish(finish: Finish, shaded: boolean): MeshStandardMaterial {
   const material = MATERIALS[finish]();
   material.vertexColors = shaded;
   return material;
 }
 
 /** Vertex colours for the ground's light that an object takes from itself: none where it touches, all of it high up. */
-function darkenTowardsGround(geometry: BufferGeometry): void {
+function darkenTowardGround(geometry: BufferGeometry): void {
   const { position, normal } = geometry.attributes;
   if (!position || !normal) return;
-  const colours = new Float32Array(3 * position.count);
+  const colors = new Float32Array(3 * position.count);
   for (let i = 0; i < position.count; i++) {
     const facing = (1 - normal.getY(i)) / 2;
     const height = Math.max(position.getY(i), 0);
-    colours.fill(1 - facing / (1 + height), 3 * i, 3 * i + 3);
+    colors.fill(1 - facing / (1 + height), 3 * i, 3 * i + 3);
   }
-  geometry.setAttribute("color", new Float32BufferAttribute(colours, 3));
+  geometry.setAttribute("color", new Float32BufferAttribute(colors, 3));
 }
+
+/** The box around every vertex of an object that is in no scene. */
+export function boundingBox(object: Object3D): Box3 {
+  object.updateMatrixWorld(true); // of bones too, which move vertices
+  return new Box3().setFromObject(object, true);
+}
+
+/** How high an object reaches above the origin. */
+export const heightAboveOrigin = (object: Object3D): number => boundingBox(object).max.y;

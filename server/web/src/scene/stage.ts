@@ -3,8 +3,13 @@
 import {
   CanvasTexture,
   CustomToneMapping,
+  DataTexture,
+  DataUtils,
   DirectionalLight,
+  EquirectangularReflectionMapping,
   Group,
+  HalfFloatType,
+  LinearFilter,
   Matrix4,
   Mesh,
   type Object3D,
@@ -18,17 +23,16 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import type { Parameters } from "../api";
-import { type Lit, litAround } from "../picture/ground";
-import { direction, radians, type Vector } from "../pure/angles";
-import { type Camera, cameraAxes } from "../pure/camera";
-import type { Finish, Shape } from "../pure/objects";
-import type { Place } from "../pure/place";
-import type { Light } from "../sky/light";
-import { heightOf } from "./box";
-import { environment } from "./environment";
-import { Ground } from "./ground";
-import { materialOf, meshOf } from "./objects";
+import type { LightParameters } from "../api";
+import { direction, radians, type Vector } from "../geometry/angles";
+import { type Camera, cameraAxes } from "../geometry/camera";
+import type { Placement } from "../geometry/placement";
+import type { SceneLight } from "../sky/lighting";
+import type { Latlong } from "../sky/render";
+import type { Finish, Shape } from "../state";
+import { meanSunlit, type ShadowMask } from "../surroundings/shadowMask";
+import { ShadowGround } from "./ground";
+import { createFinish, createShape, heightAboveOrigin } from "./objects";
 
 // The shoulder of `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white.
 ShaderChunk.tonemapping_pars_fragment = ShaderChunk.tonemapping_pars_fragment.replace(
@@ -44,13 +48,13 @@ export class Stage {
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera();
   private readonly sun = new DirectionalLight();
-  private readonly ground = new Ground();
+  private readonly ground = new ShadowGround();
   private readonly object = new Group();
-  private own: Object3D | undefined;
-  private dressed = ""; // the shape and finish that the object has
+  private ownModel: Object3D | undefined;
+  private appearance = ""; // the shape and finish that the object has
   private height = 0; // of the object at radius 1
-  private towards = new Vector3(0, 1, 0);
-  private lit: Lit = { width: 1, height: 1, data: Uint8Array.of(255) };
+  private sunDirection = new Vector3(0, 1, 0);
+  private shadowMask: ShadowMask = { width: 1, height: 1, data: Uint8Array.of(255) };
   private scheduled = false;
 
   /** Throws where the browser has no WebGL. */
@@ -63,11 +67,11 @@ export class Stage {
     this.sun.shadow.mapSize.set(1024, 1024);
     this.scene.environmentRotation.y = Math.PI / 2; // three.js has +X at a map's centre, here it is -Z
     this.scene.add(this.ground, this.object, this.sun, this.sun.target);
-    this.outlive(canvas);
+    this.handleContextLoss(canvas);
   }
 
   /** A browser may take the canvas's memory, as phones do in the background: the photo behind it shows until it is back. */
-  private outlive(canvas: HTMLCanvasElement): void {
+  private handleContextLoss(canvas: HTMLCanvasElement): void {
     canvas.addEventListener("webglcontextlost", () => {
       canvas.style.visibility = "hidden";
     });
@@ -83,13 +87,13 @@ export class Stage {
   }
 
   /** The photo as the backdrop, seen by its own camera; `lit` says where its ground lies in the sun. */
-  setPhoto(photo: HTMLCanvasElement, camera: Camera, lit: Lit): void {
+  setPhoto(photo: HTMLCanvasElement, camera: Camera, shadowMask: ShadowMask): void {
     if (this.scene.background instanceof Texture) this.scene.background.dispose();
     const texture = new CanvasTexture(photo);
     texture.colorSpace = SRGBColorSpace;
     this.scene.background = texture;
-    this.lit = lit;
-    this.ground.shade(lit);
+    this.shadowMask = shadowMask;
+    this.ground.setShadowMask(shadowMask);
     this.camera.fov = camera.vertical_fov;
     this.camera.aspect = photo.width / photo.height;
     this.camera.near = 0.02;
@@ -100,42 +104,42 @@ export class Stage {
   }
 
   /** Where the object stands, how large it is and how it is turned. */
-  setPlace({ position, radius, turn, grounded }: Place): void {
+  setPlacement({ position, radius, rotation, grounded }: Placement): void {
     this.object.position.copy(vector(position));
     this.object.scale.setScalar(radius);
-    this.object.rotation.y = radians(turn);
+    this.object.rotation.y = radians(rotation);
     this.ground.visible = grounded;
-    this.ground.carry(this.object.position, radius);
-    this.sun.intensity = grounded ? this.litAtFoot(radius) : 1;
+    this.ground.setObject(this.object.position, radius);
+    this.sun.intensity = grounded ? this.sunlitAtFoot(radius) : 1;
     this.aimSun();
     this.draw();
   }
 
   /** How far the photo's ground under the object lies in the sun: in shade the sun does not reach the object either. */
-  private litAtFoot(radius: number): number {
+  private sunlitAtFoot(radius: number): number {
     this.camera.updateMatrixWorld();
     const foot = this.object.position.clone().project(this.camera);
     const tall = radius / (2 * Math.tan(radians(this.camera.fov) / 2) * this.object.position.length());
-    return litAround(this.lit, [(1 + foot.x) / 2, (1 - foot.y) / 2], [tall / this.camera.aspect, tall]);
+    return meanSunlit(this.shadowMask, [(1 + foot.x) / 2, (1 - foot.y) / 2], [tall / this.camera.aspect, tall]);
   }
 
   /** The user's own object, shown as the shape `own`. */
-  setOwn(model: Object3D): void {
-    this.own = model;
-    this.dressed = "";
+  setOwnModel(model: Object3D): void {
+    this.ownModel = model;
+    this.appearance = "";
   }
 
-  setLook(shape: Shape, finish: Finish): void {
-    const wanted = `${shape} ${finish}`;
-    if (wanted === this.dressed) return;
-    this.dressed = wanted;
-    const model = shape === "own" ? this.own : meshOf(shape);
+  setAppearance(shape: Shape, finish: Finish): void {
+    const next = `${shape} ${finish}`;
+    if (next === this.appearance) return;
+    this.appearance = next;
+    const model = shape === "own" ? this.ownModel : createShape(shape);
     if (!model) return;
-    this.undress();
-    this.height = heightOf(model);
+    this.removeObject();
+    this.height = heightAboveOrigin(model);
     this.object.add(shape === "own" ? model.clone() : model);
     const keep = shape === "own" && finish === "file's own";
-    const material = keep ? null : materialOf(finish, shape !== "own");
+    const material = keep ? null : createFinish(finish, shape !== "own");
     this.object.traverse((part) => {
       if (!(part instanceof Mesh)) return;
       part.castShadow = true;
@@ -146,27 +150,27 @@ export class Stage {
   }
 
   /** Takes the object away; the user's own is kept for later. */
-  private undress(): void {
+  private removeObject(): void {
     for (const part of this.object.children) if (part instanceof Mesh) part.geometry.dispose();
     this.object.clear();
   }
 
-  setLight(light: Light, parameters: Parameters): void {
+  setLight(light: SceneLight, parameters: LightParameters): void {
     this.scene.environment?.dispose();
-    this.scene.environment = environment(light.map);
-    this.towards = vector(direction(parameters.sun_azimuth, parameters.sun_elevation));
+    this.scene.environment = environmentTexture(light.map);
+    this.sunDirection = vector(direction(parameters.sun_azimuth, parameters.sun_elevation));
     this.aimSun();
     this.sun.color.setRGB(...light.sun);
     this.sun.visible = Math.max(...light.sun) > 0;
     const [r, g, b] = light.sun;
-    this.ground.light(light.sky, [r * this.towards.y, g * this.towards.y, b * this.towards.y]);
+    this.ground.setIrradiance(light.sky, [r * this.sunDirection.y, g * this.sunDirection.y, b * this.sunDirection.y]);
     this.draw();
   }
 
   setSize(width: number, height: number): void {
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
-    this.ground.fit(this.renderer.getDrawingBufferSize(new Vector2()));
+    this.ground.setSize(this.renderer.getDrawingBufferSize(new Vector2()));
     this.draw();
   }
 
@@ -176,7 +180,7 @@ export class Stage {
     const reach = 2.2 * radius;
     const middle = this.object.position.clone().setY(this.object.position.y + radius);
     this.sun.target.position.copy(middle);
-    this.sun.position.copy(middle).addScaledVector(this.towards, 2 * reach);
+    this.sun.position.copy(middle).addScaledVector(this.sunDirection, 2 * reach);
     const box = { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * reach, far: 80 * reach };
     Object.assign(this.sun.shadow.camera, box).updateProjectionMatrix();
     this.sun.shadow.normalBias = 0.01 * radius;
@@ -194,3 +198,17 @@ export class Stage {
 }
 
 const vector = ([x, y, z]: Vector): Vector3 => new Vector3(x, y, z);
+
+const MAX_HALF_FLOAT = 65000; // the largest value that half floats hold
+
+export function environmentTexture({ width, height, data }: Latlong): DataTexture {
+  const half = Uint16Array.from(data, (value) => DataUtils.toHalfFloat(Math.min(value, MAX_HALF_FLOAT)));
+  const texture = new DataTexture(half, width, height);
+  texture.type = HalfFloatType;
+  texture.mapping = EquirectangularReflectionMapping;
+  texture.minFilter = LinearFilter;
+  texture.magFilter = LinearFilter;
+  texture.flipY = true;
+  texture.needsUpdate = true;
+  return texture;
+}

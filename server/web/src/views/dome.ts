@@ -1,71 +1,69 @@
 /** The sky from above with the sun's probability: read by pointing at it or with the arrow keys, and the sun moved there. */
 
-import type { Estimate, Parameters } from "../api";
-import { byTouch } from "../dom";
-import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../pure/angles";
-import type { Point } from "../pure/camera";
-import { between, type Rgb, rgbOf } from "../pure/colour";
-import { type Cell, cellsOf, densityOf, within } from "../pure/distribution";
-import { regions, shareSpots } from "../pure/regions";
-import { frameOf, fromDome, rim, toDome } from "../pure/sphere";
-import { azimuthWords, percent } from "../pure/words";
-import { shareWords } from "./marks";
-import { path, sunSign, svg, text } from "./svg";
+import type { Estimate, LightParameters } from "../api";
+import { createSvg, drawPath, drawSun, drawText, isTouchDevice } from "../dom";
+import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../geometry/angles";
+import type { Point } from "../geometry/camera";
+import { mixColors, parseHexColor, type Rgb } from "../geometry/color";
+import { type GridCell, gridCells, probabilityWithin, smoothDensity } from "../geometry/distribution";
+import { circleAround, fromDome, photoOutline, placeShareLabels, sunRegions, toDome } from "../geometry/sphere";
+import { formatAzimuth, formatPercent } from "../text/format";
+import { drawShareLabels } from "./markers";
 
 const RADIUS = 100; // of the horizon in the drawing's units
 const MARGIN = 22;
-const HEAT_SIZE = 160; // pixels of the density before enlargement
+const DENSITY_SIZE = 160; // pixels of the density before enlargement
 const READ_RADIUS = 10; // degrees around the pointer whose probability is read
 const KEY_STEP = 5; // degrees
 const SHARE = 8; // units of the drawing, the letters of a region's share
 const CORNERS: [Point, Point] = [[-RADIUS, -RADIUS], [RADIUS, RADIUS]]; // biome-ignore format: two corners
 const RINGS = "Rings hold 50 and 90 % of the probability.";
-const hint = (): string =>
-  `${RINGS} ${byTouch() ? "Tap to move the sun." : "Point to read it, click to move the sun."}`;
+const hintText = (): string =>
+  `${RINGS} ${isTouchDevice() ? "Tap to move the sun." : "Point to read it, click to move the sun."}`;
 
 export class Dome {
   private readonly heat = document.createElement("canvas");
-  private readonly drawing = svg("svg", { viewBox: [-1, -1, 2, 2].map((v) => v * (RADIUS + MARGIN)).join(" ") });
-  private readonly cursor = svg("g", { class: "cursor" });
-  private readonly marks = svg("g", {});
-  private cells: Cell[] = [];
+  private readonly drawing = createSvg("svg", { viewBox: [-1, -1, 2, 2].map((v) => v * (RADIUS + MARGIN)).join(" ") });
+  private readonly cursor = createSvg("g", { class: "cursor" });
+  private readonly sunMarker = createSvg("g", {});
+  private cells: GridCell[] = [];
   private at: Angles = { azimuth: 0, elevation: 45 };
 
   constructor(
     private readonly root: HTMLElement,
     private readonly readout: HTMLElement,
-    private readonly pick: (at: Angles) => void,
+    private readonly onPick: (at: Angles) => void,
   ) {
-    this.heat.width = HEAT_SIZE;
-    this.heat.height = HEAT_SIZE;
+    this.heat.width = DENSITY_SIZE;
+    this.heat.height = DENSITY_SIZE;
     this.drawing.setAttribute("tabindex", "0");
     this.drawing.setAttribute("role", "application");
     this.drawing.setAttribute("aria-label", "Sky dome: arrow keys move the reading, Enter moves the sun there");
-    this.drawing.append(...compass(), this.marks, this.cursor);
+    this.drawing.append(...compass(), this.sunMarker, this.cursor);
     root.append(this.heat, this.drawing);
-    readout.textContent = hint();
+    readout.textContent = hintText();
     this.listen();
   }
 
   show(estimate: Estimate, aspect: number): void {
-    this.cells = cellsOf(estimate.probability);
+    this.cells = gridCells(estimate.probability);
     this.at = { azimuth: Math.round(estimate.sun.azimuth), elevation: Math.round(estimate.sun.elevation) };
     this.paint();
-    const view = frameOf(estimate.camera, aspect).map(onDrawing);
-    const around = regions(estimate);
-    const rings = around.flatMap(({ lines, kind }) => lines.map((line) => path(line.map(onDrawing), kind)));
-    const words = [
-      ...degrees(estimate.sun.azimuth),
-      ...shareWords(shareSpots(around, onDrawing, SHARE, CORNERS), SHARE),
+    const view = photoOutline(estimate.camera, aspect).map(onDrawing);
+    const regions = sunRegions(estimate);
+    const rings = regions.flatMap(({ lines, kind }) => lines.map((line) => drawPath(line.map(onDrawing), kind)));
+    const labels = [
+      ...ringLabels(estimate.sun.azimuth),
+      ...drawShareLabels(placeShareLabels(regions, onDrawing, SHARE, CORNERS), SHARE),
     ];
     this.drawing.querySelector(".estimate")?.remove();
-    this.marks.before(svg("g", { class: "estimate" }, path(view, "view"), ...rings, ...words));
+    this.sunMarker.before(createSvg("g", { class: "estimate" }, drawPath(view, "view"), ...rings, ...labels));
     this.leave();
   }
 
-  mark(parameters: Parameters): void {
-    const towards = direction(parameters.sun_azimuth, parameters.sun_elevation);
-    this.marks.replaceChildren(sunSign(onDrawing(towards), 4.5, parameters.sun ? "sun" : "sun pale"));
+  mark(parameters: LightParameters): void {
+    const ray = direction(parameters.sun_azimuth, parameters.sun_elevation);
+    this.sunMarker.replaceChildren(drawSun(onDrawing(ray), 4.5, parameters.sun ? "sun" : "sun pale"));
   }
 
   /** The density in colours, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
@@ -73,18 +71,18 @@ export class Dome {
     const context = this.heat.getContext("2d");
     if (!context || this.cells.length === 0) return;
     const style = getComputedStyle(this.root);
-    const palette = [0, 1, 2, 3, 4].map((i) => rgbOf(style.getPropertyValue(`--heat-${i}`)));
-    context.putImageData(heatImage(densityOf(this.cells), palette), 0, 0);
+    const palette = [0, 1, 2, 3, 4].map((i) => parseHexColor(style.getPropertyValue(`--heat-${i}`)));
+    context.putImageData(drawDensity(smoothDensity(this.cells), palette), 0, 0);
   }
 
   private listen(): void {
     this.drawing.addEventListener("pointermove", (event) => {
       if (!this.moveTo(event)) this.leave();
-      else if (event.pointerType === "mouse" && event.buttons === 1) this.pick(this.at);
+      else if (event.pointerType === "mouse" && event.buttons === 1) this.onPick(this.at);
     });
     this.drawing.addEventListener("pointerleave", () => this.leave());
     this.drawing.addEventListener("click", (event) => {
-      if (this.moveTo(event)) this.pick(this.at);
+      if (this.moveTo(event)) this.onPick(this.at);
     });
     this.drawing.addEventListener("focus", () => {
       if (this.drawing.matches(":focus-visible")) this.read(this.at);
@@ -96,9 +94,9 @@ export class Dome {
   private moveTo(event: MouseEvent): boolean {
     const { left, top, width } = this.drawing.getBoundingClientRect();
     const scale = (2 * (RADIUS + MARGIN)) / width / RADIUS;
-    const towards = fromDome([(event.clientX - left - width / 2) * scale, (event.clientY - top - width / 2) * scale]);
-    if (towards) this.read(angles(towards));
-    return towards !== null;
+    const ray = fromDome([(event.clientX - left - width / 2) * scale, (event.clientY - top - width / 2) * scale]);
+    if (ray) this.read(angles(ray));
+    return ray !== null;
   }
 
   private key(event: KeyboardEvent): void {
@@ -112,67 +110,67 @@ export class Dome {
     if (step) {
       const elevation = clamp(this.at.elevation + step[1], 0, 90);
       this.read({ azimuth: wrapAzimuth(this.at.azimuth + step[0]), elevation });
-    } else if (event.key === "Enter" || event.key === " ") this.pick(this.at);
+    } else if (event.key === "Enter" || event.key === " ") this.onPick(this.at);
     else return;
     event.preventDefault();
   }
 
   private read(at: Angles): void {
     this.at = at;
-    const towards = direction(at.azimuth, at.elevation);
-    const share = percent(within(this.cells, towards, READ_RADIUS));
-    this.readout.textContent = `${azimuthWords(at.azimuth)}, ${at.elevation.toFixed(0)}° high: ${share} within ${READ_RADIUS}°`;
-    this.cursor.replaceChildren(path(rim(towards, READ_RADIUS).map(onDrawing), "reading"));
+    const ray = direction(at.azimuth, at.elevation);
+    const share = formatPercent(probabilityWithin(this.cells, ray, READ_RADIUS));
+    this.readout.textContent = `${formatAzimuth(at.azimuth)}, ${at.elevation.toFixed(0)}° high: ${share} within ${READ_RADIUS}°`;
+    this.cursor.replaceChildren(drawPath(circleAround(ray, READ_RADIUS).map(onDrawing), "reading"));
   }
 
   private leave(): void {
     this.cursor.replaceChildren();
-    this.readout.textContent = hint();
+    this.readout.textContent = hintText();
   }
 }
 
-function onDrawing(towards: Vector): Point {
-  const [x, y] = toDome(towards);
+function onDrawing(ray: Vector): Point {
+  const [x, y] = toDome(ray);
   return [x * RADIUS, y * RADIUS];
 }
 
 function compass(): SVGElement[] {
   const ring = (elevation: number): SVGElement =>
-    svg("circle", { r: (RADIUS * (90 - elevation)) / 90, class: elevation ? "ring" : "ring outer" });
+    createSvg("circle", { r: (RADIUS * (90 - elevation)) / 90, class: elevation ? "ring" : "ring outer" });
   const out = RADIUS + 13; // beyond the rays of a sun on the horizon
   return [
     ...[0, 30, 60].map(ring),
-    path([[-RADIUS, 0], [RADIUS, 0]], "ring"), // biome-ignore format: a line
-    path([[0, -RADIUS], [0, RADIUS]], "ring"), // biome-ignore format: a line
-    text([0, -out], "front", "side middle"),
-    text([0, out + 7], "behind", "side middle"),
-    svg("text", { class: "side middle", transform: `translate(${-out} 0) rotate(-90)` }, "left"),
-    svg("text", { class: "side middle", transform: `translate(${out} 0) rotate(90)` }, "right"),
+    drawPath([[-RADIUS, 0], [RADIUS, 0]], "ring"), // biome-ignore format: a line
+    drawPath([[0, -RADIUS], [0, RADIUS]], "ring"), // biome-ignore format: a line
+    drawText([0, -out], "front", "side middle"),
+    drawText([0, out + 7], "behind", "side middle"),
+    createSvg("text", { class: "side middle", transform: `translate(${-out} 0) rotate(-90)` }, "left"),
+    createSvg("text", { class: "side middle", transform: `translate(${out} 0) rotate(90)` }, "right"),
   ];
 }
 
 /** The rings' degrees: behind the zenith, or on its right where the regions' shares stand in that line. */
-function degrees(sunAzimuth: number): SVGElement[] {
+function ringLabels(sunAzimuth: number): SVGElement[] {
   const [x, , z] = direction(sunAzimuth, 0);
-  const across = Math.abs(x) < Math.abs(z);
+  const rightward = Math.abs(x) < Math.abs(z);
   return [30, 60].map((elevation) => {
     const out = (RADIUS * (90 - elevation)) / 90;
-    return text(across ? [out + 2.5, -2.5] : [3, out - 2.5], `${elevation}°`, "degrees");
+    return drawText(rightward ? [out + 2.5, -2.5] : [3, out - 2.5], `${elevation}°`, "degrees");
   });
 }
 
-function heatImage(density: (towards: Vector) => number, palette: Rgb[]): ImageData {
-  const levels = new Float64Array(HEAT_SIZE * HEAT_SIZE);
+function drawDensity(density: (ray: Vector) => number, palette: Rgb[]): ImageData {
+  const levels = new Float64Array(DENSITY_SIZE * DENSITY_SIZE);
   for (let i = 0; i < levels.length; i++) {
-    const side = (at: number): number => ((at + 0.5) / HEAT_SIZE) * 2 - 1;
-    const [x, y] = [side(i % HEAT_SIZE), side(Math.floor(i / HEAT_SIZE))];
-    const reach = Math.max(Math.hypot(x, y), 1);
-    levels[i] = density(fromDome([x / reach, y / reach]) ?? direction(0, 0));
+    const side = (at: number): number => ((at + 0.5) / DENSITY_SIZE) * 2 - 1;
+    const [x, y] = [side(i % DENSITY_SIZE), side(Math.floor(i / DENSITY_SIZE))];
+    const radius = Math.max(Math.hypot(x, y), 1);
+    levels[i] = density(fromDome([x / radius, y / radius]) ?? direction(0, 0));
   }
   const top = levels.reduce((most, level) => Math.max(most, level), 1);
-  const image = new ImageData(HEAT_SIZE, HEAT_SIZE);
+  const image = new ImageData(DENSITY_SIZE, DENSITY_SIZE);
   levels.forEach((level, i) => {
-    image.data.set([...between(palette, Math.sqrt(level / top)), 255], 4 * i);
+    image.data.set([...mixColors(palette, Math.sqrt(level / top)), 255], 4 * i);
   });
   return image;
 }

@@ -1,75 +1,124 @@
-/** The light on show, as files. They are fetched: links carry no API key and say no errors. */
+/** The light on show, as files and as text. Files are fetched: links carry no API key and say no errors. */
 
-import { type Changed, envmapFile, type Format, previewFile, sceneFile, TOOLS, type Tool } from "../api";
-import { byId, make } from "../dom";
-import { commonCamera, isSame, parametersOf, recordOf, statedLight } from "../parameters";
-import { lookOf, type Shown, type View } from "../studio";
+import { fetchEnvmap, fetchPreview, fetchScene, type LightOverrides, type MapFormat, TOOLS, type Tool } from "../api";
+import { byId, createElement } from "../dom";
+import {
+  buildRecord,
+  cameraOverrides,
+  currentState,
+  type PhotoView,
+  parametersFromRecord,
+  type Session,
+  sameParameters,
+  statedOverrides,
+} from "../state";
+import { type SnippetInput, writeCurl, writePython } from "../text/snippets";
 
-type Get = (view: View, shown: Shown) => Promise<Blob>;
+type FetchFile = (view: PhotoView, session: Session) => Promise<Blob>;
 
-const FORMATS: Format[] = ["exr", "hdr", "png"];
-const CHANGED = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
-const TOGETHER = "The preview shows the estimate from one photo alone; these photos were estimated together.";
+const FORMATS: MapFormat[] = ["exr", "hdr", "png"];
+const CHANGED_NOTE = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
+const TOGETHER_NOTE = "The preview shows the estimate from one photo alone; these photos were estimated together.";
 
 /** Listens to the buttons; `on` gives what is shown when one is pressed. */
-export function listenForDownloads(on: () => Promise<Shown | undefined>, failed: (error: unknown) => void): void {
-  const listen = (id: string, suffix: string, get: Get): void => {
+export function listenForDownloads(settle: () => Promise<Session | undefined>, failed: (error: unknown) => void): void {
+  const listen = (id: string, suffix: string, fetchFile: FetchFile): void => {
     const button = byId<HTMLButtonElement>(id);
     button.addEventListener("click", async () => {
-      const shown = await on();
-      const view = shown?.views[shown.at];
-      if (!shown || !view) return;
+      const session = await settle();
+      const view = session?.views[session.index];
+      if (!session || !view) return;
       button.setAttribute("aria-busy", "true");
       const stem = view.photo.file.name.replace(/\.\w+$/, "") || "photo";
-      await get(view, shown).then((blob) => save(blob, `${stem}${suffix}`), failed);
+      await fetchFile(view, session).then((blob) => saveFile(blob, `${stem}${suffix}`), failed);
       button.removeAttribute("aria-busy");
     });
   };
-  for (const format of FORMATS) listen(`get-${format}`, `.${format}`, (view, shown) => mapOf(view, shown, format));
-  for (const tool of TOOLS) listen(`get-${tool}`, `-${tool}.zip`, (view, shown) => sceneOf(view, shown, tool));
-  listen("get-json", ".json", recordFile);
-  listen("get-preview", "-preview.png", ({ photo }, { given }) => previewFile(photo.file, given));
+  for (const format of FORMATS)
+    listen(`get-${format}`, `.${format}`, (view, session) => fetchMap(view, session, format));
+  for (const tool of TOOLS) listen(`get-${tool}`, `-${tool}.zip`, (view, session) => fetchSceneOf(view, session, tool));
+  listen("get-json", ".json", createRecordFile);
+  listen("get-preview", "-preview.png", ({ photo }, { userInput }) => fetchPreview(photo.file, userInput));
 }
 
 export const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").value);
 
 /** Whether the light on show is another than the service gives for this photo alone. */
-export const isChanged = (view: View): boolean => !isSame(lookOf(view).parameters, parametersOf(view.answer));
+export const isChanged = (view: PhotoView): boolean =>
+  !sameParameters(currentState(view).parameters, parametersFromRecord(view.estimate));
 
-function mapOf(view: View, shown: Shown, format: Format): Promise<Blob> {
-  return envmapFile(view.photo.file, shown.given, { format, height: mapHeight() }, changedLight(view, shown));
+function fetchMap(view: PhotoView, session: Session, format: MapFormat): Promise<Blob> {
+  return fetchEnvmap(
+    view.photo.file,
+    session.userInput,
+    { format, height: mapHeight() },
+    lightOverrides(view, session),
+  );
 }
 
-function sceneOf(view: View, shown: Shown, tool: Tool): Promise<Blob> {
-  return sceneFile(view.photo.file, shown.given, tool, changedLight(view, shown));
+function fetchSceneOf(view: PhotoView, session: Session, tool: Tool): Promise<Blob> {
+  return fetchScene(view.photo.file, session.userInput, tool, lightOverrides(view, session));
 }
 
 /**
  * The light on show where the service would not give the same for this photo alone; of photos estimated together it
  * knows neither sun nor sky nor camera. Its power is that of a settled sky.
  */
-export function changedLight(view: View, { views }: Shown): Changed | undefined {
-  const { parameters } = lookOf(view);
-  if (views.length > 1) return { ...statedLight(view.answer, parameters, view.power), ...commonCamera(view.answer) };
+export function lightOverrides(view: PhotoView, { views }: Session): LightOverrides | undefined {
+  const { parameters } = currentState(view);
+  if (views.length > 1)
+    return { ...statedOverrides(view.estimate, parameters, view.irradiances), ...cameraOverrides(view.estimate) };
   return isChanged(view) ? parameters : undefined;
 }
 
 /** The preview is of the estimate from one photo alone: it is offered while that is the light on show. */
-export function showPreview(view: View, shown: Shown): void {
-  const refused = changedLight(view, shown) !== undefined;
-  byId<HTMLButtonElement>("get-preview").disabled = refused;
+export function offerPreview(view: PhotoView, session: Session): void {
+  const unavailable = lightOverrides(view, session) !== undefined;
+  byId<HTMLButtonElement>("get-preview").disabled = unavailable;
   const note = byId("preview-note");
-  note.hidden = !refused;
-  note.textContent = refused ? (shown.views.length > 1 ? TOGETHER : CHANGED) : "";
+  note.hidden = !unavailable;
+  note.textContent = unavailable ? (session.views.length > 1 ? TOGETHER_NOTE : CHANGED_NOTE) : "";
 }
 
-async function recordFile(view: View): Promise<Blob> {
-  const record = recordOf(view.answer, lookOf(view).parameters, view.power);
+async function createRecordFile(view: PhotoView): Promise<Blob> {
+  const record = buildRecord(view.estimate, currentState(view).parameters, view.irradiances);
   return new Blob([JSON.stringify(record, null, 1)], { type: "application/json" });
 }
 
-function save(blob: Blob, name: string): void {
+function saveFile(blob: Blob, name: string): void {
   const url = URL.createObjectURL(blob);
-  make("a", { href: url, download: name }).click();
+  createElement("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
+}
+
+const MAKERS = { curl: writeCurl, python: writePython } as const;
+type Kind = keyof typeof MAKERS;
+
+export function listenForCopies(subject: () => Promise<SnippetInput | undefined>): void {
+  byId("size").addEventListener("change", hideSnippet);
+  for (const kind of Object.keys(MAKERS) as Kind[]) {
+    byId(`copy-${kind}`).addEventListener("click", async () => {
+      const input = await subject();
+      if (input) copy(MAKERS[kind](input), kind);
+    });
+  }
+}
+
+/** Takes a copied text away once another light, photo or size is on show. */
+export function hideSnippet(): void {
+  byId("snippet-box").hidden = true;
+}
+
+async function copy(text: string, kind: Kind): Promise<void> {
+  const box = byId<HTMLTextAreaElement>("snippet");
+  box.value = text;
+  byId("snippet-box").hidden = false;
+  const name = kind === "curl" ? "The curl command" : "The Python program";
+  try {
+    await navigator.clipboard.writeText(text);
+    byId("copied").textContent = `${name} is copied.`;
+  } catch {
+    box.select();
+    byId("copied").textContent = `${name} is selected: press Ctrl+C.`;
+  }
 }

@@ -1,59 +1,102 @@
-/** What the photo says, what of it was used, and the form in which it is given or corrected. */
+/** What the photo says, what of it was used, the form in which it is given or corrected, and the estimate's numbers. */
 
-import { byId, make } from "../dom";
-import { evidenceWords, formValues, givenBy, held, said, usedUnseen } from "../pure/facts";
-import { type Given, type GivenName, NOTHING } from "../pure/given";
-import type { Facts } from "../pure/metadata";
-import type { Shown, View } from "../studio";
+import { type Lighting, modelInfo } from "../api";
+import { byId, createElement } from "../dom";
+import type { PhotoView, Session } from "../state";
+import type { PhotoMetadata } from "../text/exif";
+import { estimateRows, explainAccuracy, type NamedValue } from "../text/format";
+import {
+  describeCameraTilt,
+  describeMetadata,
+  fillForm,
+  formatEvidence,
+  NO_USER_INPUT,
+  readForm,
+  type UserInput,
+  type UserInputField,
+  unreadSources,
+} from "../text/metadata";
 
-const FIELDS: GivenName[] = ["time", "utc_offset", "lat", "lon", "heading", "fov", "headings"];
+const FIELDS: UserInputField[] = ["time", "utc_offset", "lat", "lon", "heading", "fov", "headings"];
 
-export class FactsView {
+export class MetadataView {
   private readonly form = byId<HTMLFormElement>("given");
-  private facts: Facts = {};
+  private metadata: PhotoMetadata = {};
 
-  constructor(asked: (given: Given) => void) {
+  constructor(onSubmit: (userInput: UserInput) => void) {
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
-      asked(givenBy(this.read(), this.facts));
+      onSubmit(readForm(this.read(), this.metadata));
     });
-    byId("forget").addEventListener("click", () => asked(NOTHING));
+    byId("forget").addEventListener("click", () => onSubmit(NO_USER_INPUT));
   }
 
-  show({ views, given }: Shown, { photo, answer }: View): void {
-    this.facts = photo.facts;
-    const used = usedUnseen(
+  show({ views, userInput }: Session, { photo, estimate: answer }: PhotoView): void {
+    this.metadata = photo.metadata;
+    const used = unreadSources(
       answer.evidence,
-      given,
-      views.map((view) => view.photo.facts),
+      userInput,
+      views.map((view) => view.photo.metadata),
     );
     byId("facts").replaceChildren(
-      ...[...said(photo.facts, used), held(answer, given)].map(({ name, value }) =>
-        make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: value })),
+      ...[...describeMetadata(photo.metadata, used), describeCameraTilt(answer, userInput)].map(({ name, value }) =>
+        createElement(
+          "div",
+          {},
+          createElement("dt", { textContent: name }),
+          createElement("dd", { textContent: value }),
+        ),
       ),
     );
-    byId("evidence").textContent = evidenceWords(answer.evidence);
-    byId("warnings").replaceChildren(...answer.warnings.map((textContent) => make("li", { textContent })));
+    byId("evidence").textContent = formatEvidence(answer.evidence);
+    byId("warnings").replaceChildren(...answer.warnings.map((textContent) => createElement("li", { textContent })));
     byId("warnings").hidden = answer.warnings.length === 0;
     const several = views.length > 1;
     byId("field-headings").hidden = !several;
     byId("field-heading").hidden = several;
-    this.fill(formValues(photo.facts, given), answer.camera.vertical_fov);
-    byId<HTMLButtonElement>("forget").disabled = JSON.stringify(given) === JSON.stringify(NOTHING);
+    this.fill(fillForm(photo.metadata, userInput), answer.camera.vertical_fov);
+    byId<HTMLButtonElement>("forget").disabled = JSON.stringify(userInput) === JSON.stringify(NO_USER_INPUT);
   }
 
-  private fill(given: Given, fov: number): void {
-    for (const name of FIELDS) this.input(name).value = given[name];
+  private fill(userInput: UserInput, fov: number): void {
+    for (const name of FIELDS) this.input(name).value = userInput[name];
     this.input("fov").placeholder = `${fov.toFixed(1)} (estimated)`;
-    byId<HTMLInputElement>("given-exif").checked = given.exif;
+    byId<HTMLInputElement>("given-exif").checked = userInput.exif;
   }
 
-  private read(): Given {
-    const said = Object.fromEntries(FIELDS.map((name) => [name, this.input(name).value.trim()]));
-    return { ...NOTHING, ...said, exif: byId<HTMLInputElement>("given-exif").checked };
+  private read(): UserInput {
+    const texts = Object.fromEntries(FIELDS.map((name) => [name, this.input(name).value.trim()]));
+    return { ...NO_USER_INPUT, ...texts, exif: byId<HTMLInputElement>("given-exif").checked };
   }
 
-  private input(name: GivenName): HTMLInputElement {
+  private input(name: UserInputField): HTMLInputElement {
     return byId<HTMLInputElement>(`given-${name}`);
   }
+}
+
+/** The numbers at once, their errors as soon as the service has told them. */
+export async function showNumbers(lighting: Lighting): Promise<void> {
+  fillRows(estimateRows(lighting));
+  const accuracy = (await modelInfo())?.accuracy ?? {};
+  const medianErrors = accuracy.phone ?? Object.values(accuracy)[0] ?? {};
+  byId("numbers-note").textContent = explainAccuracy(lighting, medianErrors);
+  fillRows(estimateRows(lighting, medianErrors));
+}
+
+/** A row of the table. */
+function createRow(name: string, value: string, note: string): DocumentFragment {
+  const row = document.createDocumentFragment();
+  row.append(
+    createElement("dt", { textContent: name }),
+    createElement("dd", {}, value, createElement("small", { textContent: note })),
+  );
+  return row;
+}
+
+function fillRows(rows: NamedValue[]): void {
+  const stated = rows.some(({ note }) => note?.startsWith("±"));
+  byId("numbers").replaceChildren(
+    ...(stated ? [createElement("div", { className: "head" }, createRow("", "this photo", "usual error"))] : []),
+    ...rows.map(({ name, value, note = "" }) => createElement("div", {}, createRow(name, value, note))),
+  );
 }

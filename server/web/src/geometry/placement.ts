@@ -1,0 +1,86 @@
+/** Where an object stands: metres, the camera at the origin, level ground below it. */
+
+import { clamp, combine, dot, radians, type Vector } from "./angles";
+import { type Camera, cameraAxes, type Point, pixelRay, project } from "./camera";
+
+/** Of an object in the photo. */
+export interface Placement {
+  position: Vector; // of the point where it touches the ground, or of its foot where no ground is in view
+  radius: number; // metres
+  rotation: number; // degrees about the vertical, to the right as its front is seen
+  grounded: boolean;
+}
+
+export const EYE_HEIGHT = 1.6; // metres, as the service has it; the photo itself does not tell the scale
+const DEFAULT_SHARE = 0.14; // of half the photo's height, the object's radius
+const MIN_DEPRESSION = 1; // degrees below the horizon: 92 m away
+const FLOATING_DISTANCE = 4; // metres, of an object without ground
+const MIN_RADIUS = 0.02; // metres, the radius
+const MAX_RADIUS = 20;
+const MIN_DISTANCE = 2; // radii that the camera keeps away from the object's middle, which then takes at most 60 degrees
+
+/** A place at a spot of the photo, in shares of its width and height, as large as looks well there. */
+export function initialPlacement(camera: Camera, aspect: number, spot: Point | null): Placement {
+  const onGround = spot && groundPoint(camera, aspect, spot);
+  const position = onGround ?? floatingPoint(camera, aspect, spot ?? [0.5, 0.66]);
+  return resizePlacement(
+    { position, radius: 0, rotation: 0, grounded: onGround !== null },
+    defaultRadius(camera, position),
+  );
+}
+
+/** The point of the ground that a spot of the photo shows; null at and above the horizon. */
+export function groundPoint(camera: Camera, aspect: number, [x, y]: Point): Vector | null {
+  const ray = pixelRay([x * aspect, y], camera, { width: aspect, height: 1 });
+  if (-ray[1] < Math.hypot(...ray) * Math.sin(radians(MIN_DEPRESSION))) return null;
+  return combine([EYE_HEIGHT / -ray[1], ray]);
+}
+
+/** Moved to a spot of the photo: over the ground, or at its distance where it floats. Null where there is no ground. */
+export function movePlacement(placement: Placement, camera: Camera, aspect: number, spot: Point): Placement | null {
+  const position = placement.grounded ? groundPoint(camera, aspect, spot) : floatingPoint(camera, aspect, spot);
+  return position && resizePlacement({ ...placement, position }, placement.radius);
+}
+
+/** Moved by metres to the right and away from the camera, kept on ground in front of it. */
+export function shiftPlacement(placement: Placement, right: number, forward: number): Placement {
+  const [x, y, z] = placement.position;
+  const position: Vector = [clamp(x + right, -90, 90), y, clamp(z - forward, -90, -0.3)];
+  return resizePlacement({ ...placement, position }, placement.radius);
+}
+
+/** Of another radius, as far as the object then stays off the camera. */
+export function resizePlacement(placement: Placement, radius: number): Placement {
+  return { ...placement, radius: clamp(radius, MIN_RADIUS, maxRadius(placement)) };
+}
+
+/** The largest radius there: the object's middle, a radius above its foot, is that many radii away. */
+export function maxRadius({ position }: Placement): number {
+  const factor = MIN_DISTANCE ** 2 - 1;
+  const root = Math.sqrt(position[1] ** 2 + factor * dot(position, position));
+  return clamp((position[1] + root) / factor, MIN_RADIUS, MAX_RADIUS);
+}
+
+export function rotatePlacement(placement: Placement, by: number): Placement {
+  return { ...placement, rotation: ((((placement.rotation + by + 180) % 360) + 360) % 360) - 180 };
+}
+
+/** Metres from the camera, along the ground. */
+export const groundDistance = ({ position: [x, , z] }: Placement): number => Math.hypot(x, z);
+
+/** Where in the photo the object's foot is, in shares of width and height; null behind the camera. */
+export function footPoint(placement: Placement, camera: Camera, aspect: number): Point | null {
+  const point = project(placement.position, camera, { width: aspect, height: 1 });
+  return point && [point[0] / aspect, point[1]];
+}
+
+function floatingPoint(camera: Camera, aspect: number, [x, y]: Point): Vector {
+  const ray = pixelRay([x * aspect, y], camera, { width: aspect, height: 1 });
+  return combine([FLOATING_DISTANCE / Math.hypot(...ray), ray]);
+}
+
+/** The radius [m] that takes its share of the photo's height there. */
+function defaultRadius(camera: Camera, position: Vector): number {
+  const depth = dot(position, cameraAxes(camera).forward);
+  return DEFAULT_SHARE * depth * Math.tan(radians(camera.vertical_fov) / 2);
+}

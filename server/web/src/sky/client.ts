@@ -1,0 +1,78 @@
+/** The page's side of the worker: one question at a time, and of those that wait only the newest. */
+
+import type { Camera } from "../geometry/camera";
+import type { Pixels } from "../geometry/color";
+import type { SurroundingsFactors } from "../surroundings/surroundings";
+import type { SkyRequest } from "./lighting";
+import type { SkyAnswer, SkyMessage } from "./worker";
+
+const NOT_LOADED = "What renders the sky could not be loaded, so the light cannot be shown. Load the page again.";
+
+export class SkyClient {
+  private readonly worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
+  private requests = 0;
+  private busy = false;
+  private unavailable = false; // whether the worker never began
+  private answered = true; // whether the newest question that came back has an answer
+  private newest: SkyRequest | undefined;
+  private waiting: SkyRequest | undefined;
+  private idle: (() => void)[] = [];
+
+  constructor(
+    private readonly onAnswer: (answer: SkyAnswer) => void,
+    private readonly onError: (error: unknown) => void,
+  ) {
+    this.worker.addEventListener("message", ({ data }: MessageEvent<SkyAnswer | { id: number; error: string }>) => {
+      this.busy = false;
+      this.answered = !("error" in data);
+      const next = this.waiting;
+      this.waiting = undefined;
+      if (next) this.request(next);
+      if ("error" in data) this.onError(new Error(data.error));
+      else this.onAnswer(data);
+      this.release();
+    });
+    this.worker.addEventListener("error", ({ message }) => {
+      this.busy = false;
+      this.answered = false;
+      this.unavailable ||= !message; // a worker that runs says what went wrong
+      this.onError(new Error(message || NOT_LOADED));
+      this.release();
+    });
+  }
+
+  /** Tells those who wait that nothing is being answered any more. */
+  private release(): void {
+    if (!this.busy) for (const resolve of this.idle.splice(0)) resolve();
+  }
+
+  /** What stands around the camera from now on. */
+  setPhoto(photo: Pixels, camera: Camera, factors: SurroundingsFactors | undefined): void {
+    this.post({ photo, camera, factors });
+  }
+
+  request(question: SkyRequest): void {
+    this.newest = question;
+    if (this.unavailable) {
+      this.onError(new Error(NOT_LOADED));
+      return;
+    }
+    if (this.busy) {
+      this.waiting = question;
+      return;
+    }
+    this.busy = true;
+    this.post({ question, id: ++this.requests });
+  }
+
+  /** Waits until the newest question is answered, and asks it once more if that failed; whether there is an answer. */
+  async settled(): Promise<boolean> {
+    if (!this.busy && !this.answered && this.newest) this.request(this.newest);
+    if (this.busy) await new Promise<void>((resolve) => this.idle.push(resolve));
+    return this.answered;
+  }
+
+  private post(message: SkyMessage): void {
+    this.worker.postMessage(message);
+  }
+}

@@ -1,0 +1,125 @@
+/** The light of parameters: sky, sun and ground in the photo's linear values, as a renderer needs them. */
+
+import type { LightParameters } from "../api";
+import { radians } from "../geometry/angles";
+import type { Triple } from "../geometry/color";
+import { type SkyTable, skyShape, sunIrradiance } from "./hosekWilkie";
+import { fillGround, horizontalIrradiance, type Latlong, renderSky } from "./render";
+
+/** What a record may state of its light; whatever it leaves out follows from the model. */
+export interface StatedLight {
+  sun?: Triple; // irradiance of a plane that faces the sun
+  sky?: Triple; // irradiance of level ground
+  groundColor?: Triple; // reflectance
+  cover?: number; // 0 clear to 1 overcast
+}
+
+/** What is asked for: the light on show, and the estimate that it began as. */
+export interface SkyRequest {
+  parameters: LightParameters;
+  estimated: LightParameters;
+  stated: StatedLight;
+  photoGround?: Triple | undefined; // the photo's own ground, linear, as it is under the estimate's light
+}
+
+export interface SceneLight {
+  map: Latlong; // the sky without the sun's disc above the ground
+  sky: Triple; // irradiance of level ground by the sky alone
+  sun: Triple; // irradiance of a plane that faces the sun; zero where it does not shine
+  ground: Triple; // radiance of the ground
+}
+
+const NEUTRAL: Triple = [1, 1, 1];
+const MIN_SUN_ELEVATION = 5; // the model's suns below it have hardly any green and no blue, and photos' suns have
+const HIGH_SUN = 30; // of a sun at full strength
+const MIN_SUN_SHARE = 0.05; // of that sun's channels, which the model's is taken to have at least: in haze a low one has none
+const mapChannels = (make: (channel: 0 | 1 | 2) => number): Triple => [make(0), make(1), make(2)];
+
+/** The model's own light, its sky and its sun multiplied by gains. */
+function renderModel(
+  table: SkyTable,
+  height: number,
+  p: LightParameters,
+  cover: number,
+  gains: Gains,
+): Omit<SceneLight, "ground"> {
+  const shape = skyShape(table, p.sun_elevation, p.turbidity, p.ground_albedo);
+  const gain = mapChannels(() => p.exposure);
+  const map = renderSky(height, shape, { azimuth: p.sun_azimuth, elevation: p.sun_elevation, gain, cover });
+  if (gains.sky !== NEUTRAL) scaleMap(map, gains.sky);
+  const ofModel = gains.sun === NEUTRAL ? sunIrradiance(table, p.sun_elevation, p.turbidity) : steadySun(table, p);
+  const irradiances = p.sun ? ofModel : ([0, 0, 0] as Triple);
+  return { map, sky: horizontalIrradiance(map), sun: mapChannels((c) => irradiances[c] * p.exposure * gains.sun[c]) };
+}
+
+/** The model's sun, or what stands for it where it would vanish: `change` of lighting.envmap has the same rule. */
+function steadySun(table: SkyTable, p: LightParameters): Triple {
+  const atElevation = sunIrradiance(table, Math.max(p.sun_elevation, MIN_SUN_ELEVATION), p.turbidity);
+  const high = sunIrradiance(table, HIGH_SUN, p.turbidity);
+  return mapChannels((c) => Math.max(atElevation[c], MIN_SUN_SHARE * high[c]));
+}
+
+/** What takes the model's light to the one that a record states. */
+interface Gains {
+  sky: Triple;
+  sun: Triple;
+}
+
+function computeGains(table: SkyTable, estimated: LightParameters, stated: StatedLight): Gains {
+  if (!stated.sky && !stated.sun) return { sky: NEUTRAL, sun: NEUTRAL };
+  const { sky } = renderModel(table, 32, estimated, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
+  const sun = steadySun(table, estimated);
+  const ratio = (target: Triple | undefined, modeled: Triple): Triple =>
+    target ? mapChannels((c) => target[c] / Math.max(modeled[c], 1e-9)) : NEUTRAL;
+  const exposed = mapChannels((c) => sun[c] * estimated.exposure);
+  return { sky: ratio(stated.sky, sky), sun: ratio(stated.sun, exposed) };
+}
+
+/** What all lights of a photo share, whatever its sliders say. */
+export interface LightBase {
+  gains: Gains;
+  groundBefore: Triple | undefined; // irradiance of level ground by the estimate, where the photo's ground is known
+}
+
+export function prepareLight(
+  table: SkyTable,
+  { estimated, stated, photoGround }: Omit<SkyRequest, "parameters">,
+): LightBase {
+  const gains = computeGains(table, estimated, stated);
+  const cover = stated.cover ?? 0;
+  return {
+    gains,
+    groundBefore: photoGround && groundIrradiance(renderModel(table, 32, estimated, cover, gains), estimated),
+  };
+}
+
+/** The light of a question, its map `height` rows high. */
+export function renderLight(
+  table: SkyTable,
+  question: SkyRequest,
+  height: number,
+  base = prepareLight(table, question),
+): SceneLight {
+  const { parameters, stated, photoGround } = question;
+  const { gains, groundBefore } = base;
+  const light = renderModel(table, height, parameters, stated.cover ?? 0, gains);
+  const irradiance = groundIrradiance(light, parameters);
+  const ground = mapChannels((c) => {
+    if (stated.groundColor) return (stated.groundColor[c] / Math.PI) * irradiance[c];
+    if (photoGround && groundBefore) return (photoGround[c] * irradiance[c]) / Math.max(groundBefore[c], 1e-9);
+    return (parameters.ground_albedo / Math.PI) * irradiance[c];
+  });
+  fillGround(light.map, ground);
+  return { ...light, ground };
+}
+
+/** Irradiance of level ground by sky and sun. */
+function groundIrradiance({ sky, sun }: Pick<SceneLight, "sky" | "sun">, { sun_elevation }: LightParameters): Triple {
+  return mapChannels((c) => sky[c] + sun[c] * Math.sin(radians(sun_elevation)));
+}
+
+function scaleMap({ data }: Latlong, gain: Triple): void {
+  for (let i = 0; i < data.length; i += 4) {
+    for (const c of [0, 1, 2] as const) data[i + c] = (data[i + c] as number) * gain[c];
+  }
+}

@@ -1,0 +1,140 @@
+/**
+ * A sky as a lat-long map in the layout of `lighting/envmap` (row 0 the zenith, the centre column azimuth 0), and that map
+ * as people look at it.
+ */
+
+import type { LightParameters } from "../api";
+import { direction, radians } from "../geometry/angles";
+import { linearToSrgb, rgbLuminance, type Triple } from "../geometry/color";
+import { toMap } from "../geometry/sphere";
+import { gradation, lobe, type SkyShape } from "./hosekWilkie";
+import type { SceneLight } from "./lighting";
+
+/** Four floats a pixel: red, green, blue and one unused. */
+export interface Latlong {
+  width: number;
+  height: number;
+  data: Float32Array;
+}
+
+const LOBE_STEPS = 4096; // of the table over the angle to the sun
+const CHANNELS = [0, 1, 2] as const;
+
+/** What a sky is painted from beside its shape. */
+export interface SkyOptions {
+  azimuth: number; // of the sun, degrees
+  elevation: number;
+  gain: Triple; // exposure, and what takes the model to the irradiance of the record
+  cover: number; // 0 clear to 1 overcast
+}
+
+/** A map whose upper half is the sky without the sun's disc; the lower half is black. */
+export function renderSky(height: number, shape: SkyShape, painting: SkyOptions): Latlong {
+  const width = 2 * height;
+  const data = new Float32Array(4 * width * height);
+  const lobes = shape.coefficients.map((coefficients) =>
+    Float32Array.from({ length: LOBE_STEPS + 1 }, (_, i) => lobe(coefficients, (Math.PI * i) / LOBE_STEPS)),
+  ) as [Float32Array, Float32Array, Float32Array];
+  const sun = radians(painting.elevation);
+  const columns = Float64Array.from({ length: width }, (_, x) => {
+    const azimuth = ((x + 0.5) / width) * 360 - 180;
+    return Math.sin(radians(azimuth - painting.azimuth) / 2) ** 2;
+  });
+  for (let y = 0; y < height / 2; y++) {
+    const elevation = Math.PI / 2 - ((y + 0.5) * Math.PI) / height;
+    const vertical = Math.sin((elevation - sun) / 2) ** 2;
+    const horizontal = Math.cos(elevation) * Math.cos(sun);
+    const terms = shape.coefficients.map((coefficients) => gradation(coefficients, Math.sin(elevation)));
+    for (let x = 0; x < width; x++) {
+      const half = Math.sqrt(Math.min(vertical + horizontal * (columns[x] as number), 1));
+      const step = ((2 * Math.asin(half)) / Math.PI) * LOBE_STEPS;
+      const at = 4 * (y * width + x);
+      for (const c of CHANNELS) {
+        const [factor, offset] = terms[c] as [number, number];
+        const value = (interpolate(lobes[c], step) + offset) * factor * shape.radiance[c];
+        data[at + c] = Math.max(value, 0) * painting.gain[c];
+      }
+      data[at + 3] = 1;
+    }
+  }
+  const map = { width, height, data };
+  if (painting.cover > 0) mixOvercast(map, painting.cover);
+  return map;
+}
+
+function interpolate(table: Float32Array, step: number): number {
+  const low = Math.min(Math.floor(step), table.length - 2);
+  const share = step - low;
+  return (table[low] as number) * (1 - share) + (table[low + 1] as number) * share;
+}
+
+/** Irradiance of open level ground by the upper half of a map. */
+export function horizontalIrradiance({ width, height, data }: Latlong): Triple {
+  const sum: Triple = [0, 0, 0];
+  const edge = (row: number): number => Math.cos((Math.PI * row) / height) ** 2;
+  for (let y = 0; y < height / 2; y++) {
+    const share = ((edge(y) - edge(y + 1)) * Math.PI) / width;
+    for (let i = y * width * 4; i < (y + 1) * width * 4; i += 4) {
+      for (const c of CHANNELS) sum[c] += share * (data[i + c] as number);
+    }
+  }
+  return sum;
+}
+
+/** Brings a share of the standard overcast sky (CIE, Moon and Spencer) into a map, its irradiance kept. */
+function mixOvercast(map: Latlong, cover: number): void {
+  const irradiance = horizontalIrradiance(map);
+  const grey = rgbLuminance(irradiance);
+  const zenith = grey / ((7 * Math.PI) / 9);
+  for (let y = 0; y < map.height / 2; y++) {
+    const value = (zenith * (1 + 2 * Math.cos(((y + 0.5) * Math.PI) / map.height))) / 3; // (1 + 2 sin elevation) / 3
+    for (let i = y * map.width * 4; i < (y + 1) * map.width * 4; i += 4) {
+      for (const c of CHANNELS) map.data[i + c] = (map.data[i + c] as number) * (1 - cover) + cover * value;
+    }
+  }
+}
+
+/** Fills the lower half with one radiance. */
+export function fillGround({ width, height, data }: Latlong, radiance: Triple): void {
+  for (let i = (height / 2) * width * 4; i < data.length; i += 4) {
+    data.set(radiance, i);
+    data[i + 3] = 1;
+  }
+}
+
+export interface MapPicture {
+  width: number;
+  height: number;
+  data: Uint8ClampedArray<ArrayBuffer>;
+}
+
+const CURVE_STEPS = 4096; // of the table of the curve
+const CURVE_MAX = 8; // linear value beyond which all is white
+const TONE_CURVE = Uint8ClampedArray.from(
+  { length: CURVE_STEPS + 1 },
+  (_, i) => 255 * linearToSrgb(compressHighlights((i / CURVE_STEPS) * CURVE_MAX)),
+);
+
+/** As `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white. */
+export function compressHighlights(value: number): number {
+  return Math.min(value, 0.6) + 0.4 * (1 - Math.exp(-Math.max(value - 0.6, 0) / 0.4));
+}
+
+export function toneMap({ map, sun }: SceneLight, parameters: LightParameters): MapPicture {
+  const { width, height } = map;
+  const values = map.data.slice();
+  const [x, y] = toMap(direction(parameters.sun_azimuth, parameters.sun_elevation));
+  const row = Math.min(Math.floor(y * height), height / 2 - 1);
+  const at = 4 * (row * width + (Math.floor((x * width) / 2) % width));
+  const solidAngle =
+    (Math.PI / height) * ((2 * Math.PI) / width) * Math.cos(radians(90 - ((row + 0.5) * 180) / height));
+  for (const c of [0, 1, 2] as const) values[at + c] = (values[at + c] as number) + sun[c] / Math.max(solidAngle, 1e-6);
+  const data = new Uint8ClampedArray(values.length);
+  for (let i = 0; i < values.length; i++) {
+    data[i] =
+      i % 4 === 3
+        ? 255
+        : (TONE_CURVE[Math.round((Math.min(values[i] as number, CURVE_MAX) / CURVE_MAX) * CURVE_STEPS)] as number);
+  }
+  return { width, height, data };
+}

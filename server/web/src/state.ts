@@ -1,0 +1,245 @@
+/** What the page holds: photos and their sources, estimates, and what the user has done to light and object. */
+
+import {
+  type EditedLighting,
+  type Estimate,
+  fetchExample,
+  fetchUprightPhoto,
+  type Irradiances,
+  type Lighting,
+  type LightOverrides,
+  type LightParameters,
+} from "./api";
+import { direction } from "./geometry/angles";
+import type { Pixels, Triple } from "./geometry/color";
+import { initialPlacement, type Placement } from "./geometry/placement";
+import type { SkyRequest } from "./sky/lighting";
+import { estimateGroundColor, findFreeSpot } from "./surroundings/ground";
+import { groundShadowMask } from "./surroundings/shadowMask";
+import { type PhotoMetadata, readMetadata } from "./text/exif";
+import { isSunny } from "./text/format";
+import type { UserInput } from "./text/metadata";
+import { History } from "./ui/history";
+
+/** What can be changed, and undone. */
+export interface EditState {
+  parameters: LightParameters;
+  placement: Placement;
+  shape: Shape;
+  finish: Finish;
+}
+
+/** One photo with its answer. */
+export interface PhotoView {
+  photo: Photo;
+  estimate: Estimate;
+  history: History<EditState>;
+  irradiances: Irradiances; // of the light on show
+  groundColor: Triple | undefined; // the photo's own, linear
+  shadowMask: Uint8Array; // where it lies in the sun
+}
+
+/** Photos that were estimated together, one of them on show. */
+export interface Session {
+  views: PhotoView[];
+  index: number;
+  userInput: UserInput;
+}
+
+export function createView(photo: Photo, estimate: Estimate): PhotoView {
+  const { camera } = estimate;
+  const placement = initialPlacement(camera, aspectRatio(photo), findFreeSpot(photo.pixels, camera));
+  const look: EditState = {
+    parameters: parametersFromRecord(estimate),
+    placement: placement,
+    shape: "sphere",
+    finish: "mirror",
+  };
+  return {
+    ...{ photo, estimate: estimate, history: new History(look), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
+    groundColor: estimateGroundColor(photo.pixels, camera),
+    shadowMask: groundShadowMask(photo.pixels, estimate),
+  };
+}
+
+export const photoFiles = ({ views }: Session): File[] => views.map(({ photo }) => photo.file);
+export const currentState = ({ history }: PhotoView): EditState => history.state;
+
+/** What the sky's worker is asked for a view. */
+export function skyRequest(view: PhotoView): SkyRequest {
+  const { sun, sky, ground: groundColor } = view.estimate;
+  return {
+    parameters: currentState(view).parameters,
+    estimated: parametersFromRecord(view.estimate),
+    stated: {
+      ...(sun.irradiance ? { sun: sun.irradiance } : {}),
+      ...(sky.irradiance ? { sky: sky.irradiance } : {}),
+      ...(sky.cover === undefined ? {} : { cover: sky.cover }),
+      ...(groundColor ? { groundColor: groundColor.color } : {}),
+    },
+    photoGround: view.groundColor,
+  };
+}
+
+export function parametersFromRecord({ sun, sky, ...rest }: Lighting): LightParameters {
+  return {
+    sun_azimuth: sun.azimuth,
+    sun_elevation: sun.elevation,
+    turbidity: sky.turbidity,
+    exposure: sky.exposure,
+    ground_albedo: sky.ground_albedo,
+    sun: isSunny({ sun, sky, ...rest }),
+  };
+}
+
+export function sameParameters(a: LightParameters, b: LightParameters): boolean {
+  return JSON.stringify(a) === JSON.stringify(b);
+}
+
+/** The light on show with all that its record states of it; `power` is what it has where it is not the estimate's. */
+export function statedOverrides(
+  estimate: Lighting,
+  parameters: LightParameters,
+  irradiances: Irradiances,
+): LightOverrides {
+  const { sun, sky, ground } = estimate;
+  const unchanged = sameParameters(parametersFromRecord(estimate), parameters);
+  const hasIrradiances = sun.irradiance && sky.irradiance;
+  return {
+    ...{ ...parameters, photo_exposure: sky.exposure },
+    ...(hasIrradiances ? { sun_irradiance: unchanged ? sun.irradiance : irradiances.sun } : {}),
+    ...(hasIrradiances ? { sky_irradiance: unchanged ? sky.irradiance : irradiances.sky } : {}),
+    ...(sky.cover === undefined ? {} : { sky_cover: sky.cover }),
+    ...(ground ? { ground_color: ground.color } : {}),
+  };
+}
+
+/** The camera that a record states, in the names of the service. */
+export function cameraOverrides({ camera }: Lighting): Partial<LightOverrides> {
+  return { camera_elevation: camera.elevation, camera_roll: camera.roll, vertical_fov: camera.vertical_fov };
+}
+
+/**
+ * The record as a file: the estimate's own, or an edited one without what no longer follows from it. `power` is that of
+ * the light on show; it replaces the one that the estimate states.
+ */
+export function buildRecord(
+  estimate: Estimate,
+  parameters: LightParameters,
+  irradiances: Irradiances,
+): Lighting | EditedLighting {
+  const { links: _, probability: __, surroundings: ___, ...record } = estimate;
+  if (sameParameters(parametersFromRecord(record), parameters)) return record;
+  const { azimuth, elevation } = { azimuth: parameters.sun_azimuth, elevation: parameters.sun_elevation };
+  const { cover } = record.sky;
+  const hasIrradiances = record.sky.irradiance !== undefined;
+  return {
+    ...record,
+    evidence: [],
+    warnings: [],
+    sun: {
+      ...{ azimuth, elevation, direction: [...direction(azimuth, elevation)], visibility: Number(parameters.sun) },
+      ...(hasIrradiances ? { irradiance: irradiances.sun } : {}),
+    },
+    sky: {
+      model: record.sky.model,
+      turbidity: parameters.turbidity,
+      ground_albedo: parameters.ground_albedo,
+      exposure: parameters.exposure,
+      ...(cover === undefined ? {} : { cover }),
+      ...(hasIrradiances ? { irradiance: irradiances.sky } : {}),
+    },
+  };
+}
+
+/** A photo before it is read. */
+export interface PhotoSource {
+  name: string;
+  load: (signal: AbortSignal) => Promise<File>;
+}
+
+const MAX_IN_MEMORY = 256e6; // bytes that are kept; the service takes fewer and says so
+
+/** A file that the user chose. */
+export const sourceFromFile = (file: File): PhotoSource => ({ name: file.name, load: () => readIntoMemory(file) });
+
+/** A photo that the page has already. */
+export const sourceInMemory = (file: File): PhotoSource => ({ name: file.name, load: () => Promise.resolve(file) });
+
+/** One of the page's own photos, which the service holds. */
+export const sourceFromExample = (name: string, url: string): PhotoSource => ({
+  name,
+  load: async (signal) => new File([await fetchExample(url, signal)], name, { type: "image/jpeg" }),
+});
+
+/** The same file in memory: a browser sends no file that was changed or moved on its disk after it was chosen. */
+async function readIntoMemory(file: File): Promise<File> {
+  if (file.size > MAX_IN_MEMORY) return file;
+  try {
+    return new File([await file.arrayBuffer()], file.name, { type: file.type });
+  } catch {
+    throw new Error(`${file.name} cannot be read: it is a folder, or was changed or moved. Choose it once more.`);
+  }
+}
+
+export interface Photo {
+  file: File;
+  url: string;
+  picture: HTMLCanvasElement; // upright, for the stage
+  pixels: Pixels; // the same, small, to look for ground and shade
+  metadata: PhotoMetadata;
+  byService: boolean; // whether the service decoded it
+}
+
+const MAX_BACKDROP = 2048; // pixels of the stage's backdrop
+const MAX_ANALYSIS = 256; // pixels of the picture that is looked at
+
+/**
+ * Decodes a file here, or by the service where this browser cannot, as most cannot with HEIC, or where it may show it
+ * another way up, as a WebP with an orientation.
+ */
+export async function decodePhoto(file: File, signal: AbortSignal): Promise<Photo> {
+  const metadata = await readMetadata(file);
+  const local = metadata.rotated ? null : await decodeImage(file);
+  const image = local ?? (await decodeImage(await fetchUprightPhoto(file, signal)));
+  if (!image) throw new Error(`${file.name} cannot be shown.`);
+  const picture = drawScaled(image, MAX_BACKDROP);
+  return { file, url: image.src, picture, pixels: readPixels(image), metadata: metadata, byService: !local };
+}
+
+export const aspectRatio = ({ picture }: Photo): number => picture.width / picture.height;
+
+async function decodeImage(file: Blob): Promise<HTMLImageElement | null> {
+  const image = new Image();
+  image.src = URL.createObjectURL(file);
+  try {
+    await image.decode();
+    return image;
+  } catch {
+    URL.revokeObjectURL(image.src);
+    return null;
+  }
+}
+
+function drawScaled(image: HTMLImageElement, maxSide: number): HTMLCanvasElement {
+  const { naturalWidth: width, naturalHeight: height } = image;
+  const scale = Math.min(1, maxSide / Math.max(width, height));
+  const canvas = document.createElement("canvas");
+  canvas.width = Math.max(1, Math.round(width * scale));
+  canvas.height = Math.max(1, Math.round(height * scale));
+  canvas.getContext("2d")?.drawImage(image, 0, 0, canvas.width, canvas.height);
+  return canvas;
+}
+
+function readPixels(image: HTMLImageElement): Pixels {
+  const small = drawScaled(image, MAX_ANALYSIS);
+  const context = small.getContext("2d", { willReadFrequently: true });
+  if (!context) throw new Error("This browser draws no pictures.");
+  return context.getImageData(0, 0, small.width, small.height);
+}
+
+export const SHAPES = ["sphere", "teapot", "knot", "box", "own"] as const; // own: the user's file
+export const FINISHES = ["mirror", "glossy", "matte", "file's own"] as const;
+
+export type Shape = (typeof SHAPES)[number];
+export type Finish = (typeof FINISHES)[number];

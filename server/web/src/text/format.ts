@@ -1,0 +1,155 @@
+/** Numbers and answers as text, as `lighting preview` writes them. */
+
+import type { Lighting } from "../api";
+import { wrapAzimuth } from "../geometry/angles";
+
+export interface NamedValue {
+  name: string;
+  value: string;
+  note?: string;
+}
+
+/** 54 is "54° right", 120 "120° right (behind)". */
+export function formatAzimuth(azimuth: number): string {
+  const size = Math.round(Math.abs(azimuth));
+  if (size === 0) return "straight ahead";
+  if (size === 180) return "straight behind";
+  return `${size}° ${azimuth < 0 ? "left" : "right"}${size > 90 ? " (behind)" : ""}`;
+}
+
+/** One decimal below 10, none above. */
+export const formatShort = (value: number): string => (value < 9.95 ? value.toFixed(1) : value.toFixed(0));
+
+export const formatPercent = (share: number): string => {
+  const value = 100 * share;
+  return value > 0 && value < 0.95
+    ? value < 0.1
+      ? "<\u00a00.1\u00a0%"
+      : `${value.toFixed(1)}\u00a0%`
+    : `${value.toFixed(0)}\u00a0%`;
+};
+
+/** Three significant digits, never as a power of ten. */
+export const formatFactor = (value: number): string => String(Number(value.toPrecision(3)));
+
+export const isSunny = (lighting: Lighting): boolean => lighting.sun.visibility >= 0.5;
+
+/** The numbers of a record; `errors` are the median errors of the model card, where it states them. */
+export function estimateRows({ sun, sky, camera }: Lighting, medianErrors: Record<string, number> = {}): NamedValue[] {
+  const note = (name: string, unit: string): { note: string } | undefined => {
+    const error = medianErrors[`${name}_median`];
+    return error === undefined ? undefined : { note: `± ${error}${unit}` };
+  };
+  return [
+    { name: "Sun azimuth", value: formatAzimuth(sun.azimuth).replace(" (behind)", ""), ...note("sun_azimuth", "°") },
+    { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°`, ...note("sun_elevation", "°") },
+    {
+      name: "Sun, 50\u00a0% within",
+      value: `${formatShort(sun.radius_50)}°`,
+      note: `90\u00a0%: ${formatShort(sun.radius_90)}°`,
+    },
+    { name: "Direct sun", value: formatPercent(sun.visibility) },
+    { name: "Turbidity", value: sky.turbidity.toFixed(1), ...note("turbidity", "") },
+    { name: "Exposure", value: formatFactor(sky.exposure), ...note("exposure", " stops") },
+    {
+      name: "Camera elevation",
+      value: `${Math.abs(camera.elevation).toFixed(1)}° ${camera.elevation > -0.05 ? "up" : "down"}`,
+      ...note("camera_elevation", "°"),
+    },
+    {
+      name: "Camera roll",
+      value: `${(Math.round(camera.roll * 10) / 10 + 0).toFixed(1)}°`,
+      ...note("camera_roll", "°"),
+    },
+    { name: "Vertical field of view", value: `${camera.vertical_fov.toFixed(1)}°`, ...note("vertical_fov", "°") },
+  ];
+}
+
+/** Why a photo's own radius and the usual error differ; empty where the service states no errors. */
+export function explainAccuracy({ sun }: Lighting, medianErrors: Record<string, number>): string {
+  const usual = medianErrors.sun_azimuth_median;
+  if (usual === undefined) return "";
+  const surer = sun.radius_50 < usual ? "surer than most" : "no surer than most";
+  return (
+    `± is the median error over all test photos, easy and hard. The ${formatShort(sun.radius_50)}° are of this photo alone: ` +
+    `half of the sun's probability lies within them, so the network is ${surer} here. Half of such suns lie outside.`
+  );
+}
+
+const [SURE_RADIUS, VAGUE_RADIUS, LOST_RADIUS] = [8, 20, 45]; // degrees around the sun that hold half of the probability
+const MIN_SUITABLE = 0.5;
+const MAX_NO_SUN = 0.25; // probability of direct sunlight from which on its absence is not certain
+
+export interface Headline {
+  title: string;
+  text: string;
+  kind: "sunny" | "grey" | "unsuitable";
+}
+
+export const isSuitable = ({ suitable }: Lighting): boolean => suitable === undefined || suitable >= MIN_SUITABLE;
+
+export function buildHeadline(lighting: Lighting): Headline {
+  const { azimuth, elevation, radius_50, radius_90 } = lighting.sun;
+  const position = `${formatAzimuth(azimuth)}, ${elevation.toFixed(0)}° high`;
+  if (!isSuitable(lighting)) {
+    const text = "The answer below is what an outdoor photo with these pixels would mean; do not rely on it.";
+    return { title: "This does not look like an outdoor daylight photo", text, kind: "unsuitable" };
+  }
+  if (!isSunny(lighting)) {
+    const text = `An overcast or shaded scene is ${formatPercent(1 - lighting.sun.visibility)} likely. If the sun shone, it would ${
+      radius_50 > LOST_RADIUS ? "be anywhere" : `stand ${formatSide(azimuth)}, ${formatHeight(elevation)}`
+    }.`;
+    const title = lighting.sun.visibility < MAX_NO_SUN ? "No direct sun" : "Probably no direct sun";
+    return { title, text, kind: "grey" };
+  }
+  const radiiText = `Half of the probability lies within ${formatShort(radius_50)}°, 90\u00a0% within ${formatShort(radius_90)}°.`;
+  if (radius_50 <= SURE_RADIUS) return { title: `Sun ${position}`, text: radiiText, kind: "sunny" };
+  if (radius_50 <= VAGUE_RADIUS) return { title: `Sun about ${position}`, text: radiiText, kind: "sunny" };
+  const bestGuess = `Best guess: ${position}. ${radiiText}`;
+  if (radius_50 <= LOST_RADIUS) return { title: `Sun probably ${formatSide(azimuth)}`, text: bestGuess, kind: "sunny" };
+  return { title: "The sun shines, but from where is hard to tell", text: bestGuess, kind: "sunny" };
+}
+
+/** The side of the camera, in words. */
+export function formatSide(azimuth: number): string {
+  const [angle, side] = [Math.abs(azimuth), azimuth < 0 ? "left" : "right"];
+  if (angle <= 22.5) return "in front of the camera";
+  if (angle <= 67.5) return `ahead, to the ${side}`;
+  if (angle <= 112.5) return `${side} of the camera`;
+  return angle <= 157.5 ? `behind the camera, to the ${side}` : "behind the camera";
+}
+
+function formatHeight(elevation: number): string {
+  return elevation < 15 ? "low" : elevation < 45 ? "at half height" : "high";
+}
+
+const INFERRED_ROTATION = /how (it is|they are) turned/i; // the service's words where nothing in common says it
+
+/** What a service does with several photos beside answering them together, by whether it matches them. */
+export const formatMatching = (matching: boolean): string =>
+  matching
+    ? ", and turned by what they show in common"
+    : "; how they are turned is inferred from compasses or light, for this service does not compare their pixels";
+
+/** Why the turn of a photo is a guess, in the service's words; empty where it is none. */
+export const rotationWarning = ({ warnings }: Lighting): string =>
+  warnings.filter((text) => INFERRED_ROTATION.test(text)).join(" ");
+
+/** "32° right of photo 1"; empty for the first photo, and where the headings were given. */
+export function formatRotation(lighting: Lighting, index: number, digits = 0): string {
+  const rotation = lighting.camera.relative_heading;
+  if (index === 0 || rotation === undefined) return "";
+  const size = Math.abs(wrapAzimuth(rotation)).toFixed(digits);
+  const text =
+    Number(size) === 0 ? "as photo 1" : `${size}° ${wrapAzimuth(rotation) < 0 ? "left" : "right"} of photo 1`;
+  return hasMatches(lighting) ? text : `perhaps ${text}`;
+}
+
+/** The sentence on the turn of one photo among others; empty where nothing was looked for. */
+export function describeRotation(lighting: Lighting, index: number): string {
+  if (!hasMatches(lighting)) return rotationWarning(lighting);
+  const text = formatRotation(lighting, index, 1);
+  return `How the photos are turned was found in what they show in common${text && `: this one ${text}`}.`;
+}
+
+const hasMatches = (lighting: Lighting): boolean => lighting.evidence.includes("turns") && !rotationWarning(lighting);

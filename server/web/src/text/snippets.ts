@@ -1,0 +1,90 @@
+/** The light on show as a command and as a program, to be copied. */
+
+import { formatValue, type LightOverrides, photoQuery } from "../api";
+import type { UserInput } from "./metadata";
+import { formatUtcOffset, parseUtcOffset } from "./time";
+
+export interface SnippetInput {
+  origin: string; // of the service, with a slash at its end
+  photo: string; // its file name
+  offsetText: UserInput;
+  overrides: LightOverrides | undefined; // the light on show where it is another than the estimate
+  height: number;
+  keyed: boolean; // whether the service asks for an API key
+}
+
+const quoteShell = (quotePython: string): string => `'${quotePython.replaceAll("'", "'\\''")}'`;
+const quotePython = (value: string): string => JSON.stringify(value);
+const quoteFormName = (name: string): string => `"${name.replaceAll(/["\\]/g, "\\$&")}"`; // as curl reads names in -F
+const fileStem = (photo: string): string => photo.replace(/\.\w+$/, "") || "photo";
+
+/** A curl command that writes the environment map. */
+export function writeCurl({ origin, photo, offsetText: userInput, overrides, height, keyed }: SnippetInput): string {
+  const key = keyed ? " -H 'Authorization: Bearer YOUR_KEY'" : "";
+  const query = photoQuery(userInput, overrides);
+  query.set("height", String(height));
+  const parts = [`photo=@${quoteFormName(photo)}`, `${origin}v1/envmap?${query}`, `${fileStem(photo)}.exr`].map(
+    quoteShell,
+  );
+  return `curl -f${key} -F ${parts[0]} ${parts[1]} -o ${parts[2]}`;
+}
+
+/** A Python program that writes the same map with the library alone. */
+export function writePython({ photo, offsetText: userInput, overrides, height }: SnippetInput): string {
+  const input = userInputArguments(userInput);
+  const photoExposure = overrides?.photo_exposure;
+  const exposure = photoExposure === undefined ? "" : `, exposure=${formatValue(photoExposure)}`;
+  const lines = [
+    ...(input.includes("datetime") ? ["from datetime import datetime", ""] : []),
+    `from lighting import Estimator, ${input ? "Given, " : ""}write_exr`,
+    `from lighting.envmap import ${overrides ? "change, " : ""}place_of, view`,
+    "from lighting.photo import read_photo",
+    "",
+    `name = ${quotePython(photo)}`,
+    "",
+    "",
+    "def finer(side):",
+    "    return read_photo(name, target=side).pixels",
+    "",
+    "",
+    "photo = read_photo(name)",
+    `estimate = Estimator()(photo${input && `, Given(${input})`})`,
+    ...(overrides ? ["changes = {", ...overrideEntries(overrides), "}"] : []),
+    `lighting = ${overrides ? "change(estimate.lighting, changes)" : "estimate.lighting"}`,
+    `place = place_of(estimate, photo.pixels, ${height}, finer${exposure})`,
+    `image, lighting = view(lighting, ${height}, ${overrides ? `sun=${overrides.sun ? "True" : "False"}, ` : ""}place=place)`,
+    `write_exr(${quotePython(`${fileStem(photo)}.exr`)}, image, lighting)`,
+  ];
+  return `${lines.join("\n")}\n`;
+}
+
+/** The entries of the dictionary of changes. */
+function overrideEntries(light: LightOverrides): string[] {
+  const numbers = ["sun_azimuth", "sun_elevation", "turbidity", "exposure"] as const;
+  const camera = ["camera_elevation", "camera_roll", "vertical_fov"] as const;
+  const stated = ["sun_irradiance", "sky_irradiance", "sky_cover", "ground_color"] as const;
+  return [...numbers, ...stated, ...camera].flatMap((name) => {
+    const value = light[name];
+    if (value === undefined) return [];
+    return [
+      `    "${name}": ${typeof value === "number" ? formatValue(value) : `(${value.map(formatValue).join(", ")})`},`,
+    ];
+  });
+}
+
+/** The arguments of `Given` for what the user said; empty where nothing was. */
+function userInputArguments(userInput: UserInput): string {
+  const parts = userInput.exif ? [] : ["use_exif=False"];
+  const hours = parseUtcOffset(userInput.utc_offset);
+  const offset = hours === undefined ? "" : formatUtcOffset(hours);
+  if (userInput.time) parts.push(`time=datetime.fromisoformat(${quotePython(userInput.time + offset)})`);
+  else if (hours !== undefined) parts.push(`utc_offset=${hours}`);
+  const numbers = {
+    latitude: userInput.lat,
+    longitude: userInput.lon,
+    heading: userInput.heading,
+    vertical_fov: userInput.fov,
+  };
+  for (const [name, value] of Object.entries(numbers)) if (value) parts.push(`${name}=${Number(value)}`);
+  return parts.join(", ");
+}

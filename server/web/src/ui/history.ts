@@ -1,0 +1,96 @@
+/** Undo and redo: states one after another, two buttons, and the keys that everybody knows. */
+
+import { byId } from "../dom";
+
+const TOGETHER = 800; // ms within which changes of the same kind count as one, of keys
+
+/** The number of no gesture. */
+export const NO_GESTURE = 0;
+
+export class History<State> {
+  private past: State[] = [];
+  private future: State[] = [];
+  private kind = "";
+  private gesture = NO_GESTURE;
+  private last = Number.NEGATIVE_INFINITY;
+
+  constructor(
+    private now: State,
+    private readonly clock: () => number = () => performance.now(),
+  ) {}
+
+  get state(): State {
+    return this.now;
+  }
+
+  get canUndo(): boolean {
+    return this.past.length > 0;
+  }
+
+  get canRedo(): boolean {
+    return this.future.length > 0;
+  }
+
+  /**
+   * A new state. Steps of one `kind` are undone together if they are of one gesture of the pointer, however long it
+   * takes, or, without one, follow each other quickly, as those of a key that is held down.
+   */
+  push(state: State, kind: string, gesture = NO_GESTURE): void {
+    const time = this.clock();
+    const quick = gesture !== NO_GESTURE || time - this.last <= TOGETHER;
+    const together = kind === this.kind && gesture === this.gesture && quick;
+    if (!together || this.past.length === 0) this.past.push(this.now);
+    this.kind = kind;
+    this.gesture = gesture;
+    this.last = time;
+    this.future = [];
+    this.now = state;
+  }
+
+  undo(): State {
+    const before = this.past.pop();
+    if (before !== undefined) {
+      this.future.push(this.now);
+      this.now = before;
+    }
+    this.kind = "";
+    return this.now;
+  }
+
+  redo(): State {
+    const after = this.future.pop();
+    if (after !== undefined) {
+      this.past.push(this.now);
+      this.now = after;
+    }
+    this.kind = "";
+    return this.now;
+  }
+}
+
+/** `history` gives the one that counts now; `changed` is called after each step. */
+export function listenForUndo<State>(history: () => History<State> | undefined, changed: () => void): void {
+  const step = (kind: "undo" | "redo"): void => {
+    history()?.[kind]();
+    changed();
+  };
+  byId("undo").addEventListener("click", () => step("undo"));
+  byId("redo").addEventListener("click", () => step("redo"));
+  document.addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || isTyped(event.target)) return;
+    const key = event.key.toLowerCase();
+    if (key !== "z" && key !== "y") return;
+    event.preventDefault();
+    step(key === "y" || event.shiftKey ? "redo" : "undo");
+  });
+}
+
+export function showUndo<State>(history: History<State>): void {
+  byId<HTMLButtonElement>("undo").disabled = !history.canUndo;
+  byId<HTMLButtonElement>("redo").disabled = !history.canRedo;
+}
+
+/** Whether keys go into a text: it has an undo of its own. */
+function isTyped(target: EventTarget | null): boolean {
+  return target instanceof HTMLInputElement && !["range", "checkbox", "radio", "file"].includes(target.type);
+}

@@ -1,0 +1,89 @@
+/** What is drawn over the photo and over the map: horizon, sun, the sun's regions, the photo's frame. */
+
+import type { Lighting, LightParameters } from "../api";
+import { createSvg, drawPath, drawSun, drawText } from "../dom";
+import { clamp, direction, type Vector } from "../geometry/angles";
+import { type Camera, horizon, type Point, type SunMark, sunMark } from "../geometry/camera";
+import { photoOutline, placeShareLabels, type ShareLabel, splitAtSeam, sunRegions, toMap } from "../geometry/sphere";
+
+const SHARE = 12; // px, the letters of a region's share
+const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its words can meet the horizon's name
+const SUN_HEIGHT = 52; // px, so for the distance in height
+
+type Line = NonNullable<ReturnType<typeof horizon>>;
+
+const sunClass = (parameters: LightParameters): string => (parameters.sun ? "sun" : "sun pale");
+
+export function drawPhotoMarkers(camera: Camera, parameters: LightParameters, width: number, height: number): Node[] {
+  const size = { width, height };
+  const mark = sunMark(direction(parameters.sun_azimuth, parameters.sun_elevation), camera, size, 12);
+  const line = horizon(camera, size);
+  const sun = mark.inside
+    ? [drawSun(mark.point, 8, sunClass(parameters))]
+    : drawArrow(mark, size, line, sunClass(parameters));
+  return [...(line ? drawHorizon(line, mark, width, height) : []), ...sun];
+}
+
+/** The horizon with its name at the left, or at the right where the sun's mark stands in the way. */
+function drawHorizon(line: Line, sun: SunMark, width: number, height: number): Node[] {
+  const occupied = sun.point[0] < SUN_WIDTH && Math.abs(sun.point[1] - lineHeight(line, 10)) < SUN_HEIGHT;
+  const x = occupied ? width - 10 : 10;
+  const y = lineHeight(line, x);
+  const label = y > 24 && y < height ? [drawText([x, y - 7], "horizon", occupied ? "label end" : "label")] : [];
+  return [drawPath(line, "rim"), drawPath(line, "line"), ...label];
+}
+
+const lineHeight = ([[x0, y0], [x1, y1]]: Line, x: number): number => y0 + ((y1 - y0) * (x - x0)) / (x1 - x0);
+
+/** An arrow towards the sun, and words below or above it, on the side that the horizon does not cross. */
+function drawArrow(
+  { point: [x, y], ray: [u, v], behind }: SunMark,
+  size: { width: number; height: number },
+  line: Line | null,
+  kind: string,
+): Node[] {
+  const corner = (back: number, sideways: number): Point => [x - u * back - v * sideways, y - v * back + u * sideways];
+  const head = [[x, y] as Point, corner(20, 11), corner(14, 0), corner(20, -11)];
+  const points = head.map((point) => point.map((value) => value.toFixed(1)).join(",")).join(" ");
+  const caption = behind ? "sun behind" : "sun";
+  const reach = 4 * caption.length + 8;
+  const drop = line ? lineHeight(line, x) - y : SUN_HEIGHT;
+  const under = Math.abs(drop) < SUN_HEIGHT ? drop < 0 : y < size.height / 2;
+  const below = under ? 34 : -24;
+  const label: Point = [clamp(x - 14 * u, reach, size.width - reach), clamp(y - 14 * v + below, 16, size.height - 10)];
+  return [createSvg("polygon", { points, class: `arrow ${kind}` }), drawText(label, caption, `label middle ${kind}`)];
+}
+
+export function drawMapMarkers(
+  lighting: Lighting,
+  parameters: LightParameters,
+  aspect: number,
+  width: number,
+  height: number,
+): Node[] {
+  const toPoint = (towards: Vector): Point => {
+    const [x, y] = toMap(towards);
+    return [(x * width) / 2, y * height];
+  };
+  const curve = (line: Vector[], kind: string): Node[] =>
+    splitAtSeam(line.map(toPoint), width / 2).flatMap((piece) => [drawPath(piece, "rim"), drawPath(piece, kind)]);
+  const regions = sunRegions(lighting);
+  const caption = [
+    [0.25, "90° left"],
+    [0.5, "front"],
+    [0.75, "90° right"],
+  ] as const;
+  return [
+    ...curve(photoOutline(lighting.camera, aspect), "line"),
+    ...regions.flatMap(({ lines, kind }) => lines.flatMap((line) => curve(line, kind))),
+    ...caption.map(([share, word]) => drawText([width * share, height - 10], word, "label middle")),
+    ...drawShareLabels(placeShareLabels(regions, toPoint, SHARE, [[0, 0], [width, height]]), SHARE), // biome-ignore format: corners
+    drawSun(toPoint(direction(parameters.sun_azimuth, parameters.sun_elevation)), 6, sunClass(parameters)),
+  ];
+}
+
+/** The shares of the sun's regions in words, with letters of that size. */
+export const drawShareLabels = (spots: ShareLabel[], size: number): SVGElement[] =>
+  spots.map(({ center: [x, y], share, pale }) =>
+    drawText([x, y + 0.36 * size], share, `share middle${pale ? " pale" : ""}`),
+  );

@@ -1,0 +1,230 @@
+import { describe, expect, it } from "vitest";
+import type { Estimate, Irradiances, Lighting } from "../src/api";
+import { buildRecord, parametersFromRecord, sameParameters } from "../src/state";
+import {
+  buildHeadline,
+  describeRotation,
+  estimateRows,
+  explainAccuracy,
+  formatAzimuth,
+  formatFactor,
+  formatMatching,
+  formatPercent,
+  formatRotation,
+  formatShort,
+  formatSide,
+} from "../src/text/format";
+import { describeCameraTilt, NO_USER_INPUT } from "../src/text/metadata";
+
+const RECORD: Lighting = {
+  model: { name: "outdoor", version: "1.0.0" },
+  sun: {
+    azimuth: 54,
+    elevation: 24.2,
+    direction: [0.738, 0.41, -0.536],
+    visibility: 0.97,
+    radius_50: 9.54,
+    radius_90: 25,
+  },
+  sky: { model: "hosek-wilkie", turbidity: 4.5, ground_albedo: 0.3, exposure: 10.4567, coefficients: { r: [1] } },
+  camera: { elevation: -3.6, roll: -0.04, vertical_fov: 63.1 },
+  evidence: ["pixels", "time+place"],
+  warnings: [],
+};
+
+const ESTIMATE: Estimate = {
+  ...RECORD,
+  links: { envmap: "v1/envmap" },
+  probability: { grid: "rings:1x1", azimuth: [0], elevation: [45], probability: [1] },
+};
+
+describe("words", () => {
+  it("say where the sun is", () => {
+    expect([0.4, -41.2, 54, -120, 179.7, 90.4].map(formatAzimuth)).toEqual([
+      "straight ahead",
+      "41° left",
+      "54° right",
+      "120° left (behind)",
+      "straight behind",
+      "90° right",
+    ]);
+  });
+
+  it("round numbers as far as they mean something", () => {
+    expect([9.94, 9.96, 25.4].map(formatShort)).toEqual(["9.9", "10", "25"]);
+    expect([0, 0.0002, 0.004, 0.32, 1].map(formatPercent)).toEqual([
+      "0\u00a0%",
+      "<\u00a00.1\u00a0%",
+      "0.4\u00a0%",
+      "32\u00a0%",
+      "100\u00a0%",
+    ]);
+    expect([10.4567, 0.0213, 1234].map(formatFactor)).toEqual(["10.5", "0.0213", "1230"]);
+  });
+
+  it("explain why this photo's radius and the usual error differ", () => {
+    const text = explainAccuracy(RECORD, { sun_azimuth_median: 24.8 });
+    expect(text).toContain("The 9.5° are of this photo alone");
+    expect(text).toContain("surer than most");
+    expect(
+      explainAccuracy({ ...RECORD, sun: { ...RECORD.sun, radius_50: 40 } }, { sun_azimuth_median: 24.8 }),
+    ).toContain("no surer than most");
+    expect(explainAccuracy(RECORD, {})).toBe("");
+  });
+
+  it("name the numbers, with their errors where these are known", () => {
+    const rows = estimateRows(RECORD, { camera_elevation_median: 3.4 });
+    expect(rows.find(({ name }) => name === "Camera elevation")).toEqual({
+      name: "Camera elevation",
+      value: "3.6° down",
+      note: "± 3.4°",
+    });
+    expect(rows.find(({ name }) => name === "Camera roll")).toEqual({ name: "Camera roll", value: "0.0°" });
+    const level = estimateRows({ ...RECORD, camera: { ...RECORD.camera, elevation: -0.04 } }, {});
+    expect(level.find(({ name }) => name === "Camera elevation")).toEqual({
+      name: "Camera elevation",
+      value: "0.0° up",
+    });
+  });
+});
+
+describe("the headline", () => {
+  const titleFor = (sun: Partial<Lighting["sun"]>, rest: Partial<Lighting> = {}): string =>
+    buildHeadline({ ...RECORD, ...rest, sun: { ...RECORD.sun, ...sun } }).title;
+
+  it("is as soft as the answer", () => {
+    expect(titleFor({ radius_50: 6 })).toBe("Sun 54° right, 24° high");
+    expect(titleFor({ radius_50: 12 })).toBe("Sun about 54° right, 24° high");
+    expect(titleFor({ radius_50: 30, azimuth: 95 })).toBe("Sun probably right of the camera");
+    expect(titleFor({ radius_50: 60 })).toBe("The sun shines, but from where is hard to tell");
+    expect(buildHeadline(RECORD).text).toContain("within 9.5°, 90\u00a0% within 25°");
+  });
+
+  it("says when no sun is to be seen", () => {
+    expect(titleFor({ visibility: 0.2 })).toBe("No direct sun");
+    expect(titleFor({ visibility: 0.4 })).toBe("Probably no direct sun");
+    const { text } = buildHeadline({ ...RECORD, sun: { ...RECORD.sun, visibility: 0.2 } });
+    expect(text).toContain(
+      "is 80\u00a0% likely. If the sun shone, it would stand ahead, to the right, at half height.",
+    );
+  });
+
+  it("says when the photo is none of outdoor daylight, where the service tells", () => {
+    expect(titleFor({}, { suitable: 0.2 })).toBe("This does not look like an outdoor daylight photo");
+    expect(titleFor({ radius_50: 6 }, { suitable: 0.9 })).toBe("Sun 54° right, 24° high");
+  });
+
+  it("names every side", () => {
+    expect([0, 40, -90, 130, -179].map(formatSide)).toEqual([
+      "in front of the camera",
+      "ahead, to the right",
+      "left of the camera",
+      "behind the camera, to the right",
+      "behind the camera",
+    ]);
+  });
+});
+
+describe("how the camera was held", () => {
+  const gravity = { ...RECORD, evidence: ["pixels", "gravity"] };
+
+  it("is told as the answer has it where the file says it", () => {
+    expect(describeCameraTilt(gravity, NO_USER_INPUT).value).toBe(
+      "looks 4° down with a roll of 0°, by the file and the picture",
+    );
+    const up = { ...gravity, camera: { ...RECORD.camera, elevation: 12.4, roll: -2.6 } };
+    expect(describeCameraTilt(up, NO_USER_INPUT).value).toBe(
+      "looks 12° up with a roll of -3°, by the file and the picture",
+    );
+  });
+
+  it("is told as the file has it where the picture contradicts it", () => {
+    const sentence =
+      "By its metadata the camera looks 80° up with a roll of 2°, by the pixels it looks 4° down with a roll of 0°";
+    const warnings = [
+      "Another one.",
+      `${sentence}: the photo may be cropped. What the metadata say of it was not used.`,
+    ];
+    const value = "looks 80° up with a roll of 2°: not used, see the warning";
+    expect(describeCameraTilt({ ...RECORD, warnings }, NO_USER_INPUT)).toEqual({ name: "Held", value });
+  });
+
+  it("is absent, or not looked for", () => {
+    expect(describeCameraTilt(RECORD, NO_USER_INPUT).value).toBe("not in the file");
+    expect(describeCameraTilt(RECORD, { ...NO_USER_INPUT, exif: false }).value).toBe("not looked for");
+  });
+});
+
+describe("the turns of several photos", () => {
+  const rotatedLighting = (relative_heading: number, evidence: string[], warnings: string[] = []): Lighting => ({
+    ...RECORD,
+    ...{ evidence, warnings, camera: { ...RECORD.camera, relative_heading } },
+  });
+  const matched = ["pixels", "turns", "other photos"];
+  const guessed = "Nothing in it was found in the other photos: how it is turned is inferred from its light alone.";
+
+  it("are told as the photos show them", () => {
+    expect(formatRotation(rotatedLighting(32.13, matched), 1)).toBe("32° right of photo 1");
+    expect(formatRotation(rotatedLighting(340, matched), 1)).toBe("20° left of photo 1");
+    expect(formatRotation(rotatedLighting(359.9, matched), 1)).toBe("as photo 1");
+    expect(formatRotation(rotatedLighting(0, matched), 0)).toBe("");
+    expect(describeRotation(rotatedLighting(32.13, matched), 1)).toMatch(
+      /in common: this one 32\.1° right of photo 1\.$/,
+    );
+    expect(describeRotation(rotatedLighting(0, matched), 0)).toMatch(/in common\.$/);
+  });
+
+  it("are promised where the service matches photos, and only there", () => {
+    expect(formatMatching(true)).toContain("in common");
+    expect(formatMatching(false)).toContain("does not compare their pixels");
+  });
+
+  it("are a guess where nothing in common says them", () => {
+    expect(formatRotation(rotatedLighting(57, ["pixels", "other photos"], [guessed]), 1)).toBe(
+      "perhaps 57° right of photo 1",
+    );
+    expect(describeRotation(rotatedLighting(57, ["pixels", "other photos"], [guessed]), 1)).toBe(guessed);
+    expect(formatRotation(rotatedLighting(244, matched, [guessed]), 2)).toBe("perhaps 116° left of photo 1");
+    expect(describeRotation(rotatedLighting(244, matched, ["Its heading is off.", guessed]), 2)).toBe(guessed);
+  });
+
+  it("are left out where the headings were given", () => {
+    expect([formatRotation(RECORD, 1), describeRotation(RECORD, 1)]).toEqual(["", ""]);
+  });
+});
+
+describe("the record on show", () => {
+  const parameters = parametersFromRecord(RECORD);
+  const irradiances: Irradiances = { sun: [3, 2, 1], sky: [1, 2, 3] };
+
+  it("is the estimate's own until something is changed", () => {
+    expect(sameParameters(parameters, parametersFromRecord(RECORD))).toBe(true);
+    expect(buildRecord(ESTIMATE, parameters, irradiances)).toEqual(RECORD);
+  });
+
+  it("leaves out what no longer follows when it is edited", () => {
+    const edited = buildRecord(ESTIMATE, { ...parameters, sun_azimuth: 90, sun_elevation: 0, sun: false }, irradiances);
+    expect(edited.sky).not.toHaveProperty("coefficients");
+    expect(edited.sun.visibility).toBe(0);
+    expect(edited.sun.direction.map(Math.round)).toEqual([1, 0, -0]);
+    expect(edited.camera).toEqual(RECORD.camera);
+    expect(edited.evidence).toEqual([]);
+  });
+
+  it("carries no radii and no visibility of the estimate once it is edited", () => {
+    const { sun } = buildRecord(ESTIMATE, { ...parameters, sun_azimuth: 90 }, irradiances);
+    expect(Object.keys(sun).sort()).toEqual(["azimuth", "direction", "elevation", "visibility"]);
+    expect(sun.visibility).toBe(1);
+  });
+
+  it("states the power of the light on show where the estimate states one", () => {
+    const sky = { ...RECORD.sky, cover: 0.3, irradiance: [9, 9, 9] as [number, number, number] };
+    const edited = buildRecord({ ...ESTIMATE, sky }, { ...parameters, turbidity: 5 }, irradiances);
+    expect([edited.sun.irradiance, edited.sky.irradiance, edited.sky.cover]).toEqual([
+      irradiances.sun,
+      irradiances.sky,
+      0.3,
+    ]);
+    expect(buildRecord(ESTIMATE, { ...parameters, turbidity: 5 }, irradiances).sky).not.toHaveProperty("irradiance");
+  });
+});

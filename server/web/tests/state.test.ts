@@ -1,0 +1,288 @@
+import { readFileSync } from "node:fs";
+import { describe, expect, it } from "vitest";
+import type { Estimate, Irradiances, Lighting } from "../src/api";
+import type { Camera, Point } from "../src/geometry/camera";
+import {
+  EYE_HEIGHT,
+  footPoint,
+  groundDistance,
+  groundPoint,
+  initialPlacement,
+  maxRadius,
+  movePlacement,
+  resizePlacement,
+  rotatePlacement,
+  shiftPlacement,
+} from "../src/geometry/placement";
+import { buildRecord, cameraOverrides, parametersFromRecord, statedOverrides } from "../src/state";
+import { metadataFromTags } from "../src/text/exif";
+import {
+  describeMetadata,
+  fillForm,
+  formatEvidence,
+  NO_USER_INPUT,
+  readForm,
+  userInputQuery,
+} from "../src/text/metadata";
+import { type SnippetInput, writeCurl, writePython } from "../src/text/snippets";
+import { History } from "../src/ui/history";
+
+const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
+const TAGS = {
+  DateTimeOriginal: "2024:08:10 17:27:34",
+  Make: "SONY",
+  Model: "ILCE-9M2",
+  FocalLengthIn35mmFormat: 20,
+  GPSLatitude: [41, 54, 3.61998],
+  GPSLatitudeRef: "N",
+  GPSLongitude: [12, 28, 46.2],
+  GPSLongitudeRef: "W",
+  GPSImgDirection: 87.4,
+  GPSImgDirectionRef: "M",
+  GPSTimeStamp: [15, 27, 34],
+  GPSDateStamp: "2024:08:10",
+};
+
+describe("what a photo says", () => {
+  const metadata = metadataFromTags(TAGS);
+
+  it("is told in words", () => {
+    expect(describeMetadata(metadata).map(({ value }) => value)).toEqual([
+      "2024-08-10 17:27:34 (time zone by GPS)",
+      "41.9010°\u00a0N, 12.4795°\u00a0W",
+      "87° from magnetic north",
+      "20 mm (as of a 35 mm camera)",
+      "SONY ILCE-9M2",
+    ]);
+    expect(new Set(describeMetadata({}).map(({ value }) => value))).toEqual(new Set(["not in the file"]));
+  });
+
+  it("is left out where it cannot be read", () => {
+    const placement = {
+      GPSLatitude: [Number.NaN, 0, 0],
+      GPSLatitudeRef: "N",
+      GPSLongitude: [5, 0, 0],
+      GPSLongitudeRef: "E",
+    };
+    const broken = { ...placement, DateTimeOriginal: "    ", GPSImgDirection: "north", Make: 3 };
+    expect(metadataFromTags({ ...broken, FocalLengthIn35mmFormat: 0 })).toEqual({});
+  });
+
+  it("fills the form, and only what was changed is given", () => {
+    const form = fillForm(metadata, NO_USER_INPUT);
+    expect([form.time, form.lat, form.heading]).toEqual(["2024-08-10T17:27:34", "41.90101", "87.4"]);
+    expect(readForm(form, metadata)).toEqual(NO_USER_INPUT);
+    expect(readForm({ ...form, lat: "42" }, metadata)).toEqual({ ...NO_USER_INPUT, lat: "42", lon: "-12.4795" });
+    expect(readForm({ ...form, exif: false }, metadata).time).toBe("2024-08-10T17:27:34");
+  });
+
+  it("was used, in words", () => {
+    expect(formatEvidence(["pixels", "time+place", "heading"])).toBe(
+      "Used: the picture itself, time and place (where the sun stood then), the compass heading.",
+    );
+    expect(formatEvidence(["pixels", "gravity"])).toBe("Used: the picture itself, how the camera was held.");
+    expect(formatEvidence(["something new"])).toBe("Used: something new.");
+  });
+
+  it("goes to the service under its own names", () => {
+    const offsetText = { ...NO_USER_INPUT, time: "2024-06-01T14:30", utc_offset: "+02:00", headings: "0,45" };
+    expect(userInputQuery(offsetText, 1).toString()).toBe("time=2024-06-01T14%3A30&utc_offset=%2B02%3A00");
+  });
+});
+
+describe("undo", () => {
+  it("takes back what was done in one go, one by one otherwise", () => {
+    let time = 0;
+    const history = new History("a", () => time);
+    history.push("b", "slide");
+    time = 100;
+    history.push("c", "slide");
+    history.push("d", "click");
+    time = 2000;
+    history.push("e", "click");
+    expect([history.undo(), history.undo(), history.undo(), history.canUndo]).toEqual(["d", "c", "a", false]);
+    expect([history.undo(), history.redo(), history.redo()]).toEqual(["a", "c", "d"]);
+    history.push("f", "click");
+    expect([history.canRedo, history.undo()]).toEqual([false, "d"]);
+  });
+
+  it("takes a gesture back in one step, whatever its pauses, and each gesture alone", () => {
+    let time = 0;
+    const history = new History("a", () => time);
+    for (const [state, gesture] of [
+      ["b", 1],
+      ["c", 1],
+      ["d", 1],
+      ["e", 2],
+      ["f", 0],
+      ["g", 0],
+    ] as const) {
+      time += state === "c" ? 5000 : 10;
+      history.push(state, "slide", gesture);
+    }
+    expect([history.undo(), history.undo(), history.undo(), history.canUndo]).toEqual(["e", "d", "a", false]);
+  });
+});
+
+describe("the object's place", () => {
+  const nearPlacement = initialPlacement(CAMERA, 4 / 3, [0.5, 0.9]);
+
+  it("is on the ground that the photo shows there", () => {
+    expect(nearPlacement.grounded).toBe(true);
+    expect(nearPlacement.position[1]).toBeCloseTo(-1.6);
+    const foot = footPoint(nearPlacement, CAMERA, 4 / 3);
+    expect(foot?.[0]).toBeCloseTo(0.5);
+    expect(foot?.[1]).toBeCloseTo(0.9);
+  });
+
+  it("is where the scenes of the service have it", () => {
+    const file = readFileSync(new URL("../../../tests/lighting/scene/spot.json", import.meta.url));
+    const { camera, aspect, shares, point } = JSON.parse(new TextDecoder().decode(file)) as {
+      camera: Camera;
+      aspect: number;
+      shares: Point;
+      point: number[];
+    };
+    const groundHit = groundPoint(camera, aspect, shares) ?? [];
+    expect(groundHit.map((metres) => metres.toFixed(4))).toEqual(point.map((metres) => metres.toFixed(4)));
+    expect(point[1]).toBe(-EYE_HEIGHT);
+  });
+
+  it("keeps its size in metres when it moves, so that it shrinks with distance", () => {
+    const far = movePlacement(nearPlacement, CAMERA, 4 / 3, [0.5, 0.7]);
+    expect(far?.radius).toBe(nearPlacement.radius);
+    expect(groundDistance(far as typeof nearPlacement)).toBeGreaterThan(2 * groundDistance(nearPlacement));
+    expect(movePlacement(nearPlacement, CAMERA, 4 / 3, [0.5, 0.2])).toBeNull();
+    expect(groundPoint({ elevation: 0, roll: 0, vertical_fov: 50 }, 1, [0.5, 0.51])).toBeNull();
+  });
+
+  it("is afloat before a camera that sees no ground", () => {
+    const floating = initialPlacement({ elevation: 50, roll: 0, vertical_fov: 40 }, 1, null);
+    expect(floating.grounded).toBe(false);
+    expect(Math.hypot(...floating.position)).toBeCloseTo(4);
+    expect(movePlacement(floating, CAMERA, 1, [0.5, 0.1])?.grounded).toBe(false);
+  });
+
+  it("is shifted, turned and scaled within bounds", () => {
+    expect(shiftPlacement(nearPlacement, 0, -1000).position[2]).toBeCloseTo(-0.3);
+    expect(rotatePlacement({ ...nearPlacement, rotation: 175 }, 10).rotation).toBeCloseTo(-175);
+    expect(resizePlacement({ ...nearPlacement, position: [0, -1.6, -80] }, 1e9).radius).toBe(20);
+  });
+
+  it("never comes so near that it takes more than 60 degrees of the view", () => {
+    for (const placement of [
+      nearPlacement,
+      shiftPlacement(nearPlacement, 0, -1000),
+      shiftPlacement(nearPlacement, 3, 20),
+    ]) {
+      const { position, radius } = resizePlacement(placement, 1e9);
+      expect(radius).toBe(maxRadius(placement));
+      expect(Math.hypot(position[0], position[1] + radius, position[2]) / radius).toBeCloseTo(2);
+    }
+    const grown = resizePlacement(shiftPlacement(nearPlacement, 0, 50), 1e9);
+    expect(maxRadius(shiftPlacement(grown, 0, -45))).toBe(shiftPlacement(grown, 0, -45).radius);
+    expect(movePlacement(grown, CAMERA, 4 / 3, [0.5, 0.9])?.radius).toBe(maxRadius(nearPlacement));
+  });
+});
+
+describe("the light on show as text", () => {
+  const subject: SnippetInput = {
+    origin: "http://127.0.0.1:8000/",
+    photo: "it's.jpg",
+    offsetText: { ...NO_USER_INPUT, time: "2024-06-01T14:30", utc_offset: "+02:00", lat: "48.14", lon: "11.58" },
+    overrides: undefined,
+    height: 512,
+    keyed: false,
+  };
+  const light = { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3, exposure: 5, ground_albedo: 0.3, sun: false };
+  const movedInput = { ...subject, overrides: light };
+
+  it("is a curl command", () => {
+    expect(writeCurl(subject)).toBe(
+      `curl -f -F 'photo=@"it'\\''s.jpg"' 'http://127.0.0.1:8000/v1/envmap?time=2024-06-01T14%3A30&` +
+        `utc_offset=%2B02%3A00&lat=48.14&lon=11.58&height=512' -o 'it'\\''s.exr'`,
+    );
+    expect(writeCurl({ ...subject, keyed: true })).toContain("-H 'Authorization: Bearer YOUR_KEY'");
+  });
+
+  it("quotes the file's name as curl reads it", () => {
+    expect(writeCurl({ ...subject, photo: 'a "b"; c,\\d.jpg' })).toContain(`-F 'photo=@"a \\"b\\"; c,\\\\d.jpg"' `);
+  });
+
+  it("replaces the light in the curl command", () => {
+    expect(writeCurl(movedInput)).toContain("&sun_azimuth=-41.2&sun_elevation=33&turbidity=3&exposure=5&sun=false&");
+  });
+
+  it("is a Python program", () => {
+    expect(writePython(subject)).toContain(
+      'Given(time=datetime.fromisoformat("2024-06-01T14:30+02:00"), latitude=48.14, longitude=11.58)',
+    );
+    expect(writePython({ ...subject, offsetText: NO_USER_INPUT })).not.toContain("Given");
+  });
+
+  it("writes every offset as ISO 8601 does, in the Python program", () => {
+    const program = (utc_offset: string): string =>
+      writePython({ ...subject, offsetText: { ...subject.offsetText, utc_offset } });
+    const offsets = { 2: "+02:00", "5.5": "+05:30", "-3": "-03:00", "-0330": "-03:30", Z: "+00:00" };
+    for (const [offsetText, iso] of Object.entries(offsets))
+      expect(program(offsetText)).toContain(`"2024-06-01T14:30${iso}"`);
+    const alone = { ...NO_USER_INPUT, utc_offset: "-0330" };
+    expect(writePython({ ...subject, offsetText: alone })).toContain("Given(utc_offset=-3.5)");
+  });
+
+  it("replaces the light in the Python program", () => {
+    expect(writePython(subject)).not.toContain("change");
+    expect(writePython(movedInput)).toContain("place_of(estimate, photo.pixels, 512, finer)");
+    expect(writePython(movedInput)).toContain('    "sun_azimuth": -41.2,\n');
+    expect(writePython(movedInput)).toContain("sun=False, place=place");
+    expect(writePython(movedInput)).not.toContain("irradiance");
+  });
+
+  it("replaces the camera where photos have one together, in both", () => {
+    const record = { camera: { elevation: -1.25, roll: 0.5, vertical_fov: 51.9834 } } as Lighting;
+    const changed = { ...light, ...cameraOverrides(record) };
+    expect(writeCurl({ ...subject, overrides: changed })).toContain(
+      "&camera_elevation=-1.25&camera_roll=0.5&vertical_fov=51.9834&",
+    );
+    expect(writePython({ ...subject, overrides: changed })).toContain(
+      '    "camera_elevation": -1.25,\n    "camera_roll": 0.5,\n    "vertical_fov": 51.9834,\n',
+    );
+  });
+
+  it("is a record without what the page alone asks for", () => {
+    const answer = {
+      ...{ model: { name: "", version: "" }, camera: CAMERA, evidence: [], warnings: [] },
+      sun: { azimuth: 1, elevation: 2, direction: [0, 1, 0], visibility: 1, radius_50: 9, radius_90: 30 },
+      sky: { model: "hosek-wilkie", turbidity: 3, ground_albedo: 0.3, exposure: 5 },
+      ...{ links: { envmap: "" }, probability: {}, surroundings: {} },
+    } as unknown as Estimate;
+    const record = buildRecord(answer, parametersFromRecord(answer), { sun: [0, 0, 0], sky: [0, 0, 0] });
+    expect(Object.keys(record).sort()).toEqual(["camera", "evidence", "model", "sky", "sun", "warnings"]);
+  });
+
+  it("states the power of a light that the photo alone does not have", () => {
+    const record = {
+      ...{ model: { name: "", version: "" }, camera: CAMERA, evidence: [], warnings: [] },
+      sun: { azimuth: -41.2, elevation: 33, direction: [0, 1, 0], visibility: 0, radius_50: 9, radius_90: 30 },
+      sky: { model: "hosek-wilkie", turbidity: 3, ground_albedo: 0.3, exposure: 5 },
+    } as Lighting;
+    const stated = {
+      ...record,
+      sun: { ...record.sun, irradiance: [3.89, 4.28, 3.3612345] },
+      sky: { ...record.sky, cover: 0.25, irradiance: [0.35, 0.62, 1.12] },
+      ground: { color: [0.143, 0.1, 0.1] },
+    } as Lighting;
+    const irradiances: Irradiances = { sun: [0, 0, 0], sky: [1, 2, 3] };
+    expect(statedOverrides(record, light, irradiances)).toEqual({ ...light, photo_exposure: 5 });
+    const program = writePython({ ...subject, overrides: statedOverrides(stated, light, irradiances) });
+    expect(program).toContain(
+      '    "sun_irradiance": (3.89, 4.28, 3.36123),\n    "sky_irradiance": (0.35, 0.62, 1.12),\n',
+    );
+    expect(program).toContain('    "sky_cover": 0.25,\n    "ground_color": (0.143, 0.1, 0.1),\n');
+    expect(program).toContain("finer, exposure=5)");
+    const rotated = statedOverrides(stated, { ...light, exposure: 10 }, irradiances);
+    expect(writeCurl({ ...subject, overrides: rotated })).toContain(
+      "&exposure=10&sun=false&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
+    );
+  });
+});
