@@ -2,7 +2,6 @@
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,22 +40,31 @@ def lighting_from(prediction: Prediction, sun: SunEstimate | None = None) -> Lig
     `sun` is the sun's direction by all evidence; without it, the direction is that of the network's distribution.
     """
     where = sun or sun_of(prediction)
-    values = {
-        "sun_azimuth": where.azimuth,
-        "sun_elevation": where.elevation,
-        "sun_visibility": prediction.sun_visibility,
-        "radius_50": where.radius_50,
-        "radius_90": where.radius_90,
-        "turbidity": prediction.turbidity,
-        "exposure": prediction.exposure,
-        "camera_elevation": prediction.camera_elevation,
-        "camera_roll": prediction.camera_roll,
-        "vertical_fov": prediction.vertical_fov,
-    }
-    inside: dict[str, Any] = {name: significant(float(np.clip(value, *RANGES[name]))) for name, value in values.items()}
-    spec = prediction.spec
-    inside |= strength_of(prediction.light, prediction.sun_visibility) if prediction.light else {}
-    return Lighting(**inside, model_name=spec.name, model_version=spec.version, evidence=(EvidenceKind.PIXELS,))
+    strength = strength_of(prediction.light, prediction.sun_visibility) if prediction.light else None
+    return Lighting(
+        sun_azimuth=_clipped("sun_azimuth", where.azimuth),
+        sun_elevation=_clipped("sun_elevation", where.elevation),
+        sun_visibility=_clipped("sun_visibility", prediction.sun_visibility),
+        radius_50=_clipped("radius_50", where.radius_50),
+        radius_90=_clipped("radius_90", where.radius_90),
+        turbidity=_clipped("turbidity", prediction.turbidity),
+        exposure=_clipped("exposure", prediction.exposure),
+        camera_elevation=_clipped("camera_elevation", prediction.camera_elevation),
+        camera_roll=_clipped("camera_roll", prediction.camera_roll),
+        vertical_fov=_clipped("vertical_fov", prediction.vertical_fov),
+        sun_irradiance=strength.sun_irradiance if strength else None,
+        sky_irradiance=strength.sky_irradiance if strength else None,
+        sky_cover=strength.sky_cover if strength else None,
+        suitable=strength.suitable if strength else None,
+        model_name=prediction.spec.name,
+        model_version=prediction.spec.version,
+        evidence=(EvidenceKind.PIXELS,),
+    )
+
+
+def _clipped(name: str, value: float) -> float:
+    """The value as records hold it, clipped to its range in RANGES."""
+    return significant(float(np.clip(value, *RANGES[name])))
 
 
 def best_guess(probability: ArrayLike, layout: str) -> Floats:

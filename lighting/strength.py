@@ -1,8 +1,7 @@
 """The strength and the colour of the light that the network states, set right where it is known to err."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -23,19 +22,29 @@ _TINT = 0.5  # power of the ratio of clear suns' colours; fitted to the HDR pano
 _DARKEST = 1e-6  # irradiance that stands for none where logarithms are averaged
 
 
-def strength_of(light: Light, visibility: float) -> dict[str, Any]:
-    """The fields of a Lighting that say how strong the light is.
+@dataclass(frozen=True)
+class Strength:
+    """How strong a light is; the fields are those of a Lighting."""
+
+    sun_irradiance: Colour
+    sky_irradiance: Colour
+    sky_cover: float
+    suitable: float
+
+
+def strength_of(light: Light, visibility: float) -> Strength:
+    """How strong a light is of which the network says this, of a sun with this visibility (0 to 1).
 
     Of a sun that shines the network states a little less than such suns give, for it keeps to the middle. Under cloud
     it states too weak a sky, for most such skies that it learnt from are clipped pictures.
     """
     cover = float(np.clip(light.cover, 0.0, 1.0))
-    return {
-        "sun_irradiance": clipped_colour(light.sun_irradiance * 2.0**_SHY * fading(visibility), "sun_irradiance"),
-        "sky_irradiance": clipped_colour(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
-        "sky_cover": significant(cover),
-        "suitable": significant(float(np.clip(light.suitable, 0.0, 1.0))),
-    }
+    return Strength(
+        sun_irradiance=clipped_colour(light.sun_irradiance * 2.0**_SHY * fading(visibility), "sun_irradiance"),
+        sky_irradiance=clipped_colour(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
+        sky_cover=significant(cover),
+        suitable=significant(float(np.clip(light.suitable, 0.0, 1.0))),
+    )
 
 
 def fading(visibility: float) -> float:

@@ -32,12 +32,14 @@ def change(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lightin
     changed = replace(lighting, **values)
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return changed
-    followed: dict[str, Any] = {
-        name: clipped_colour(_followed(getattr(lighting, name), power(lighting), power(changed)), name)
-        for name, power in (("sun_irradiance", _sun), ("sky_irradiance", _sky))
-        if name not in changes
-    }
-    return replace(changed, **followed)
+    followed = changed
+    if "sun_irradiance" not in changes:
+        sun = _followed(lighting.sun_irradiance, _sun(lighting), _sun(changed))
+        followed = replace(followed, sun_irradiance=clipped_colour(sun, "sun_irradiance"))
+    if "sky_irradiance" not in changes:
+        sky = _followed(lighting.sky_irradiance, _sky(lighting), _sky(changed))
+        followed = replace(followed, sky_irradiance=clipped_colour(sky, "sky_irradiance"))
+    return followed
 
 
 def _sun(lighting: Lighting) -> Floats:

@@ -1,7 +1,6 @@
 """The Estimate of one photo from all evidence."""
 
 from dataclasses import replace
-from typing import Any
 
 from lighting.decoding import lighting_from, said_elevation
 from lighting.evidence.exposure import daylight_probability, too_dark
@@ -24,37 +23,40 @@ def estimate_of(fused: Fused, known: Known) -> Estimate:
     if suitable is not None:
         suitable = _suitable(suitable, known)
         warnings = (*warnings, *(reasons(known.evidence) if suitable < SUITABLE else ()))
-    told: dict[str, Any] = {"evidence": fused.used, "warnings": warnings, "suitable": suitable}
-    told |= _headings(fused) | _sunlight(lighting, fused, known)
-    if known.location is not None:
-        told["latitude"], told["longitude"] = known.location
+    latitude, longitude = known.location or (None, None)
+    lit = _with_headings(_with_sunlight(lighting, fused, known), fused)
+    told = replace(
+        lit, evidence=fused.used, warnings=warnings, suitable=suitable, latitude=latitude, longitude=longitude
+    )
     light = fused.prediction.light
-    return Estimate(replace(lighting, **told), fused.on_cells(), light.around if light else None)
+    return Estimate(told, fused.on_cells(), light.around if light else None)
 
 
-def _headings(fused: Fused) -> dict[str, Any]:
-    """The fields of a Lighting that say where its camera points."""
-    told: dict[str, Any] = {}
-    if (heading := fused.camera_heading) is not None:
-        told["camera_heading"] = round(heading.best, 2) % 360.0
-        told["camera_heading_radius_50"] = round(heading.radius_50, 2)
-        told["camera_heading_radius_90"] = round(heading.radius_90, 2)
-        told["camera_heading_probability"] = tuple(round(float(p), 6) for p in heading.probability)
-    if fused.relative_heading is not None:
-        told["relative_heading"] = round(fused.relative_heading.best, 2) % 360.0
-    return told
+def _with_headings(lighting: Lighting, fused: Fused) -> Lighting:
+    """The same with where its camera points, as far as it is known."""
+    if (relative := fused.relative_heading) is not None:
+        lighting = replace(lighting, relative_heading=round(relative.best, 2) % 360.0)
+    if (heading := fused.camera_heading) is None:
+        return lighting
+    return replace(
+        lighting,
+        camera_heading=round(heading.best, 2) % 360.0,
+        camera_heading_radius_50=round(heading.radius_50, 2),
+        camera_heading_radius_90=round(heading.radius_90, 2),
+        camera_heading_probability=tuple(round(float(p), 6) for p in heading.probability),
+    )
 
 
-def _sunlight(lighting: Lighting, fused: Fused, known: Known) -> dict[str, Any]:
-    """The fields of a Lighting that say how the sun shines: with the colour of its height, and not from below."""
+def _with_sunlight(lighting: Lighting, fused: Fused, known: Known) -> Lighting:
+    """The same with a sun of the colour of its height, which does not shine from below the horizon."""
     irradiance = lighting.sun_irradiance
     if not known.sun_is_up:
-        return {"sun_visibility": 0.0, "sun_irradiance": None if irradiance is None else (0.0, 0.0, 0.0)}
+        return replace(lighting, sun_visibility=0.0, sun_irradiance=None if irradiance is None else (0.0, 0.0, 0.0))
     if irradiance is None:
-        return {}
+        return lighting
     said = said_elevation(fused.prediction) if fused.said_elevation is None else fused.said_elevation
     elevation = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in fused.used else said
-    return {"sun_irradiance": tinted(irradiance, said, elevation)}
+    return replace(lighting, sun_irradiance=tinted(irradiance, said, elevation))
 
 
 def _suitable(by_pixels: float, known: Known) -> float:

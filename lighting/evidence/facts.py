@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any
 
 from lighting.evidence.given import Given
 from lighting.photo import PhotoFacts, in_utc
@@ -29,7 +28,7 @@ def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
     """The photo's facts, replaced by the user's where given; a time replaces the offset, a place both coordinates."""
     merged = facts if given.use_exif else PhotoFacts()
     if given.time is not None:
-        merged = replace(merged, **_time_of(given.time))
+        merged = _taken_at(merged, given.time)
     if given.utc_offset is not None and merged.local_time is not None:
         in_zone = in_utc(merged.local_time, given.utc_offset)
         merged = replace(merged, utc_offset=given.utc_offset, utc_time=in_zone)
@@ -40,10 +39,10 @@ def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
     return replace(merged, vertical_fov=given.vertical_fov) if given.vertical_fov is not None else merged
 
 
-def _time_of(time: datetime) -> dict[str, Any]:
+def _taken_at(facts: PhotoFacts, time: datetime) -> PhotoFacts:
     if time.tzinfo is None:
-        return {"local_time": time, "utc_offset": None, "utc_time": None}
-    return {"local_time": time.replace(tzinfo=None), "utc_offset": None, "utc_time": time.astimezone(UTC)}
+        return replace(facts, local_time=time, utc_offset=None, utc_time=None)
+    return replace(facts, local_time=time.replace(tzinfo=None), utc_offset=None, utc_time=time.astimezone(UTC))
 
 
 def of_one_place(facts: Sequence[PhotoFacts]) -> list[PhotoFacts]:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence.declination import TYPICAL_DECLINATION, magnetic_declination
@@ -68,12 +67,14 @@ def _known(merged: PhotoFacts, candidates: Suns, given: Given, subject: str) -> 
     if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, below_horizon(merged, highest) + consequence)
+    heading, heading_spread = _compass(merged, given)
     evidence = replace(
         _of_camera(merged),
         candidates=_in_twilight_on_the_horizon(candidates) if highest >= CIVIL_TWILIGHT else (),
         exposure_value=merged.exposure_value,
         subject=subject,
-        **_compass(merged, given),
+        heading=heading,
+        heading_spread=heading_spread,
     )
     sun_is_up = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS
     location = location_of(merged) if given.keep_location else None
@@ -160,19 +161,19 @@ def _in_twilight_on_the_horizon(candidates: Suns) -> Suns:
     return tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, azimuth) for el, azimuth in candidates)
 
 
-def _compass(facts: PhotoFacts, given: Given) -> dict[str, Any]:
-    """The heading from true north and its spread [deg], as Evidence takes them."""
+def _compass(facts: PhotoFacts, given: Given) -> tuple[float | None, float]:
+    """The heading from true north, if it is known, and its spread [deg]."""
     if facts.heading is None:
-        return {}
+        return None, COMPASS_SPREAD
     if given.heading is not None:
-        return {"heading": facts.heading % 360.0, "heading_spread": GIVEN_HEADING_SPREAD}
+        return facts.heading % 360.0, GIVEN_HEADING_SPREAD
     if facts.heading_reference == HeadingReference.TRUE:
-        return {"heading": facts.heading % 360.0, "heading_spread": COMPASS_SPREAD}
+        return facts.heading % 360.0, COMPASS_SPREAD
     off = _declination(facts)
     if facts.heading_reference == HeadingReference.MAGNETIC and off is not None:
-        return {"heading": (facts.heading + off) % 360.0, "heading_spread": COMPASS_SPREAD}
+        return (facts.heading + off) % 360.0, COMPASS_SPREAD
     doubt = TYPICAL_DECLINATION if off is None else off
-    return {"heading": facts.heading % 360.0, "heading_spread": math.hypot(COMPASS_SPREAD, doubt)}
+    return facts.heading % 360.0, math.hypot(COMPASS_SPREAD, doubt)
 
 
 def _declination(facts: PhotoFacts) -> float | None:

@@ -23,9 +23,9 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert fading(0.1) < 1e-3
     light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
     doubtful, sure = (strength_of(light, visibility) for visibility in (0.4, 0.9))
-    assert np.array(sure["sun_irradiance"]) == pytest.approx(4.0 * 2**0.18, rel=1e-5)
-    assert np.array(doubtful["sun_irradiance"]) == pytest.approx(0.125 * 2**0.18, rel=1e-5)
-    assert doubtful["sky_irradiance"] == sure["sky_irradiance"]
+    assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.18, rel=1e-5)
+    assert np.array(doubtful.sun_irradiance) == pytest.approx(0.125 * 2**0.18, rel=1e-5)
+    assert doubtful.sky_irradiance == sure.sky_irradiance
 
 
 def test_a_sun_that_is_known_to_be_low_is_warmer_and_as_bright() -> None:
@@ -57,6 +57,6 @@ def test_a_sun_s_colour_goes_to_that_of_a_clear_one_as_high() -> None:
 
 def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:
     clear, overcast = (Light(np.ones(3), np.ones(3), cover, 1.0) for cover in (0.0, 1.0))
-    skies = [strength_of(light, 1.0)["sky_irradiance"] for light in (clear, overcast)]
+    skies = [strength_of(light, 1.0).sky_irradiance for light in (clear, overcast)]
     assert skies[0] == (1.0, 1.0, 1.0)
     assert skies[1] == pytest.approx((2**0.7,) * 3, rel=1e-5)
