@@ -10,7 +10,8 @@ The whole is what `lighting envmap` does: the photo's own sky and ground in the 
 floors are of less than the part does, for numpy's gradient finds no lines and a copy paints no sky. So the whole also
 stands beside floors with OpenCV's line segments and with Mitsuba's `sunsky` above the horizon in their place, where
 opencv-python-headless and mitsuba are installed (Mitsuba in LLVM mode, where LLVM 15 or newer is found). Then the
-command as a process of its own, its peak memory, and what it imports.
+command as a process of its own, its peak memory, and what it imports; `python -m benchmarks.processes` measures
+processes from a wheel.
 """
 
 import argparse
@@ -261,6 +262,7 @@ def print_process(command: list[str], runs: int) -> None:
     busy = min(processor_seconds(*command) for _ in range(runs))
     print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, of the processors {1000 * busy:.0f} ms")
     print(f"its peak memory: {peak_memory(*command):.0f} MB")
+    print("this is the checkout: modules that are not compiled yet cost 65 ms; benchmarks.processes measures a wheel")
     profile = import_profile(command)
     print(f"of that importing, as python -X importtime sees it: {sum(profile.values()):.0f} ms")
     for name, spent in sorted(profile.items(), key=lambda item: -item[1])[:8]:

@@ -1,0 +1,106 @@
+"""Commands as processes of an installed wheel: their time, processor time and peak memory.
+
+    python -m benchmarks.processes [--against FOLDER] [--runs 21]
+
+A wheel of this checkout is built and unpacked with compiled modules; its dependencies are those of this environment. A
+checkout that Python has not compiled yet takes 65 ms more. With `--against`, a checkout of another version takes turns
+with it, and ratios are medians over the pairs.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from benchmarks.common import EXAMPLE, ROOT, machine
+
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "--help": ("--help",),
+    "estimate": ("estimate", str(EXAMPLE)),
+    "envmap": ("envmap", str(EXAMPLE), "-o", "sky.exr", "-q"),
+    "envmap --height 4096": ("envmap", str(EXAMPLE), "-o", "sky.exr", "-q", "--height", "4096"),
+}
+_FEWER = 5  # times fewer runs of a command that takes seconds
+_SECONDS = 2.0  # that one takes
+
+
+@dataclass(frozen=True)
+class ProcessCost:
+    """What one process took."""
+
+    seconds: float
+    processor_seconds: float  # of all threads
+    peak: float  # MB
+
+
+def install_wheel(checkout: Path, folder: Path) -> Path:
+    """Build the wheel of a checkout and install it alone below `folder`; returns where it lies."""
+    pip, site = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"], folder / "site"
+    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", str(folder), str(checkout)], check=True)
+    (wheel,) = folder.glob("*.whl")
+    subprocess.run([*pip, "install", "--no-deps", "--target", str(site), str(wheel)], check=True)
+    return site
+
+
+def run_process(site: Path, arguments: Sequence[str], folder: Path) -> ProcessCost:
+    """Run a `lighting` command of an installed wheel in `folder`; this process has to be smaller than that one."""
+    command = [sys.executable, "-m", "lighting", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    started = time.perf_counter()
+    process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds = time.perf_counter() - started
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}.")
+    return ProcessCost(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+
+
+def run_pairs(sites: Sequence[Path], arguments: Sequence[str], folder: Path, runs: int) -> list[list[ProcessCost]]:
+    """The cost of a command by each installed wheel, in turns; the first runs fill the caches and do not count."""
+    first = [run_process(site, arguments, folder) for site in sites]
+    if first[0].seconds > _SECONDS:
+        runs = max(1, runs // _FEWER)
+    turns = [[run_process(site, arguments, folder) for site in sites] for _ in range(runs)]
+    return [list(costs) for costs in zip(*turns, strict=True)]
+
+
+def print_costs(name: str, costs: Sequence[Sequence[ProcessCost]]) -> None:
+    """One line: medians of this checkout, and of its ratios to the other."""
+    ours = costs[0]
+    line = (
+        f"{name:<22}{1000 * median(c.seconds for c in ours):8.0f}"
+        f"{1000 * median(c.processor_seconds for c in ours):10.0f}{max(c.peak for c in ours):8.0f}"
+    )
+    if len(costs) > 1:
+        pairs = list(zip(*costs, strict=True))
+        wall = median(a.seconds / b.seconds for a, b in pairs)
+        busy = median(a.processor_seconds / b.processor_seconds for a, b in pairs)
+        line += f"{wall:10.2f}{busy:10.2f}{max(c.peak for c in costs[1]):10.0f}"
+    print(line, flush=True)
+
+
+def main() -> None:
+    """Build, measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--against", type=Path, metavar="FOLDER", help="A checkout of another version.")
+    parser.add_argument("--runs", type=int, default=21)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        checkouts = [ROOT, *([options.against] if options.against else [])]
+        folders = [Path(name, str(number)) for number in range(len(checkouts))]
+        sites = [install_wheel(checkout, folder) for checkout, folder in zip(checkouts, folders, strict=True)]
+        print(f"medians of {options.runs} runs from a wheel; {machine()}")
+        print(f"{'':<22}{'ms':>8}{'CPU ms':>10}{'MB':>8}{'  x time  x CPU ms  other MB' if options.against else ''}")
+        for command, arguments in COMMANDS.items():
+            print_costs(command, run_pairs(sites, arguments, Path(name), options.runs))
+
+
+if __name__ == "__main__":
+    main()
