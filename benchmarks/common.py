@@ -1,6 +1,5 @@
 """Shared by the benchmarks: generated photos, fair timing, and a description of the machine."""
 
-import json
 import os
 import platform
 import resource
@@ -103,9 +102,3 @@ def _processor() -> str:
     information = Path("/proc/cpuinfo")
     names = [line.split(":")[1].strip() for line in information.read_text().splitlines() if "model name" in line]
     return names[0] if names else platform.machine()
-
-
-def remember(path: Path, key: str, figures: Any) -> None:
-    """Store figures under a key of a JSON file and keep the other keys."""
-    known = json.loads(path.read_text()) if path.exists() else {}
-    path.write_text(json.dumps({**known, key: figures}, indent=1) + "\n")

@@ -1,64 +1,67 @@
-"""Measure how cost grows with photos, map height and clients; writes docs/growth.md and its plot.
+"""Print how cost grows with photos, map height and clients: the tables of docs/growth.md.
 
-    python -m benchmarks.performance [--photos 100 1000 10000] [--seconds 4] [--only photos|heights|clients]
+    python -m benchmarks.performance [photos] [heights] [clients] [--photos 100 1000 10000] [--seconds 4]
 
-Figures are kept in docs/growth.json, so that one part can be measured again without the others. Clients need the
-service (extra `server`); without it their part stays as it was, or says that it is not measured.
+Clients need the service (extra `server`).
 """
 
 import argparse
-import importlib.util
-import json
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.clients import Job, Outcome
-from benchmarks.common import ROOT, machine, make_photo, many_photos, milliseconds, remember, run_lighting
+from benchmarks.clients import Job
+from benchmarks.common import machine, make_photo, many_photos, milliseconds, run_lighting
 from benchmarks.load import RECORD, run, started
-from benchmarks.performance_page import SIZE, page
-from lighting.cpus import available_cpus
 from lighting.envmap import render
 from lighting.files import write_exr
 from lighting.records import Lighting
 
-DOCS = ROOT / "docs"
-FIGURES, PAGE, PLOT = DOCS / "growth.json", DOCS / "growth.md", DOCS / "growth.png"
-
+SIZE = (1600, 1200)  # of the photos, pixels
 HEIGHTS = (128, 256, 512, 1024, 2048, 4096)
 CLIENTS = (1, 2, 4, 8, 16, 32, 64)
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.021)
 
 
-def measure_photos(counts: list[int]) -> dict[str, Any]:
-    """Seconds of a whole batch by its number of photos, and the bytes a line takes."""
+def photos_table(counts: list[int]) -> Iterator[str]:
+    """Seconds of a whole batch by its number of photos; seconds to start and milliseconds a photo; bytes of a line."""
+    yield "| photos | seconds | photos per second |\n| ---: | ---: | ---: |"
     took = {}
     with tempfile.TemporaryDirectory() as out:
-        for count in counts:
+        for count in sorted(counts):
             with many_photos(count, SIZE) as photos:
-                took[str(count)] = run_lighting("batch", photos, f"{out}/{count}")
+                took[count] = run_lighting("batch", photos, f"{out}/{count}")
+            yield f"| {count:,} | {took[count]:.1f} | {count / took[count]:.1f} |"
         line = (Path(out) / str(counts[0]) / "lighting.jsonl").stat().st_size / counts[0]
-    return {"seconds": took, "line": line, "cpus": available_cpus(), "machine": machine()}
+    start, each = line_through(took)
+    yield f"\n{1000 * each:.1f} ms a photo, {start:.1f} s to start; a line has {line:.0f} bytes."
 
 
-def measure_heights(runs: int) -> dict[str, Any]:
+def line_through(seconds: dict[int, float]) -> tuple[float, float]:
+    """Seconds to start and seconds a photo: the line through the least and the greatest batch."""
+    low, high = min(seconds), max(seconds)
+    each = (seconds[high] - seconds[low]) / max(high - low, 1)
+    return max(seconds[low] - each * low, 0.0), each
+
+
+def heights_table(runs: int) -> Iterator[str]:
     """Milliseconds to render and to write a map by its height, the system's share of rendering, and the file's size."""
-    rendered, written, system, size = {}, {}, {}, {}
+    names = "height | render, ms | ns per pixel | system time | write EXR, ms | ns per pixel | EXR, MB"
+    yield f"| {names} |\n|{' ---: |' * 7}"
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "sky.exr"
         for height in HEIGHTS:
-            image = render(LIGHT, height)
+            image, pixels = render(LIGHT, height), 2 * height * height
             work = {"render": lambda h=height: render(LIGHT, h), "write": lambda i=image: write_exr(target, i, LIGHT)}
             took = milliseconds(work, max(5, min(runs, runs * 512 // height)))
-            rendered[str(height)], written[str(height)] = took["render"], took["write"]
-            system[str(height)] = system_share(work["render"], max(5, runs * 512 // height))
-            size[str(height)] = target.stat().st_size
-    return {"render": rendered, "write": written, "system": system, "size": size, "machine": machine()}
+            system = system_share(work["render"], max(5, runs * 512 // height))
+            rendered, written = (f"{took[name]:.1f} | {1e6 * took[name] / pixels:.1f}" for name in work)
+            yield f"| {height} | {rendered} | {100 * system:.0f} % | {written} | {target.stat().st_size / 1e6:.2f} |"
 
 
 def system_share(work: Callable[[], Any], runs: int) -> float:
@@ -71,70 +74,37 @@ def system_share(work: Callable[[], Any], runs: int) -> float:
     return system / (user + system)
 
 
-def measure_clients(seconds: float) -> dict[str, Any]:
+def clients_table(seconds: float) -> Iterator[str]:
     """Answers per second, latency [ms] and share of 503 answers of the service, by number of clients."""
+    yield f"| clients | answers per second | median, ms | 95 %, ms | turned away |\n|{' ---: |' * 5}"
     with tempfile.TemporaryDirectory() as folder, started([sys.executable, "-m", "server"], "/readyz") as (port, _):
         photo = make_photo(Path(folder) / "photo.jpg", SIZE).read_bytes()
         job = Job(port, "/v1/lighting", photo, RECORD)
         run(job, 1, 1.0)
-        return {"load": {str(n): _summary(run(job, n, seconds)) for n in CLIENTS}, "machine": machine()}
-
-
-def _summary(outcome: Outcome) -> dict[str, float]:
-    took = 1000 * np.array(outcome.latencies)
-    return {
-        "rate": len(took) / outcome.seconds,
-        "median": float(np.median(took)),
-        "p95": float(np.percentile(took, 95)),
-        "refused": outcome.counts["503"] / outcome.counts.total(),
-    }
-
-
-def plot(figures: dict[str, Any]) -> None:
-    """Three log-log curves, each with the straight line that linear growth would be."""
-    import matplotlib.pyplot as plt
-    from matplotlib.ticker import NullLocator
-
-    _, axes = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
-    curves: list[tuple[str, str, str, Callable[[Any], Any]]] = [
-        ("photos", "photos", "s", lambda f: {"lighting batch": f["seconds"]}),
-        ("heights", "map height", "ms", lambda f: {"render": f["render"], "write EXR": f["write"]}),
-        ("clients", "clients", "answers/s", lambda f: {"service": {n: v["rate"] for n, v in f["load"].items()}}),
-    ]
-    for axis, (key, across, up, series) in zip(axes, curves, strict=True):
-        axis.set(xlabel=across, ylabel=up, xscale="log", yscale="log")
-        for name, points in series(figures[key]).items() if key in figures else ():
-            x, y = np.array(sorted((int(n), value) for n, value in points.items())).T
-            (line,) = axis.plot(x, y, "o-", label=name)
-            power = 2 if key == "heights" else 1
-            anchor = 0 if key == "clients" else -1
-            axis.plot(x, y[anchor] * (x / x[anchor]) ** power, ":", color=line.get_color(), linewidth=1)
-            axis.set_xticks(x, [f"{int(value):,}" for value in x])
-            axis.xaxis.set_minor_locator(NullLocator())
-            axis.legend(frameon=False)
-        axis.grid(alpha=0.25)
-    plt.savefig(PLOT, dpi=100)
+        for count in CLIENTS:
+            outcome = run(job, count, seconds)
+            took, refused = 1000 * np.array(outcome.latencies), outcome.counts["503"] / outcome.counts.total()
+            rate, late = len(took) / outcome.seconds, np.percentile(took, 95)
+            yield f"| {count} | {rate:.1f} | {np.median(took):.0f} | {late:.0f} | {100 * refused:.0f} % |"
 
 
 def main() -> None:
-    """Measure what is asked for, and write the page."""
+    """Print the parts that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("parts", nargs="*", help="photos, heights or clients; all by default")
     parser.add_argument("--photos", type=int, nargs="+", default=[100, 1000, 10_000])
     parser.add_argument("--runs", type=int, default=15)
-    parser.add_argument("--seconds", type=float, default=4.0, help="For each number of clients.")
-    parser.add_argument("--only", choices=["photos", "heights", "clients"])
+    parser.add_argument("--seconds", type=float, default=4.0, help="for each number of clients")
     options = parser.parse_args()
-    parts = [options.only] if options.only else ["photos", "heights", "clients"]
-    if "photos" in parts:
-        remember(FIGURES, "photos", measure_photos(options.photos))
-    if "heights" in parts:
-        remember(FIGURES, "heights", measure_heights(options.runs))
-    if "clients" in parts and importlib.util.find_spec("server"):
-        remember(FIGURES, "clients", measure_clients(options.seconds))
-    figures = json.loads(FIGURES.read_text())
-    PAGE.write_text(page(figures))
-    plot(figures)
-    print(PAGE.read_text())
+    tables = {
+        "photos": lambda: photos_table(options.photos),
+        "heights": lambda: heights_table(options.runs),
+        "clients": lambda: clients_table(options.seconds),
+    }
+    if unknown := set(options.parts) - set(tables):
+        parser.error(f"there is no part {min(unknown)}: choose of {', '.join(tables)}")
+    for part in options.parts or tables:
+        print(f"## {part}, {machine()}\n", *tables[part](), sep="\n", flush=True)
 
 
 if __name__ == "__main__":
