@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model,
 from pydantic_core import PydanticCustomError
 
 from lighting.evidence import Given, read_headings
-from lighting.files import MAP_FORMATS, Compression
+from lighting.files import COMPRESSIONS, MAP_FORMATS
 from lighting.photo import MIN_SIDE
 from lighting.ranges import parameter_name
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
@@ -110,7 +110,9 @@ class MapQuery(Query):
     yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
     format: FormatName = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
     sky: Annotated[SkyName | None, Omissible()] = Field(None, description="another shape of the sky than the record's")
-    compression: Compression = Field("zip", description="how an EXR is packed; `pxr24` is the fastest")
+    compression: Annotated[str, NameIn(COMPRESSIONS)] = Field(
+        "zip", description="how an EXR is packed; `pxr24` is the fastest"
+    )
 
     @model_validator(mode="after")
     def _of_this_format(self) -> Self:

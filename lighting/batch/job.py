@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from lighting.envmap import Place
     from lighting.evidence import Given
-    from lighting.files import Compression, Target
+    from lighting.files import Target
     from lighting.photo import Photo
     from lighting.pipeline import Estimator
     from lighting.records import Estimate, Lighting
@@ -31,7 +31,7 @@ class Maps:
     sun: bool | None = None
     yaw: float = 0.0
     sky: str | None = None
-    compression: "Compression" = "zip"
+    compression: str = "zip"
     surroundings: bool | None = None  # whether they show the place, by default where the network predicts it
 
 

@@ -18,7 +18,6 @@ from lighting.cli.words import shown
 if TYPE_CHECKING:
     from lighting.batch import Job, Summary
     from lighting.evidence import Given
-    from lighting.files import Compression
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class _Options:
     sun: bool | None
     yaw: float
     sky: str | None
-    compression: "Compression | None"
+    compression: str | None
     surroundings: bool | None
     parquet: bool
     workers: int | None

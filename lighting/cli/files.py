@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from lighting.envmap import Place
     from lighting.evidence import Given
-    from lighting.files import Compression
     from lighting.model import Model
     from lighting.photo import Photo
     from lighting.pipeline import Estimator
@@ -195,7 +194,7 @@ def place_in(data: bytes, photo: "Photo", estimate: "Estimate", height: int, wan
     return place_of(estimate, photo.pixels, height, finer, wanted=wanted)
 
 
-def refuse_idle_compression(output: str, compression: "Compression | None") -> None:
+def refuse_idle_compression(output: str, compression: str | None) -> None:
     """Raise UsageError for a compression where no file takes one."""
     from lighting.files import MAP_FORMATS
 
@@ -204,7 +203,7 @@ def refuse_idle_compression(output: str, compression: "Compression | None") -> N
         raise click.UsageError(f"--compression goes with {' and '.join(packed)} alone.")
 
 
-def write_map(output: str, lighting: "Lighting", compression: "Compression | None", **view_options: Any) -> None:
+def write_map(output: str, lighting: "Lighting", compression: str | None, **view_options: Any) -> None:
     """Render and write; with a yaw, the record in the file is turned with the map."""
     from lighting.envmap import view
     from lighting.files import encode_envmap, write_envmap

@@ -11,7 +11,7 @@ from lighting.lazy import from_homes
 
 if TYPE_CHECKING:
     from lighting.files.atomic import leftovers, replacing
-    from lighting.files.compression import COMPRESSIONS, Compression, check_packing, pack_in_threads
+    from lighting.files.compression import COMPRESSIONS, check_packing, pack_in_threads
     from lighting.files.exr import (
         MAGIC,
         SOFTWARE,
@@ -38,7 +38,6 @@ __all__ = [
     "MAP_FORMATS",
     "MAX_RECORD_BYTES",
     "SOFTWARE",
-    "Compression",
     "MapFormat",
     "Target",
     "check_packing",
@@ -118,7 +117,6 @@ _HOME = {
     "MAGIC_HDR": "rgbe",
     "MAX_RECORD_BYTES": "record",
     "SOFTWARE": "exr",
-    "Compression": "compression",
     "Target": "exr",
     "check_packing": "compression",
     "checked_map": "exr",

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from lighting.cpus import available_cpus
 from lighting.errors import EnvironmentMapError
 
-Compression = Literal["zip", "pxr24", "none"]
-COMPRESSIONS: tuple[Compression, ...] = get_args(Compression)
+COMPRESSIONS = {"zip": "ZIP_COMPRESSION", "pxr24": "PXR24_COMPRESSION", "none": "NO_COMPRESSION"}  # OpenEXR's names
 _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 
 MANTISSA = 13  # bits that `zip` keeps, so that a value changes by no more than 1 part in 2^14
@@ -27,12 +26,6 @@ _ROWS = 32  # that are rounded at once
 _THREADS = 4  # beyond which packing gets no faster
 _EFFORT = 1  # of ZIP, 1 to 9: a third less work than OpenEXR's own 4, for a seventh more bytes
 _SET_EFFORT = "_ZN7Imf_3_529setDefaultZipCompressionLevelEi"  # Imf::setDefaultZipCompressionLevel(int) of OpenEXR 3.5
-
-_LIBRARY_NAMES = {
-    "zip": "ZIP_COMPRESSION",
-    "pxr24": "PXR24_COMPRESSION",
-    "none": "NO_COMPRESSION",
-}
 
 
 def check_packing(compression: str) -> None:
@@ -45,14 +38,14 @@ def check_packing(compression: str) -> None:
         )
 
 
-def packed_with(image: NDArray[np.float32], compression: Compression) -> tuple[Any, NDArray[np.float32]]:
+def packed_with(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.float32]]:
     """OpenEXR's name of the compression, and the pixels as it is to pack them.
 
     Raises EnvironmentMapError for one that is not among COMPRESSIONS.
     """
     check_packing(compression)
     library = _library()
-    return getattr(library, _LIBRARY_NAMES[compression]), rounded(image) if compression == "zip" else image
+    return getattr(library, COMPRESSIONS[compression]), rounded(image) if compression == "zip" else image
 
 
 def rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:

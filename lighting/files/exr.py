@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.atomic import replacing
-from lighting.files.compression import Compression, packed_with
+from lighting.files.compression import packed_with
 from lighting.files.primaries import CHROMATICITIES, chromaticities_to_rec709
 from lighting.files.record import full_record
 from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
@@ -43,7 +43,7 @@ def write_exr(
     lighting: Lighting | None = None,
     attributes: Mapping[str, Any] | None = None,
     *,
-    compression: Compression = "zip",
+    compression: str = "zip",
 ) -> None:
     """Write a map (H, 2H, 3) to a path or a binary stream, as 32-bit float.
 

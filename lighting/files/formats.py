@@ -9,7 +9,6 @@ from pathlib import Path
 from lighting.colour import tone_map
 from lighting.errors import EnvironmentMapError
 from lighting.files import MAP_FORMATS
-from lighting.files.compression import Compression
 from lighting.files.exr import Target, checked_map, opened
 from lighting.geometry import Floats
 from lighting.records import Lighting
@@ -22,7 +21,7 @@ def write_envmap(
     image: Floats,
     lighting: Lighting | None = None,
     *,
-    compression: Compression = "zip",
+    compression: str = "zip",
 ) -> None:
     """Write a map (H, 2H, 3) to a path in the format of its suffix, one of MAP_FORMATS.
 
@@ -33,7 +32,7 @@ def write_envmap(
 
 
 def encode_envmap(
-    image: Floats, lighting: Lighting | None = None, format: str = "exr", *, compression: Compression = "zip"
+    image: Floats, lighting: Lighting | None = None, format: str = "exr", *, compression: str = "zip"
 ) -> bytes:
     """The bytes of such a file; `format` is one of MAP_FORMATS."""
     buffer = io.BytesIO()
@@ -52,7 +51,7 @@ def format_of(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def _writer(name: str, compression: Compression) -> Writer:
+def _writer(name: str, compression: str) -> Writer:
     if name not in MAP_FORMATS:
         raise EnvironmentMapError(
             f"The format {name!r} is not known; an environment map is {_either(list(MAP_FORMATS))}."

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.envmap import render
 from lighting.errors import EnvironmentMapError
-from lighting.files import Compression, read_exr, write_exr
+from lighting.files import read_exr, write_exr
 from lighting.files.compression import _SET_EFFORT, COMPRESSIONS, MANTISSA, pack_in_threads, round_in_place, rounded
 from lighting.geometry import latlong_solid_angle
 from lighting.records import Lighting
@@ -29,14 +29,14 @@ def image() -> NDArray[np.float32]:
     return render(LIGHT, 128)
 
 
-def packed(image: NDArray[np.float32], compression: Compression) -> bytes:
+def packed(image: NDArray[np.float32], compression: str) -> bytes:
     stream = io.BytesIO()
     write_exr(stream, image, compression=compression)
     return stream.getvalue()
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_the_sun_keeps_its_energy(image: NDArray[np.float32], compression: Compression) -> None:
+def test_the_sun_keeps_its_energy(image: NDArray[np.float32], compression: str) -> None:
     back = read_exr(io.BytesIO(packed(image, compression)))[0]
     disc = image.max(axis=-1) > 0.01 * image.max()
     rows = np.broadcast_to(latlong_solid_angle(len(image))[:, None], disc.shape)[disc]
@@ -46,14 +46,12 @@ def test_the_sun_keeps_its_energy(image: NDArray[np.float32], compression: Compr
 
 
 @pytest.mark.parametrize("compression", EXACT)
-def test_exact_means_exact(image: NDArray[np.float32], compression: Compression) -> None:
+def test_exact_means_exact(image: NDArray[np.float32], compression: str) -> None:
     np.testing.assert_array_equal(read_exr(io.BytesIO(packed(image, compression)))[0], image)
 
 
 @pytest.mark.parametrize(("compression", "most"), [("zip", 2.0 ** -(MANTISSA + 1)), ("pxr24", 2.0**-16)])
-def test_no_value_changes_by_more_than_is_said(
-    image: NDArray[np.float32], compression: Compression, most: float
-) -> None:
+def test_no_value_changes_by_more_than_is_said(image: NDArray[np.float32], compression: str, most: float) -> None:
     back = read_exr(io.BytesIO(packed(image, compression)))[0]
     assert np.abs(back - image).max() > 0
     np.testing.assert_allclose(back, image, rtol=most)
@@ -80,7 +78,7 @@ def test_a_removed_name_says_what_to_use_instead(image: NDArray[np.float32], nam
 
 def test_another_name_is_refused_in_a_sentence(image: NDArray[np.float32]) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^The compression 'dwaa' is not known; it must be one of zip, "):
-        packed(image, "dwaa")  # type: ignore[arg-type]
+        packed(image, "dwaa")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems' modules may hide the name")
