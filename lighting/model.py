@@ -6,7 +6,6 @@ are optional: `light`, float32 (N, 8), holds LIGHT in final units, and `around`,
 the place all around without the sun. The metadata key `spec` holds a ModelSpec as JSON.
 """
 
-import hashlib
 import os
 from pathlib import Path
 from typing import Any
@@ -119,6 +118,8 @@ def weights_path(network: Path) -> Path:
 
 def network_sha256(network: Path) -> str:
     """SHA-256, in hex, of a network's file and of the weights beside it, if they lie there."""
+    import hashlib  # 2 ms, which a command for one photo is spared
+
     weights = weights_path(network)
     digest = hashlib.sha256(network.read_bytes())
     if weights.is_file():

@@ -65,9 +65,12 @@ def start_network(arguments: Sequence[str]) -> None:
     """Begin to load the packaged network if a command of these arguments runs it on one photo."""
     if not arguments or arguments[0] not in _OF_ONE_PHOTO:
         return
-    others = arguments[1:]
-    if not any(other.startswith(_WITHOUT_NETWORK) for other in others) and sum(map(_is_file, others)) == 1:
-        _started.append(_EarlySession())
+    command, *others = arguments
+    if any(other.startswith(_WITHOUT_NETWORK) for other in others):
+        return
+    if command == "estimate" and sum(map(_is_file, others)) > 1:  # which take a network prepared for many runs
+        return
+    _started.append(_EarlySession())
 
 
 def _is_file(name: str) -> bool:

@@ -54,9 +54,7 @@ def test_what_the_user_set_stays(monkeypatch: pytest.MonkeyPatch) -> None:
         ["batch", "PHOTO", "out"],
         ["estimate", "--help", "PHOTO"],
         ["estimate", "PHOTO", "PHOTO"],
-        ["estimate", "absent.jpg"],
         ["estimate", "PHOTO", "--model=other.onnx"],
-        ["estimate", "no\0name"],
         ["scene", "PHOTO", "--lighting", "light.json"],
     ],
 )
@@ -66,8 +64,17 @@ def test_the_network_is_not_loaded_where_no_single_photo_needs_it(arguments: lis
 
 
 @pytest.mark.slow
-def test_the_network_of_one_photo_is_loaded_once(photo_path: Path) -> None:
-    start_network(["estimate", str(photo_path)])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["estimate", "PHOTO"],
+        ["estimate", "no\0name"],
+        ["envmap", "PHOTO", "-o", "PHOTO"],  # as an output that there is already
+        ["scene", "PHOTO", "--for", "usd", "-o", "folder"],
+    ],
+)
+def test_the_network_of_one_photo_is_loaded_once(arguments: list[str], photo_path: Path) -> None:
+    start_network([str(photo_path) if argument == "PHOTO" else argument for argument in arguments])
     model = Model.from_session(started_session(), packaged_model())
     assert model.spec.name == "outdoor"
     assert started_session() is None
