@@ -1,0 +1,420 @@
+"""Draw the figures of docs/ and print their numbers.
+
+    python -m docs.figures axes|probe|stereo-plan|stereo-normals [FOLDER]
+
+`probe` also writes its seven 16-bit exposures and the probe made of them below FOLDER.
+"""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
+
+from export.reports.probe import (
+    BRACKET_TIMES,
+    SKY_DAY,
+    SKY_PLACE,
+    BracketCamera,
+    clear_sky_at,
+    expose_bracket,
+    photograph_sky,
+    read_sky_scans,
+)
+from export.stereo.objects import Subject
+from export.stereo.relief import relief
+from export.stereo.trials import SEASONS, Trial, angle, photograph, session
+from lighting.colour import luminance, srgb_encode, tone_map
+from lighting.drawing import (
+    BACKGROUND,
+    MUTED,
+    PANEL,
+    SUN,
+    TEXT,
+    WHITE,
+    Colour,
+    Style,
+    arrow_head,
+    polygon,
+    rounded,
+    shaded_stroke,
+    stroke,
+    sun_marks,
+    write,
+    write_inside,
+)
+from lighting.files import encode_png
+from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
+from lighting.photo import LinearPhoto
+from lighting.probe import Moment, Probe, Scan, Settings, bracket_of, make_probe, orient, write_probe
+from lighting.probe.align import yaw_rotation
+from lighting.probe.lens import lens_of
+from lighting.records import GROUND_ALBEDO
+from lighting.sky.cie import general_luminance
+from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.perez import perez_luminance
+from lighting.stereo import (
+    ModelledSkies,
+    Network,
+    Plan,
+    Question,
+    clock,
+    conditions,
+    draw_plan,
+    plan_photos,
+    shown_error,
+    title,
+)
+from lighting.stereo.days import in_grey
+
+# axes.png: the frame, the angles and the environment map, all by lighting.geometry itself.
+
+RED: Colour = (255, 128, 116)
+GREEN: Colour = (140, 214, 130)
+BLUE: Colour = (130, 180, 255)
+
+CHART_SIZE = (1600, 656)
+CHART_MAP = (88, 84, 960, 480)  # x, y, width, height
+SKETCH = (1104, 84, 456, 480)
+AZIMUTH, ELEVATION = 50.0, 35.0  # deg, the sun of the chart
+VIEWER = np.array([-1.0, 2.6, 4.6])  # where the sketch is seen from
+AXIS_LENGTH = {"+X": 1.4, "-X": 1.1, "+Y": 1.5, "-Y": 0.0, "+Z": 1.0, "-Z": 1.9}
+AXES = (
+    ("+X right", (1, 0, 0), RED),
+    ("-X left", (-1, 0, 0), RED),
+    ("+Y up", (0, 1, 0), GREEN),
+    ("-Y down", (0, -1, 0), GREEN),
+    ("+Z behind", (0, 0, 1), BLUE),
+    ("-Z forward", (0, 0, -1), BLUE),
+)
+
+
+def draw_axes() -> None:
+    """Write axes.png beside this script."""
+    canvas = Image.new("RGB", CHART_SIZE, BACKGROUND)
+    for (x, y, width, height), caption, panel in (
+        (
+            CHART_MAP,
+            "Environment map: width = 2 x height, row 0 is the zenith, the camera looks at the centre",
+            _chart_map(),
+        ),
+        (SKETCH, "Frame: right-handed, the camera at its origin", _chart_sketch()),
+    ):
+        write(canvas, (x, y - 36), caption, Style(19, TEXT))
+        canvas.paste(panel, (x, y), rounded((width, height), 10))
+    _chart_ticks(canvas)
+    canvas.save(Path(__file__).parent / "axes.png", optimize=True)
+
+
+def _chart_map() -> Image.Image:
+    """The lat-long image with its grid, its axes and the sun's two angles."""
+    _, _, width, height = CHART_MAP
+    shade = np.linspace(0, 1, height)[:, None]
+    sky, ground = (
+        np.array([[58, 92, 140]]) * (1 - shade) + np.array([[150, 176, 204]]) * shade,
+        np.array([[72, 68, 64]]),
+    )
+    rows = np.where(shade < 0.5, sky, ground)
+    picture = Image.fromarray(np.repeat(rows[:, None], width, axis=1).astype(np.uint8))
+    for degree in range(-150, 180, 30):
+        stroke(picture, [_line(direction(degree, np.linspace(-90, 90, 7)))], WHITE, 1, 0.28)
+    for degree in range(-60, 90, 30):
+        stroke(
+            picture,
+            [_line(direction(np.linspace(-179.99, 179.99, 13), degree))],
+            WHITE,
+            1,
+            0.7 if degree == 0 else 0.28,
+        )
+    _chart_angles(picture)
+    for name, axis, colour in AXES:
+        _label_axis(picture, name, axis, colour)
+    return picture
+
+
+def _line(directions: Floats) -> Floats:
+    """Pixels of directions on the map."""
+    return latlong_pixel(directions, CHART_MAP[3])
+
+
+def _label_axis(picture: Image.Image, name: str, axis: ArrayLike, colour: Colour) -> None:
+    """A dot and a name at the axis' pixel; the poles fill a row, +Z lies on the seam."""
+    x, y = _line(np.asarray(axis, dtype=float))
+    width, height = picture.size
+    if 0 < y < height:
+        for spot in (x, x + width if x == 0 else x):
+            polygon(picture, _circle((spot, y), 6), colour)
+        anchors = ((14.0, "ls"), (width - 14.0, "rs")) if x == 0 else ((x, "ms"),)
+        for spot, anchor in anchors:
+            write(picture, (spot, y - 14), name, Style(20, colour, anchor=anchor, shaded=True))
+        return
+    stroke(picture, [np.array([[0, y], [width, y]])], colour, 8)
+    write(
+        picture,
+        (width / 2, 28 if y == 0 else height - 16),
+        f"{name} (the whole row)",
+        Style(20, colour, anchor="ms", shaded=True),
+    )
+
+
+def _chart_angles(picture: Image.Image) -> None:
+    """The sun with its azimuth along the horizon and its elevation above it."""
+    foot, sun = _line(direction(AZIMUTH, 0)), _line(direction(AZIMUTH, ELEVATION))
+    _arrow(picture, np.array([_line(direction(0, 0)), foot]), SUN)
+    _arrow(picture, np.array([foot, sun + np.array([0, 16])]), SUN)
+    sun_marks(picture, [sun], SUN, 9)
+    write(picture, (foot[0] - 8, foot[1] + 26), "azimuth grows to the right", Style(18, SUN, anchor="ms", shaded=True))
+    write(picture, (foot[0] + 12, (foot[1] + sun[1]) / 2), "elevation", Style(18, SUN, anchor="lm", shaded=True))
+
+
+def _chart_ticks(canvas: Image.Image) -> None:
+    """Degrees along the map's lower and left edge."""
+    left, top, _, height = CHART_MAP
+    for degree in range(-180, 181, 30):
+        x = left + (degree / 360 + 0.5) * CHART_MAP[2]
+        write(canvas, (x, top + height + 12), f"{degree}°", Style(17, MUTED, anchor="ma"))
+    write(canvas, (left + CHART_MAP[2] / 2, top + height + 38), "azimuth", Style(17, MUTED, anchor="ma"))
+    for degree in range(-90, 91, 30):
+        y = top + (0.5 - degree / 180) * height
+        write(canvas, (left - 12, y), f"{degree}°", Style(17, MUTED, anchor="rm"))
+
+
+def _chart_sketch() -> Image.Image:
+    """The camera at the origin, the axes and the sun's two angles, seen from above its left shoulder."""
+    picture = Image.new("RGB", SKETCH[2:], PANEL)
+    ground = np.array([(x, 0.0, z) for x, z in ((-1.7, -2.0), (1.7, -2.0), (1.7, 1.3), (-1.7, 1.3))])
+    polygon(picture, _project(ground), WHITE, 0.05)
+    for name, axis, colour in AXES:
+        tip = np.asarray(axis, dtype=float) * AXIS_LENGTH[name[:2]]
+        if axis[1] >= 0:
+            _arrow(picture, _project(np.stack([np.zeros(3), tip])), colour)
+            above = 20 if axis[2] > 0 else -20  # the name clears the arrow head
+            write_inside(picture, _project(tip) + np.array([0, above]), name, 19, colour)
+    _chart_sun(picture)
+    _chart_camera(picture)
+    return picture
+
+
+def _chart_sun(picture: Image.Image) -> None:
+    """Azimuth as an arc on the ground, elevation as one above it."""
+    reach = 1.7
+    sun, foot = reach * direction(AZIMUTH, ELEVATION), reach * np.cos(np.radians(ELEVATION)) * direction(AZIMUTH, 0)
+    shaded_stroke(picture, [_project(np.stack([foot, np.zeros(3), sun]))], MUTED, 1.5)
+    _arrow(picture, _project(1.25 * direction(np.linspace(0, AZIMUTH, 24), 0)), SUN)
+    _arrow(picture, _project(1.25 * direction(AZIMUTH, np.linspace(0, ELEVATION, 24))), SUN)
+    sun_marks(picture, [_project(sun)], SUN, 9)
+    x, y = _project(1.25 * direction(0.6 * AZIMUTH, 0))
+    write(picture, (x, y - 14), "azimuth", Style(16, SUN, anchor="mm", shaded=True))
+    x, y = _project(1.29 * direction(AZIMUTH, ELEVATION / 2))
+    write(picture, (x + 6, y), "elevation", Style(16, SUN, anchor="lm", shaded=True))
+
+
+def _chart_camera(picture: Image.Image) -> None:
+    """A small pyramid that opens along the viewing direction."""
+    corners = 0.55 * np.array([(-0.42, 0.3, -1), (0.42, 0.3, -1), (0.42, -0.3, -1), (-0.42, -0.3, -1)])
+    frame = _project(np.concatenate([corners, corners[:1]]))
+    polygon(picture, frame, WHITE, 0.18)
+    edges = [_project(np.stack([np.zeros(3), corner])) for corner in corners]
+    stroke(picture, [frame, *edges], WHITE, 2)
+
+
+def _project(points: Floats) -> Floats:
+    """Pixels (..., 2) of points (..., 3) in the sketch."""
+    azimuth, elevation = angles(np.array([0.1, 0.2, -0.3]) - VIEWER)
+    return camera_pixel(points - VIEWER, Pinhole(*SKETCH[2:], 36.0, float(azimuth), float(elevation)))
+
+
+def _arrow(picture: Image.Image, path: Floats, colour: Colour) -> None:
+    """A line (N, 2) with a head at its end."""
+    shaded_stroke(picture, [path], colour, 3)
+    towards = path[-1] - path[-2]
+    arrow_head(picture, path[-1], towards / np.hypot(*towards), colour)
+
+
+def _circle(centre: tuple[float, float], radius: float) -> Floats:
+    """Corners of a dot."""
+    turn = np.linspace(0, 2 * np.pi, 48)
+    return np.stack([centre[0] + radius * np.cos(turn), centre[1] + radius * np.sin(turn)], axis=-1)
+
+
+# probe.png: a bracket of the project's own sky, merged, beside scans of the real sky.
+
+PROBE_PICTURE = Path(__file__).with_name("probe.png")
+PROBE_SIDE = 600
+PROBE_YAW = 40.0  # deg, how the camera was turned
+SUNNY = "2013-05-27"
+
+
+def _probe_exposures() -> list[LinearPhoto]:
+    """Seven exposures of a clear June morning through a fisheye, the sun clipped in all."""
+    picture = photograph_sky(
+        clear_sky_at(Moment(SKY_DAY, *SKY_PLACE)),
+        lens_of("equidistant", PROBE_SIDE, PROBE_SIDE),
+        yaw_rotation(PROBE_YAW),
+    )
+    return expose_bracket(picture, BracketCamera(14, fill=8.0), np.random.default_rng(0), BRACKET_TIMES)
+
+
+def _draw_probe_panels(exposures: Sequence[LinearPhoto], probe: Probe, scan: Scan, offset: float) -> None:
+    """The exposures, the map, and a scan beside three models."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(figsize=(12, 12), layout="constrained")
+    top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 3.2, 2.0))
+    for axes, photo, time in zip(top.subplots(1, len(exposures)), exposures, BRACKET_TIMES, strict=True):
+        axes.imshow(tone_map(photo.pixels, 1.0))
+        axes.set_title(_seconds(time), fontsize=10)
+        axes.axis("off")
+    _draw_map(middle.subplots(), probe)
+    skies = _skies(scan, offset)
+    domes = bottom.subplots(1, len(skies), subplot_kw={"projection": "polar"})
+    for axes, (name, values) in zip(domes, skies, strict=True):
+        _draw_sky(axes, name, values, scan, offset)
+    figure.savefig(PROBE_PICTURE, dpi=80)
+
+
+def _draw_map(axes: Any, probe: Probe) -> None:
+    exposure = 0.5 / float(np.median(luminance(probe.image[: len(probe.image) // 2])))
+    axes.imshow(tone_map(probe.image, exposure), extent=(-180, 180, -90, 90))
+    azimuth, elevation = probe.moment.sun
+    axes.plot(azimuth, elevation, "o", mfc="none", mec="black", ms=22)
+    axes.text(azimuth, elevation - 20, "sun by the ephemeris", ha="center", fontsize=10)
+    axes.set_xticks(range(-180, 181, 90), ["south", "west", "north", "east", "south"])
+    axes.set_yticks((-90, 0, 90), ["nadir", "horizon", "zenith"])
+    axes.set_title("merged and aligned; the sun, clipped in every exposure, is filled in by the model", fontsize=10)
+
+
+def _skies(scan: Scan, offset: float) -> list[tuple[str, Floats]]:
+    """The measured luminance and three models (N,), each with the measured median."""
+    towards, sun = scan.directions(-1, offset), direction(*scan.sun)
+    models = {
+        "Hosek-Wilkie, turbidity 6": luminance(sky_radiance(towards, sun, 6.0, GROUND_ALBEDO)),
+        "Perez, clearness 5.3": perez_luminance(towards, sun, 5.3, 0.15),
+        "CIE clear sky": general_luminance(towards, sun, 12),
+    }
+    scale = np.median(scan.luminance)
+    skies = [(name, values * (scale / np.median(values))) for name, values in models.items()]
+    return [("measured, 27 May 2013", scan.luminance), *skies]
+
+
+def _draw_sky(axes: Any, name: str, values: Floats, scan: Scan, offset: float) -> None:
+    """The sky as a map, north up and east on the right: 81 directions coloured by the logarithm of their luminance."""
+    azimuth = np.radians(-scan.azimuth + offset)
+    low, high = np.log(np.percentile(scan.luminance, (2, 98)))
+    axes.set_theta_zero_location("N")
+    axes.set_theta_direction(-1)
+    axes.scatter(azimuth, 90 - scan.elevation, c=np.log(values), s=55, vmin=low, vmax=high, cmap="viridis")
+    axes.plot(np.radians(scan.sun[0]), 90 - scan.sun[1], "o", mfc="none", mec="red", ms=13)
+    axes.set_ylim(0, 90)
+    axes.set_yticks([])
+    axes.set_xticks(np.radians((0, 90, 180, 270)), ["N", "E", "S", "W"])
+    axes.set_title(name, fontsize=10)
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.2g} s" if time > 0.3 else f"1/{1 / time:.0f} s"
+
+
+def _write_exposures(exposures: Sequence[LinearPhoto], folder: Path) -> None:
+    """The exposures as 16-bit PNG with their times in EXIF."""
+    from tests.pictures import taken, write_png16
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for index, photo in enumerate(exposures):
+        counts: NDArray[np.uint16] = np.rint(photo.pixels * 65535).astype(np.uint16)
+        write_png16(folder / f"exposure_{index}.png", counts, taken(BRACKET_TIMES[index]))
+
+
+def draw_probe(folder: Path) -> None:
+    exposures = _probe_exposures()
+    _write_exposures(exposures, folder)
+    probe = make_probe(bracket_of(exposures), Moment(SKY_DAY, *SKY_PLACE), Settings(fill=True))
+    write_probe(probe, folder / "probe.exr")
+    day = read_sky_scans()[SUNNY]
+    _draw_probe_panels(exposures, probe, day[4], orient(day).offset)
+
+
+# stereo-plan.png: a relief on a south wall in Bregenz, under skies that the project models.
+
+PLAN_PICTURE = Path(__file__).with_name("stereo-plan.png")
+PLAN_WALL = Question(facing=180.0)
+PLAN_DAYS = (date(2026, 3, 20), date(2026, 6, 21), date(2026, 12, 21))
+
+
+def _wall_plan(day: date, sky: str) -> tuple[ModelledSkies, Plan]:
+    skies = ModelledSkies(47.5, 9.75, day, day, sky)  # type: ignore[arg-type]
+    return skies, plan_photos(skies, PLAN_WALL)
+
+
+def draw_stereo_plan() -> None:
+    for day in PLAN_DAYS:
+        for sky in ("clear", "mixed"):
+            skies, plan = _wall_plan(day, sky)
+            best = ", ".join(
+                f"{w.hours} h {clock(w.start)} to {clock(w.end)} {shown_error(w.error)} (gain {w.gain:.0f})"
+                for w in plan.windows
+            )
+            click.echo(f"{title(skies, plan)}: {best}")
+            if (day, sky) == (PLAN_DAYS[1], "clear"):
+                drawing = draw_plan(plan, f"When to photograph: {title(skies, plan)}", conditions(skies, PLAN_WALL))
+                PLAN_PICTURE.write_bytes(encode_png(drawing))
+
+
+# stereo-normals.png: a made vessel, its normals as found on two simulated days, and how far they are off.
+
+VESSEL_SIDE, VESSEL_SEED, WORST_ERROR = 192, 37, 45.0  # pixels; of the shape; deg, drawn white
+
+
+def draw_stereo_normals() -> None:
+    """Write the picture and print the errors: photos at 9, 12 and 16 h, normals by search and with the network."""
+    subject = Subject("vessel", "made", relief(VESSEL_SIDE, np.random.default_rng(VESSEL_SEED)))
+    surface, network, rows = subject.surface, Network.load(), []
+    for name in ("47° N, March", "47° N, June"):
+        trial = Trial(SEASONS[name], shadows=True)
+        photos = photograph(subject, trial, in_grey(trial.day.skies()))[[0, 3, 7], ..., 0]
+        (found,) = session([subject], trial, network)
+        search, both = found.errors()
+        errors = (f"{np.median(part):.1f} / {part.mean():.1f}" for part in (search, both))
+        click.echo(" ".join((name, *errors)))
+        tiles = [np.repeat(srgb_encode(photo / photos.max())[..., None], 3, axis=-1) for photo in photos]
+        maps = (surface.normals, found.search, found.network)
+        tiles += [(normals + 1) / 2 * surface.mask[..., None] for normals in maps]
+        off = np.clip(angle(found.network, surface.normals) / WORST_ERROR, 0, 1) * surface.mask
+        rows.append(np.concatenate([*tiles, np.repeat(off[..., None], 3, axis=-1)], axis=1))
+    pixels = np.round(255 * np.concatenate(rows)).astype(np.uint8)
+    Path("docs/stereo-normals.png").write_bytes(encode_png(pixels))
+
+
+FIGURES: dict[str, Callable[[], None]] = {
+    "axes": draw_axes,
+    "stereo-plan": draw_stereo_plan,
+    "stereo-normals": draw_stereo_normals,
+}
+
+
+@click.command()
+@click.argument("name", type=click.Choice([*FIGURES, "probe"]))
+@click.argument("folder", type=click.Path(path_type=Path), required=False)
+def main(name: str, folder: Path | None) -> None:
+    """Draw the figure NAME of docs/."""
+    if name != "probe":
+        if folder:
+            raise click.UsageError(f"FOLDER is for probe, not for {name}.")
+        FIGURES[name]()
+    elif folder:
+        draw_probe(folder)
+    else:
+        with tempfile.TemporaryDirectory() as temporary:
+            draw_probe(Path(temporary))
+
+
+if __name__ == "__main__":
+    main()
