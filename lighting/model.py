@@ -44,8 +44,9 @@ class Model:
         """The network in an ONNX file, by default the one in this package.
 
         `threads` work on one photo; 0 means one for each CPU that this process may use. A model for one photo skips
-        the rewriting of its graph, which takes longer than it saves on the first photo. Raises ModelError for a file
-        that is missing, damaged, or of another layout than this module's.
+        the rewriting of its graph, which takes longer than it saves on the first photo. Its sums have another order:
+        the sixth digit of an answer may differ, and a map may show the photo's next pixel in a few places.
+        Raises ModelError for a file that is missing, damaged, or of another layout than this module's.
         """
         if not isinstance(path, str | os.PathLike | None):
             raise ModelError(f"A network is read from a path, not {type(path).__name__}.")

@@ -1,0 +1,58 @@
+"""One photo has one answer, whichever command, function or process gives it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lighting.files.exr import read_attributes
+from lighting.model import Model
+from lighting.photo import read_photo
+from lighting.pipeline import Estimator
+from lighting.records import Lighting
+from tests.lighting.cli.runners import sub
+
+PHOTO = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
+
+
+def answer_of(model: Model) -> dict[str, Any]:
+    return Estimator(model)(read_photo(PHOTO)).lighting.to_dict()
+
+
+def plain(record: dict[str, Any]) -> dict[str, Any]:
+    """A record without the sky's coefficients, which follow from the rest."""
+    return Lighting.from_dict(record).to_dict()
+
+
+def numbers(record: Any) -> list[float]:
+    """All numbers of a record, in its order."""
+    if isinstance(record, dict | list):
+        return [n for part in (record.values() if isinstance(record, dict) else record) for n in numbers(part)]
+    return [float(record)] if isinstance(record, int | float) else []
+
+
+@pytest.mark.slow
+def test_commands_of_one_photo_give_one_answer(tmp_path: Path) -> None:
+    """To the last digit: the network begins early or late, and answers alone."""
+    expected = answer_of(Model.load(for_one_photo=True))
+    printed = json.loads(sub("estimate", PHOTO, "--json").stdout)["lighting"]
+    assert sub("envmap", PHOTO, "-o", tmp_path / "sky.exr", "--height", "64").returncode == 0
+    written = json.loads(read_attributes(tmp_path / "sky.exr")["lighting.json"])
+    assert plain(printed) == expected
+    assert plain(written) == expected
+
+
+@pytest.mark.slow
+def test_several_photos_have_the_answer_of_one_that_python_gives(tmp_path: Path) -> None:
+    """A network prepared for many photos gives the same as one for a single photo but for the sixth digit."""
+    expected = answer_of(Model.load())
+    lines = sub("estimate", PHOTO, PHOTO, "--json").stdout.splitlines()
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").write_bytes(PHOTO.read_bytes())
+    assert sub("batch", tmp_path / "photos", tmp_path / "out", "-q").returncode == 0
+    lines += (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines()
+    assert [plain(json.loads(line)["lighting"]) for line in lines] == [expected] * 3
+    alone = answer_of(Model.load(for_one_photo=True))
+    np.testing.assert_allclose(numbers(alone), numbers(expected), rtol=1e-5, atol=1e-5)
