@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ModelError, ParameterError
+from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.onnx import packaged, reason_of, session_of
 from lighting.records import AROUND_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
@@ -98,7 +98,9 @@ def model_or_packaged(model: object) -> Model:
         return Model.load()
     if not isinstance(model, Model):
         kind = type(model).__name__
-        raise ParameterError(f"A Model is needed, not {kind}; in lighting.model, Model.load reads a file.")
+        raise ParameterError(
+            f"A Model is needed, not {kind}; in lighting.model, Model.load reads a file.", code=ErrorCode.WRONG_TYPE
+        )
     return model
 
 

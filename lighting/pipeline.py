@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.envmap import photo_ground, photo_sky, sky_irradiance
-from lighting.errors import ParameterError, PhotoError
+from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.evidence import (
     NOTHING_GIVEN,
     Evidence,
@@ -83,7 +83,9 @@ class Estimator:
         """
         _check_asked(photos, given)
         if not callable(match) and not isinstance(match, bool):
-            raise ParameterError(f"match must be True, False or a function, not {match!r}.")
+            raise ParameterError(
+                f"match must be True, False or a function, not {match!r}.", "match", ErrorCode.WRONG_TYPE
+            )
         check_headings(len(photos), headings)
         check_heading(len(photos), given.heading)
         if len(photos) < 2:

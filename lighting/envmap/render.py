@@ -15,7 +15,7 @@ from lighting.envmap.clear import clear_irradiance, lobe_table, paint_clear
 from lighting.envmap.disc import disc_power, paint_disc, sun_irradiance
 from lighting.envmap.maps import Image
 from lighting.envmap.mixture import add_sun_glow, paint_mixture
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, latlong_directions
 from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
 from lighting.sky import SKY_MODEL, SKY_MODELS
@@ -94,7 +94,8 @@ def check_height(height: int) -> None:
         or height % 2
         or not MIN_HEIGHT <= height <= MAX_HEIGHT
     ):
-        raise ParameterError(f"height is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}.")
+        predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
+        raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE)
 
 
 def _paint_clear_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:

@@ -21,7 +21,7 @@ from lighting.envmap.continued import RATIO, continued
 from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
 from lighting.envmap.photo_view import Shown, shown, shown_size
 from lighting.envmap.render import add_sun, check_height, render
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import angle_between, latlong_directions
 from lighting.records import Estimate, Lighting, check_estimate, check_lighting
 
@@ -134,7 +134,10 @@ def place_factors(lighting: Lighting, place: Place) -> Image:
 
 def _check_place(thing: object) -> None:
     if not isinstance(thing, Place):
-        raise ParameterError(f"A Place is needed, not {type(thing).__name__}; known_place makes one of an estimate.")
+        raise ParameterError(
+            f"A Place is needed, not {type(thing).__name__}; known_place makes one of an estimate.",
+            code=ErrorCode.WRONG_TYPE,
+        )
 
 
 def _there(image: Image, lighting: Lighting, place: Place) -> Image:

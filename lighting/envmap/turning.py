@@ -8,7 +8,7 @@ import numpy as np
 
 from lighting.colour import luminance
 from lighting.envmap.maps import Image
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.ranges import RANGES
 from lighting.records import Colour, Lighting, check_lighting, clipped_colour, significant
@@ -72,7 +72,8 @@ def _check_yaw(yaw: float) -> None:
     except (TypeError, OverflowError):
         fits = False
     if not fits:
-        raise ParameterError(f"yaw must be a finite number, not {reprlib.repr(yaw)}.")
+        predicate = f"must be a finite number, not {reprlib.repr(yaw)}."
+        raise ParameterError.about("yaw", predicate, ErrorCode.WRONG_TYPE)
 
 
 def _heading(degrees: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from lighting.circular import HEADINGS, Heading, heading, von_mises
 from lighting.decoding import sun_of, sun_on_rings
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence.contradiction import contradictions
 from lighting.evidence.gravity import Gravity, contrary, held
 from lighting.geometry import Floats, direction
@@ -99,7 +99,11 @@ def above_horizon(evidence: Evidence) -> Floats:
     candidates = np.array(evidence.candidates, dtype=np.float64).reshape(-1, 2)
     up = candidates[candidates[:, 0] >= 0.0]
     if len(candidates) and not len(up):
-        raise ParameterError(f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon.")
+        raise ParameterError(
+            f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon.",
+            "time",
+            ErrorCode.NIGHT,
+        )
     return up
 
 

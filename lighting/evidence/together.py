@@ -12,7 +12,7 @@ import numpy as np
 
 from lighting.circular import HEADINGS, Heading, blur, correlate, heading, von_mises
 from lighting.decoding import said_elevation
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence.distributions import ELEVATION_SPREAD, elevation_density, noisy_cells, noisy_rings, seen_from
 from lighting.evidence.frames import Frames, contrary_up, frames
 from lighting.evidence.fusion import (
@@ -134,10 +134,14 @@ def _share_time(evidence: Sequence[Evidence]) -> list[Evidence]:
     first = next((e.candidates for e in evidence if e.candidates), ())
     given = [e.candidates or first for e in evidence]
     if len({len(c) for c in given}) > 1:
-        raise ParameterError("The times of photos taken together must all have a zone, or none.")
+        raise ParameterError(
+            "The times of photos taken together must all have a zone, or none.", code=ErrorCode.CONTRADICTION
+        )
     up = zones_of_day(given)
     if first and not up:
-        raise ParameterError("Whatever the zone of their times, the sun is below the horizon in one of the photos.")
+        raise ParameterError(
+            "Whatever the zone of their times, the sun is below the horizon in one of the photos.", code=ErrorCode.NIGHT
+        )
     return [replace(e, candidates=tuple(c[k] for k in up)) for e, c in zip(evidence, given, strict=True)]
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from lighting.errors import ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
+from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
 from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
 from lighting.photo.jpeg import check_scans
 from lighting.photo.memory import NAMES, admitted, most
@@ -82,7 +82,8 @@ def read_photo(
     cannot be opened.
     """
     if target is not None and not (isinstance(target, Integral) and target > 0):
-        raise ParameterError(f"target must be a whole number of pixels over 0, or None, not {target!r}.")
+        predicate = f"must be a whole number of pixels over 0, or None, not {target!r}."
+        raise ParameterError.about("target", predicate, ErrorCode.WRONG_TYPE)
     data = photo_data(source, max_bytes)
     try:
         with _no_warnings():

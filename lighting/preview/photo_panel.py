@@ -30,10 +30,15 @@ def photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
 
     `balls` says whether it draws them where there is ground.
     """
-    shown = ["its horizon"] if _shows_horizon(camera) else []
-    shown += ["three balls in its light"] if balls and has_ground(camera) else []
-    caption = f"Photo, with {' and '.join(shown)}" if shown else "Photo"
-    return caption if text_width(caption, LETTERS) <= width else caption.removesuffix(" in its light")
+    horizon = ["its horizon"] if _shows_horizon(camera) else []
+    if not (balls and has_ground(camera)):
+        return _caption(horizon)
+    long, short = (_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
+    return long if text_width(long, LETTERS) <= width else short
+
+
+def _caption(shown: list[str]) -> str:
+    return f"Photo, with {' and '.join(shown)}" if shown else "Photo"
 
 
 def _shows_horizon(camera: Pinhole) -> bool:

@@ -7,7 +7,7 @@ from PIL import Image
 from lighting.drawing import MUTED, SUN, TEXT, Style, text_width, write
 from lighting.preview.layout import GAP, MARGIN, WARNING, WIDTH
 from lighting.records import SUITABLE, Lighting
-from lighting.words import azimuth_in_words, tilt_in_words
+from lighting.words import aside, azimuth_in_words, tilt_in_words
 
 ANYWHERE = 90.0  # deg: where a tenth of the probability lies farther off than this, the sun may as well be opposite
 DOUBTED = 0.25  # probability of direct sunlight from which on its absence is not certain
@@ -65,10 +65,15 @@ def _short(value: float) -> str:
     return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
 
+def _short_azimuth(azimuth: float) -> str:
+    """An azimuth [deg] for a column of numbers: "ahead", "behind" or "41° left"."""
+    return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), aside(azimuth))
+
+
 def numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
     """Names and values of the record, in words."""
     return [
-        ("Sun azimuth", azimuth_in_words(lighting.sun_azimuth).removesuffix(" (behind)").removeprefix("straight ")),
+        ("Sun azimuth", _short_azimuth(lighting.sun_azimuth)),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
         ("50 % / 90 % within", f"{_short(lighting.radius_50)}° / {_short(lighting.radius_90)}°"),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 
-from lighting.errors import ProbeError
+from lighting.errors import ErrorCode, ProbeError
 from lighting.photo import RAW_SUFFIXES, PhotoFacts, facts_of, in_utc
 from lighting.probe.exposures import PICTURES
 
@@ -28,9 +28,15 @@ class Shot:
     def aware(self, utc_offset: float | None) -> datetime:
         """The time with its zone, which `utc_offset` [h] tells if the files do not; ProbeError without either."""
         if self.time is None:
-            raise ProbeError(f"{self.files[0]} does not say when it was taken; tell the time.")
+            raise ProbeError(
+                f"{self.files[0]} does not say when it was taken; tell the time.", "time", ErrorCode.MISSING
+            )
         if self.time.tzinfo is None and utc_offset is None:
-            raise ProbeError(f"{self.files[0]} has a local time of no known zone; tell its offset from UTC.")
+            raise ProbeError(
+                f"{self.files[0]} has a local time of no known zone; tell its offset from UTC.",
+                "utc_offset",
+                ErrorCode.MISSING,
+            )
         return self.time if self.time.tzinfo else in_utc(self.time, utc_offset or 0.0)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.errors import ProbeError
+from lighting.errors import ErrorCode, ProbeError
 from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.prefilter import shrink
 from lighting.probe.regions import HEIGHT, solid_angle
@@ -58,7 +58,9 @@ def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None)
     _check_sky(image)
     azimuth, elevation = sun or _found(image)
     if elevation < 0:
-        raise ProbeError(f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit.")
+        raise ProbeError(
+            f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit.", code=ErrorCode.NIGHT
+        )
     fit = fit_sky(image, direction(azimuth, elevation))
     if fit is None:
         raise ProbeError("Too little clear sky is seen to fit a model to: the sky is overcast or hidden.")

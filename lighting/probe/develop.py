@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ProbeError
+from lighting.errors import ErrorCode, ProbeError
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions
 from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
 from lighting.probe.exposures import Bracket
@@ -65,7 +65,11 @@ def make_probe(bracket: Bracket, moment: Moment, settings: Settings) -> Probe:
     if settings.yaw is not None:
         return _finish(developed, yaw_rotation(settings.yaw), None, moment, settings)
     if developed.spot is None:
-        raise ProbeError("No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw.")
+        raise ProbeError(
+            "No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw.",
+            "yaw",
+            ErrorCode.MISSING,
+        )
     found = (developed.spot.azimuth, developed.spot.elevation)
     alignment = align_one(developed.lens, found, moment.sun)
     return _finish(developed, alignment.rotation, alignment, moment, settings)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import EnvironmentMapError, PhotoError, ProbeError
+from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
 from lighting.photo import Curve, LinearPhoto, of_floats, read_linear
 
@@ -39,7 +39,7 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
     files: set[Path] = set()
     for path in paths:
         if (file := Path(path).resolve()) in files:
-            raise ProbeError(f"{path} is given twice.")
+            raise ProbeError(f"{path} is given twice.", code=ErrorCode.DUPLICATE)
         files.add(file)
     photos = [_read(Path(path), curve) for path in paths]
     return bracket_of(photos, [Path(path).name for path in paths])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 
-from lighting.errors import ProbeError
+from lighting.errors import ErrorCode, ProbeError
 from lighting.files import read_attributes
 
 FILE = "envmap.exr"
@@ -36,7 +36,7 @@ def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[ProbeFile]:
     """
     root = Path(folder)
     if not root.is_dir():
-        raise ProbeError(f"There is no folder {root}.")
+        raise ProbeError(f"There is no folder {root}.", "folder", ErrorCode.MISSING)
     probes = [_probe(path, zone) for path in root.glob(f"*/*/{FILE}") if _is_dated(path)]
     if not probes:
         raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {FILE} inside.")
@@ -63,5 +63,7 @@ def _filed(text: str, path: Path, zone: tzinfo) -> datetime:
     try:
         time = datetime.fromisoformat(text)
     except ValueError as error:
-        raise ProbeError(f"{path}: {TIME} is {reprlib.repr(text)}, which is no time.") from error
+        raise ProbeError(
+            f"{path}: {TIME} is {reprlib.repr(text)}, which is no time.", code=ErrorCode.MALFORMED
+        ) from error
     return time if time.tzinfo else time.replace(tzinfo=zone)

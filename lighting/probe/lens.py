@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lighting.errors import ProbeError
+from lighting.errors import ErrorCode, ProbeError
 from lighting.geometry import Floats, camera_axes, direction, latlong_pixel
 
 Kind = Literal["equidistant", "equisolid", "ball", "latlong"]
@@ -49,18 +49,24 @@ def lens_of(kind: Kind, width: int, height: int, **told: Any) -> Lens:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
     check_circle(kind, lens.fov, lens.radius)
     if not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
-        raise ProbeError("The lens's circle must have its centre in the picture.")
+        raise ProbeError("The lens's circle must have its centre in the picture.", "centre", ErrorCode.OUT_OF_RANGE)
     return lens
 
 
 def check_circle(kind: Kind, fov: float | None, radius: float | None) -> None:
     """Raise ProbeError for a field of view [deg] or a circle's radius [pixels] that no lens of the kind has."""
     if fov is not None and not 0 < fov <= 360:
-        raise ProbeError(f"The lens's field of view is {fov:g} deg; it must be over 0 and up to 360.")
+        raise ProbeError(
+            f"The lens's field of view is {fov:g} deg; it must be over 0 and up to 360.", "fov", ErrorCode.OUT_OF_RANGE
+        )
     if fov == 360 and kind == "equisolid":
-        raise ProbeError("The field of view of an equisolid lens must be under 360 deg.")
+        raise ProbeError("The field of view of an equisolid lens must be under 360 deg.", "fov", ErrorCode.OUT_OF_RANGE)
     if radius is not None and not radius > 0:
-        raise ProbeError(f"The radius of the lens's circle is {radius:g} pixels; it must be over 0.")
+        raise ProbeError(
+            f"The radius of the lens's circle is {radius:g} pixels; it must be over 0.",
+            "radius",
+            ErrorCode.OUT_OF_RANGE,
+        )
 
 
 def lens_pixels(lens: Lens, towards: ArrayLike) -> Floats:

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from datetime import datetime
 
-from lighting.errors import ProbeError
+from lighting.errors import ErrorCode, ProbeError
 from lighting.evidence import sun_position
 from lighting.geometry import wrap_azimuth
 from lighting.photo import Curve
@@ -36,9 +36,13 @@ class Settings:
         _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
         check_circle(self.kind, self.fov, self.radius)
         if not 0.0 <= self.nd <= MOST_STOPS:
-            raise ProbeError(f"The filter has {self.nd:g} stops; it must have 0 to {MOST_STOPS:g}.")
+            raise ProbeError(
+                f"The filter has {self.nd:g} stops; it must have 0 to {MOST_STOPS:g}.", "nd", ErrorCode.OUT_OF_RANGE
+            )
         if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:
-            raise ProbeError(f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90.")
+            raise ProbeError(
+                f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90.", "pitch", ErrorCode.OUT_OF_RANGE
+            )
 
 
 @dataclass(frozen=True)
@@ -63,9 +67,11 @@ def check_day(moment: Moment) -> None:
     """Raise ProbeError where the sun is below the horizon."""
     if moment.sun[1] < 0:
         time = moment.time.isoformat(timespec="minutes")
-        raise ProbeError(f"At {time} the sun is {-moment.sun[1]:.0f} deg below the horizon: it is night.")
+        raise ProbeError(
+            f"At {time} the sun is {-moment.sun[1]:.0f} deg below the horizon: it is night.", code=ErrorCode.NIGHT
+        )
 
 
 def _check_finite(what: str, *numbers: float | None) -> None:
     if not all(number is None or math.isfinite(number) for number in numbers):
-        raise ProbeError(f"{what} is told by a number that is not finite.")
+        raise ProbeError(f"{what} is told by a number that is not finite.", code=ErrorCode.WRONG_TYPE)

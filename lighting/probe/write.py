@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lighting.errors import ProbeError
+from lighting.errors import ErrorCode, ProbeError
 from lighting.files import write_exr
 from lighting.probe.develop import Probe
 from lighting.probe.folders import TIME, probe_path
@@ -28,7 +28,9 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ProbeError(f"{path.parent} cannot be made: {error.strerror or error}.") from error
+            raise ProbeError(
+                f"{path.parent} cannot be made: {error.strerror or error}.", code=ErrorCode.UNWRITABLE
+            ) from error
     write_exr(path, probe.image, attributes=attributes(probe))
     return path
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lighting.errors import SceneError
+from lighting.errors import ErrorCode, SceneError
 from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, CameraMotion, Scene
 from lighting.scene.parts import Folder, data_text, write_shared_files
@@ -59,7 +59,7 @@ def _save(folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode or not (folder / FILE).is_file():
         lines = done.stderr.strip().splitlines() or ["no reason given"]
-        raise SceneError(f"Blender could not build {FILE}: {lines[-1]}")
+        raise SceneError(f"Blender could not build {FILE}: {lines[-1]}", code=ErrorCode.FAILED)
 
 
 def _description(scene: Scene) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from lighting.errors import SceneError
+from lighting.errors import ErrorCode, SceneError
 from lighting.files import objection_to
 from lighting.scene import EXPORTERS
 from lighting.scene.common import Scene
@@ -31,7 +31,9 @@ def write_scene(
     written, and for one with a scene for another tool, in other light, that would be left with this one's map.
     """
     if not isinstance(folder, str | os.PathLike):
-        raise SceneError(f"A scene is written to a folder, not to {type(folder).__name__}.")
+        raise SceneError(
+            f"A scene is written to a folder, not to {type(folder).__name__}.", "folder", ErrorCode.WRONG_TYPE
+        )
     target = Path(folder).resolve()
     check_target(target, overwrite=overwrite)
     try:
@@ -94,9 +96,13 @@ def check_target(target: Path, *, overwrite: bool) -> None:
 
 def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> None:
     if tool not in EXPORTERS:
-        raise SceneError(f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}.")
+        raise SceneError(
+            f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}.", "tool", ErrorCode.UNKNOWN
+        )
     if not isinstance(scene, Scene):
-        raise SceneError(f"A Scene is needed, not {type(scene).__name__}; make_scene makes one.")
+        raise SceneError(
+            f"A Scene is needed, not {type(scene).__name__}; make_scene makes one.", code=ErrorCode.WRONG_TYPE
+        )
     EXPORTERS[tool].write(scene, folder, **options)
 
 

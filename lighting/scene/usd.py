@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.errors import SceneError
+from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import Floats
 from lighting.scene.axes import colour_and_strength, to_z_up
 from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, CameraMotion, Scene
@@ -35,7 +35,7 @@ def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     Where Z is up the camera looks along +Y at azimuth 0.
     """
     if up_axis not in ("Y", "Z"):
-        raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.")
+        raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.", "up_axis", ErrorCode.UNKNOWN)
     write_shared_files(scene, folder)
     (folder / STAGE).write_text(filled("scene.usda", _values(scene, up_axis)), encoding="utf-8")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -103,7 +103,11 @@ def sky_shape(model: str, direction: "ArrayLike", sun_direction: "ArrayLike", we
     import numpy as np
 
     if model not in SKY_MODELS:
-        raise ParameterError(f"The sky model {model!r} is not known; it must be one of {', '.join(SKY_MODELS)}.")
+        raise ParameterError(
+            f"The sky model {model!r} is not known; it must be one of {', '.join(SKY_MODELS)}.",
+            "sky_model",
+            ErrorCode.UNKNOWN,
+        )
     radiance = SKY_MODELS[model].shape(direction, sun_direction, weather)
     if radiance.ndim == np.ndim(direction):
         return radiance

@@ -9,7 +9,7 @@ Directions are unit vectors in the frame of geometry.py (+Y up).
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between
 
 _GRADATION = {  # a and b of each group
@@ -52,7 +52,9 @@ def general_luminance(direction: ArrayLike, sun_direction: ArrayLike, kind: int)
     """
     d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
     if sun[1] < 0:
-        raise ParameterError("The sun is below the horizon; the general sky needs it above.")
+        raise ParameterError(
+            "The sun is below the horizon; the general sky needs it above.", "sun_direction", ErrorCode.NIGHT
+        )
     away, from_zenith = np.radians(angle_between(d, sun)), np.radians(angle_between(sun, [0.0, 1.0, 0.0]))
     value = indicatrix(away, kind) * gradation(d[..., 1], kind)
     zenith = indicatrix(from_zenith, kind) * gradation(np.asarray(1.0), kind)
@@ -78,5 +80,7 @@ def indicatrix(away: ArrayLike, kind: int) -> Floats:
 
 def _type(kind: int) -> tuple[str, int]:
     if not 1 <= kind <= len(_TYPES):
-        raise ParameterError(f"The sky type is {kind}; the CIE general sky has types 1 to {len(_TYPES)}.")
+        raise ParameterError(
+            f"The sky type is {kind}; the CIE general sky has types 1 to {len(_TYPES)}.", "kind", ErrorCode.UNKNOWN
+        )
     return _TYPES[kind - 1]

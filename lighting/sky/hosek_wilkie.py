@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, angles, direction
 
 CIE_Y_INTEGRAL = 106.75  # nm, the integral of the CIE 1931 luminosity curve
@@ -176,5 +176,6 @@ def _elevation(sun_direction: Floats) -> float:
 def _checked(name: str, value: float) -> float:
     low, high = _RANGES[name]
     if not low - _ROUNDING <= value <= high + _ROUNDING:
-        raise ParameterError(f"The {name} is {value:g}; the sky model covers {low:g} to {high:g}.")
+        sentence = f"The {name} is {value:g}; the sky model covers {low:g} to {high:g}."
+        raise ParameterError(sentence, name.replace(" ", "_"), ErrorCode.OUT_OF_RANGE)
     return min(max(float(value), low), high)

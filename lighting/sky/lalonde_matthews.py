@@ -9,7 +9,7 @@ are linear Rec.709 in any unit; directions are unit vectors in the frame of geom
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between
 from lighting.sky.preetham import TURBIDITY, preetham_luminance
 
@@ -37,7 +37,8 @@ def lalonde_matthews_sun(
     for name, value in (("beta", beta), ("kappa", kappa)):
         low, high = _RANGES[name]
         if not low <= value <= high:
-            raise ParameterError(f"The sun's {name} is {value:g}; it must lie in {low:g} to {high:g}.")
+            sentence = f"The sun's {name} is {value:g}; it must lie in {low:g} to {high:g}."
+            raise ParameterError(sentence, name, ErrorCode.OUT_OF_RANGE)
     d = np.asarray(direction, dtype=np.float64)
     away = np.maximum(np.radians(angle_between(d, sun_direction)), 1e-9)
     return np.where(d[..., 1] >= 0, np.exp(-beta * np.exp(-kappa / away)), 0.0)

@@ -9,7 +9,7 @@ the zenith's; directions are unit vectors in the frame of geometry.py (+Y up).
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, angles
 from lighting.sky import Weather
 
@@ -100,11 +100,19 @@ def _luminance(coefficients: Floats, up: Floats, away: Floats) -> Floats:
 def _check(clearness: float, brightness: float, sun_zenith: float) -> None:
     low, high = BRIGHTNESS_RANGE
     if not clearness >= 1:
-        raise ParameterError(f"The sky's clearness is {clearness:g}; it is 1 or more.")
+        raise ParameterError(
+            f"The sky's clearness is {clearness:g}; it is 1 or more.", "clearness", ErrorCode.OUT_OF_RANGE
+        )
     if not low <= brightness <= high:
-        raise ParameterError(f"The sky's brightness is {brightness:g}; the model covers {low:g} to {high:g}.")
+        raise ParameterError(
+            f"The sky's brightness is {brightness:g}; the model covers {low:g} to {high:g}.",
+            "brightness",
+            ErrorCode.OUT_OF_RANGE,
+        )
     if not 0 <= sun_zenith <= np.pi / 2:
-        raise ParameterError("The sun is below the horizon; the all-weather sky needs it above.")
+        raise ParameterError(
+            "The sun is below the horizon; the all-weather sky needs it above.", "sun_zenith", ErrorCode.NIGHT
+        )
 
 
 def perez_weather(weather: Weather, sun_direction: ArrayLike) -> tuple[float, float]:

@@ -8,7 +8,7 @@ Rec.709 whose luminance is that of the model.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between
 
 TURBIDITY = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
@@ -87,6 +87,12 @@ def preetham_zenith(sun_zenith: float, turbidity: float) -> Floats:
 def _check(turbidity: float, sun_zenith: float) -> None:
     low, high = TURBIDITY
     if not low <= turbidity <= high:
-        raise ParameterError(f"The turbidity is {turbidity:g}; the sky of Preetham covers {low:g} to {high:g}.")
+        raise ParameterError(
+            f"The turbidity is {turbidity:g}; the sky of Preetham covers {low:g} to {high:g}.",
+            "turbidity",
+            ErrorCode.OUT_OF_RANGE,
+        )
     if not 0 <= sun_zenith <= np.pi / 2 + 1e-6:
-        raise ParameterError("The sun is below the horizon; the sky of Preetham needs it above.")
+        raise ParameterError(
+            "The sun is below the horizon; the sky of Preetham needs it above.", "sun_zenith", ErrorCode.NIGHT
+        )

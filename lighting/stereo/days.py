@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import LUMINANCE_WEIGHTS
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats
 from lighting.stereo.mean_light import Skies, illumination
 from lighting.stereo.skies import HEIGHT, SPELL, broken_skies, clear_skies, draw_sunshine, overcast_skies, suns_at
@@ -69,7 +69,7 @@ def modelled_day(place: Place, day: date, weather: Weather, *, coarse: bool = Fa
     suns = suns_at(_utc(place, day, minutes), place.latitude, place.longitude)
     up = suns[:, 1] > 0
     if up.sum() < 2:
-        raise ParameterError(_night(place, day, day), "first")
+        raise ParameterError(_night(place, day, day), "first", ErrorCode.NIGHT)
     minutes, suns = minutes[up], suns[up]
     clear = in_grey(clear_skies(suns, height=height))
     return Day(day, minutes, step / 2, *_weather(clear, weather))
@@ -108,7 +108,7 @@ def clear_brightness(place: Place, days: Sequence[date]) -> float:
     suns = suns_at(times, place.latitude, place.longitude)
     highest = suns[np.argmax(suns[:, 1])][None]
     if highest[0, 1] <= 0:
-        raise ParameterError(_night(place, days[0], days[-1]), "first")
+        raise ParameterError(_night(place, days[0], days[-1]), "first", ErrorCode.NIGHT)
     light = illumination(in_grey(clear_skies(highest)), highest)
     return float(np.linalg.norm(light))
 

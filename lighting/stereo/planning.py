@@ -14,7 +14,7 @@ from datetime import date, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats
 from lighting.stereo.days import Day
 from lighting.stereo.gain import (
@@ -41,9 +41,13 @@ def days_between(first: date, last: date) -> list[date]:
     """All days from first to last; ParameterError where they are reversed or too many."""
     count = (last - first).days + 1
     if count < 1:
-        raise ParameterError(f"The last day, {last}, is before the first, {first}.", "last")
+        raise ParameterError(f"The last day, {last}, is before the first, {first}.", "last", ErrorCode.CONTRADICTION)
     if count > MOST_DAYS:
-        raise ParameterError(f"From {first} to {last} are {count} days; a plan covers {MOST_DAYS} at most.", "last")
+        raise ParameterError(
+            f"From {first} to {last} are {count} days; a plan covers {MOST_DAYS} at most.",
+            "last",
+            ErrorCode.OUT_OF_RANGE,
+        )
     return [first + timedelta(days=i) for i in range(count)]
 
 
@@ -63,7 +67,7 @@ def make_plan(
     """
     looks = [_look(day, read, question, coarse=len(days) > 1) for day in progress(days)]
     if not any(look.fits for look in looks):
-        raise ParameterError(looks[0].objection, "first")
+        raise ParameterError(looks[0].objection, "first", ErrorCode.INSUFFICIENT)
     scale = reference or max(look.brightest for look in looks)
     errors = angular_error(np.stack([look.spread for look in looks]) * scale, question.noise / 100)
     burden = np.log(errors).sum(axis=1) + np.where([look.fits for look in looks], 0, np.inf)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.colour import luminance
-from lighting.errors import EnvironmentMapError, ParameterError
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files import read_map
 from lighting.geometry import Floats, latlong_directions
 from lighting.prefilter import shrink
@@ -41,7 +41,9 @@ def files_of(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Pa
 def read_day(day: date, files: Mapping[float, Path]) -> Day:
     """The probes of one day by minutes since midnight; ParameterError where there are fewer than two of it."""
     if len(files) < 2:
-        raise ParameterError(f"There is one probe of {day}; a plan needs two or more of a day.")
+        raise ParameterError(
+            f"There is one probe of {day}; a plan needs two or more of a day.", code=ErrorCode.INSUFFICIENT
+        )
     minutes = np.array(sorted(files))
     skies = in_grey(read_skies([files[minute] for minute in minutes]))
     tolerance = min(float(np.diff(minutes).max()), LONGEST_GAP) / 2

@@ -5,7 +5,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.photo import OFFSETS, YEARS
 from lighting.ranges import OPTIONAL_RANGES, check_range
 from lighting.stereo.days import Place, Weather, clear_brightness, modelled_day
@@ -29,7 +29,9 @@ class ModelledSkies:
         check_range("latitude", self.latitude, *OPTIONAL_RANGES["latitude"])
         check_range("longitude", self.longitude, *OPTIONAL_RANGES["longitude"])
         if self.sky not in _SKY:
-            raise ParameterError(f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY)}.", "sky")
+            raise ParameterError(
+                f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY)}.", "sky", ErrorCode.UNKNOWN
+            )
         if self.utc_offset is not None:
             check_range("utc_offset", self.utc_offset, *OFFSETS)
         for name, day in (("first", self.first), ("last", self.last)):
@@ -59,7 +61,11 @@ class MeasuredSkies:
         found = {day: files for day, files in days.items() if first <= day <= last}
         if not found:
             when = f"on {first}" if first == last else f"from {first} to {last}"
-            raise ParameterError(f"{self.folder} has no probes {when}; it has some from {min(days)} to {max(days)}.")
+            raise ParameterError(
+                f"{self.folder} has no probes {when}; it has some from {min(days)} to {max(days)}.",
+                "first",
+                ErrorCode.MISSING,
+            )
         return found
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.envmap import row_levels
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence import sun_position
 from lighting.geometry import Floats, direction, latlong_directions
 from lighting.records import GROUND_ALBEDO
@@ -38,7 +38,7 @@ def clear_skies(
     """
     directions = np.asarray(suns, dtype=np.float64)
     if (directions[:, 1] < 0).any():
-        raise ParameterError("The sun is below the horizon; there is no light to model.")
+        raise ParameterError("The sun is below the horizon; there is no light to model.", code=ErrorCode.NIGHT)
     sky = np.stack([_clear_sky(sun, turbidity, ground_albedo, height) for sun in directions])
     disc = np.stack([_disc(sun, turbidity) for sun in directions])
     level = horizontal_irradiance(sky) + disc * directions[:, 1:2]

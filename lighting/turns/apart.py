@@ -13,7 +13,7 @@ from io import BytesIO
 from time import monotonic
 from typing import TYPE_CHECKING, BinaryIO
 
-from lighting.errors import LightingError, TurnsError
+from lighting.errors import ErrorCode, LightingError, TurnsError
 from lighting.processes import bound, ending_after, held, leave_signals, own_stdout, python
 from lighting.turns.match import opencv
 from lighting.turns.sets import Placed, Shot, View, place
@@ -49,7 +49,9 @@ def place_apart(
         raise TurnsError("The process that matches photos with each other does not start.") from error
     said = _told(process, request, seconds, check)
     if said is None:
-        raise TurnsError(f"Matching the photos with each other takes longer than {seconds:g} seconds.")
+        raise TurnsError(
+            f"Matching the photos with each other takes longer than {seconds:g} seconds.", code=ErrorCode.TIMEOUT
+        )
     try:
         answer: tuple[Placed, ...] | LightingError = pickle.loads(said)
     except (EOFError, pickle.UnpicklingError) as error:

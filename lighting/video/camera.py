@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import SceneError
+from lighting.errors import ErrorCode, SceneError
 from lighting.files import replacing
 from lighting.geometry import Floats, camera_axes
 from lighting.photo import Photo
@@ -30,7 +30,7 @@ def write_shot(
     """
     animate = EXPORTERS[tool].animate if tool in EXPORTERS else None
     if animate is None:
-        raise SceneError(f"There is no scene with a moving camera for {tool!r}.")
+        raise SceneError(f"There is no scene with a moving camera for {tool!r}.", "tool", ErrorCode.UNKNOWN)
     height, width = plate.shape[:2]
     scene = make_scene(Photo(plate, width, height, "PNG"), light_of(shot))
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.colour import checked_pixels, luminance
 from lighting.envmap import brighten
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.evidence import Given, Known, check_given, estimate_of
 from lighting.geometry import Floats
 from lighting.model import Model, model_or_packaged
@@ -66,7 +66,8 @@ class Tracker:
         MissingExtraError.
         """
         if not 0.0 <= look_every < math.inf:
-            raise ParameterError(f"look_every must be a finite number of seconds, at least 0, not {look_every}.")
+            predicate = f"must be a finite number of seconds, at least 0, not {look_every}."
+            raise ParameterError.about("look_every", predicate, ErrorCode.OUT_OF_RANGE)
         self._model = model_or_packaged(model)
         known = Given(use_exif=False) if given is None else given
         check_given(known)
@@ -93,9 +94,11 @@ class Tracker:
         LONGEST and where the time and place given are of night.
         """
         if not math.isfinite(time):
-            raise ParameterError(f"The time of a frame must be a finite number of seconds, not {time}.")
+            sentence = f"The time of a frame must be a finite number of seconds, not {time}."
+            raise ParameterError(sentence, "time", ErrorCode.WRONG_TYPE)
         if abs(time) > LONGEST:
-            raise ParameterError(f"The time of a frame must be seconds after the first, not {time:g}.")
+            sentence = f"The time of a frame must be seconds after the first, not {time:g}."
+            raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
         frame = Frame(self._count, time, _shrunk(checked_pixels(pixels)))
         self._count += 1
         step = self._follower.follow(frame)

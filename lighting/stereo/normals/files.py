@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.files import SOFTWARE, objection_to, replacing
 from lighting.geometry import Floats
 from lighting.stereo.normals.frame import Pose, to_world
@@ -29,7 +29,7 @@ _HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
 def check_folder(folder: Path, *, overwrite: bool) -> None:
     """Raise a one-sentence ParameterError where the results cannot or must not be written."""
     if objection := objection_to(folder, overwrite=overwrite):
-        raise ParameterError(objection)
+        raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
 
 
 def write_map(folder: Path, found: NormalMap, pose: Pose) -> None:

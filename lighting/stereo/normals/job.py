@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lighting.errors import ParameterError, PhotoError
+from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.geometry import Floats
 from lighting.photo import FULL_FRAME, Curve
 from lighting.ranges import check_place
@@ -120,7 +120,11 @@ def surface(solved: Solved) -> Floats:
 def _heading(shots: Shots, told: Told) -> float:
     heading = shots.heading if told.heading is None else told.heading
     if heading is None:
-        raise ParameterError("The photos do not say which way the camera looked; give --heading in degrees from north.")
+        raise ParameterError(
+            "The photos do not say which way the camera looked; give --heading in degrees from north.",
+            "heading",
+            ErrorCode.MISSING,
+        )
     return heading
 
 
@@ -145,7 +149,9 @@ def _suns(shots: Shots, told: Told) -> Floats:
     check_place(*place)
     latitude, longitude = place if None not in place else (shots.place or place)
     if latitude is None or longitude is None:
-        raise ParameterError("The photos do not say where they were taken; give --lat and --lon.")
+        raise ParameterError(
+            "The photos do not say where they were taken; give --lat and --lon.", "latitude", ErrorCode.MISSING
+        )
     suns = suns_at(shots.times, latitude, longitude)
     if (suns[:, 1] <= 0).any():
         night = shots.names[int(np.argmin(suns[:, 1]))]
