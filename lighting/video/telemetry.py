@@ -62,7 +62,7 @@ def container_facts(metadata: Mapping[str, str], width: int, height: int) -> Pho
         focal_length=lens,
         vertical_fov=None if lens is None else vertical_fov(lens, width, height),
     )
-    return replace(facts, **_time(metadata))
+    return _recorded_at(facts, metadata)
 
 
 def _first(metadata: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
@@ -101,15 +101,15 @@ def _degrees(text: str) -> float | None:
     return value % 360.0 if math.isfinite(value) else None
 
 
-def _time(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """The moment of recording: Apple's with its zone, else the container's, which is in UTC."""
+def _recorded_at(facts: PhotoFacts, metadata: Mapping[str, str]) -> PhotoFacts:
+    """The same with the moment of recording: Apple's with its zone, else the container's, which is in UTC."""
     moments = (_read(_moment, metadata[n]) for n in (f"{APPLE}creationdate", "creation_time") if n in metadata)
     moment = next((m for m in moments if m is not None), None)
     if moment is None:
-        return {}
+        return facts
     offset = moment.utcoffset().total_seconds() / 3600.0
     local = moment.replace(tzinfo=None) if offset else None
-    return {"local_time": local, "utc_offset": offset if local else None, "utc_time": moment.astimezone(UTC)}
+    return replace(facts, local_time=local, utc_offset=offset if local else None, utc_time=moment.astimezone(UTC))
 
 
 def _moment(text: str) -> datetime | None:
@@ -138,25 +138,37 @@ def subtitle_facts(text: str, width: int, height: int) -> tuple[PhotoFacts, Gimb
     return _entry_facts(entries, width, height), _gimbal(entries)
 
 
-def _entry(block: str) -> dict[str, Any]:
-    """The numbers of one entry by name, with `start` [s] and perhaps `clock`; empty where it is not DJI's.
+@dataclass(frozen=True)
+class _Entry:
+    """What one entry of DJI's subtitles says."""
+
+    start: float  # s
+    numbers: dict[str, float]  # by the names that DJI gives them
+    focal_length: float | None  # mm, None for a crop
+    clock: datetime | None  # local
+
+
+def _entry(block: str) -> _Entry | None:
+    """What one entry says; None where it is not DJI's.
 
     A picture that is zoomed digitally is a crop, of which the focal length says nothing.
     """
     start = _START.search(block)
     said = {name.lower(): value for name, value in _PAIR.findall(block)}
-    numbers: dict[str, Any] = {name: float(value) for name, value in said.items()}
+    numbers = {name: float(value) for name, value in said.items()}
     if fix := _FIX.search(block):
         numbers["longitude"], numbers["latitude"] = float(fix[1]), float(fix[2])
     if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
-        return {}
+        return None
     hours, minutes, seconds, thousandths = map(int, start.groups())
     zoomed = numbers.get("dzoom_ratio", 1.0) not in _NO_DIGITAL_ZOOM
-    numbers["focal_len"] = None if zoomed else _focal_length(said.get("focal_len", ""))
-    numbers["start"] = 3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0
-    if clock := _CLOCK.search(block):
-        numbers["clock"] = _read(_local_time, clock[0])
-    return numbers
+    clock = _CLOCK.search(block)
+    return _Entry(
+        start=3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0,
+        numbers=numbers,
+        focal_length=None if zoomed else _focal_length(said.get("focal_len", "")),
+        clock=_read(_local_time, clock[0]) if clock else None,
+    )
 
 
 def _focal_length(text: str) -> float | None:
@@ -171,11 +183,11 @@ def _local_time(text: str) -> datetime:
     return datetime(year, month, day, hour, minute, second)
 
 
-def _entry_facts(entries: list[dict[str, Any]], width: int, height: int) -> PhotoFacts:
+def _entry_facts(entries: list[_Entry], width: int, height: int) -> PhotoFacts:
     place = next((p for e in entries if (p := _entry_place(e)) is not None), None)
-    lens = entries[0]["focal_len"]
+    lens = entries[0].focal_length
     return PhotoFacts(
-        local_time=entries[0].get("clock"),
+        local_time=entries[0].clock,
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
         focal_length=lens,
@@ -183,16 +195,17 @@ def _entry_facts(entries: list[dict[str, Any]], width: int, height: int) -> Phot
     )
 
 
-def _entry_place(entry: Mapping[str, Any]) -> tuple[float, float] | None:
-    longitude = entry.get("longitude", entry.get("longtitude"))  # as some models spell it
-    if "latitude" not in entry or longitude is None:
+def _entry_place(entry: _Entry) -> tuple[float, float] | None:
+    longitude = entry.numbers.get("longitude", entry.numbers.get("longtitude"))  # as some models spell it
+    if "latitude" not in entry.numbers or longitude is None:
         return None
-    return _somewhere(entry["latitude"], longitude)
+    return _somewhere(entry.numbers["latitude"], longitude)
 
 
-def _gimbal(entries: list[dict[str, Any]]) -> Gimbal:
-    said = [e for e in entries if {"gb_yaw", "gb_pitch", "gb_roll"} <= set(e)]
-    table = np.array([[e["start"], e["gb_yaw"], e["gb_pitch"], e["gb_roll"]] for e in said], dtype=np.float64)
+def _gimbal(entries: list[_Entry]) -> Gimbal:
+    names = ("gb_yaw", "gb_pitch", "gb_roll")
+    said = [e for e in entries if set(names) <= set(e.numbers)]
+    table = np.array([[e.start, *(e.numbers[name] for name in names)] for e in said], dtype=np.float64)
     if not len(table) or np.any(np.diff(table[:, 0]) <= 0) or np.any(np.abs(table[:, 1:]) > 360.0):
         return Gimbal()
     time, yaw, pitch, roll = table.T
