@@ -62,8 +62,8 @@ async function missExamples(page, seen) {
 async function estimateAgain(page, seen, textFile) {
   seen.again = [];
   await page.click("summary");
-  await page.fill("#given-fov", "50");
-  for (const button of ["#given button[type=submit]", "#forget"]) {
+  await page.fill("#input-fov", "50");
+  for (const button of ["#user-input button[type=submit]", "#forget"]) {
     await refused(page, () => page.setInputFiles("#file", textFile));
     await page.click(button);
     await page.waitForSelector("#error[hidden]", { state: "attached" });
@@ -77,7 +77,7 @@ async function bringNoFile(page, seen) {
   const drop = (target) => page.evaluate(dropText, target);
   seen.noFile = [await refused(page, () => drop("body"))];
   await relit(page, () => page.locator("#turbidity").press("ArrowRight"));
-  seen.textInField = [await drop("#given-lat"), await page.isVisible("#error")];
+  seen.textInField = [await drop("#input-lat"), await page.isVisible("#error")];
   seen.noFile.push(await refused(page, () => page.evaluate(pasteText)));
   await interrupt(page, seen);
 }

@@ -23,4 +23,4 @@ export async function visitFormats(browser, url, seen, { formats, upright, small
   await page.context().close();
 }
 
-const facts = (page) => page.locator("#facts dd").allTextContents();
+const facts = (page) => page.locator("#metadata dd").allTextContents();

@@ -6,7 +6,7 @@ export async function visitHeld(browser, url, seen, { held }) {
   seen.held = [];
   for (const file of held) {
     await relit(page, () => page.setInputFiles("#file", file));
-    const row = page.locator("#facts div", { hasText: "Held" }).locator("dd");
+    const row = page.locator("#metadata div", { hasText: "Held" }).locator("dd");
     const { x, width } = await row.boundingBox();
     const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
     seen.held.push([await row.textContent(), await page.locator("#warnings li").allTextContents(), [x, x + width, overflow]]);

@@ -76,9 +76,9 @@ async function refuseText(page, seen, photo, textFile) {
   await page.setInputFiles("#file", textFile);
   await page.waitForSelector("#error:not([hidden])");
   seen.error = await page.textContent("#error");
-  seen.kept = [await page.textContent("#title"), await page.textContent("#kept"), await page.textContent("#status")];
+  seen.kept = [await page.textContent("#title"), await page.textContent("#previous-answer"), await page.textContent("#status")];
   await page.locator("#turbidity").press("ArrowRight");
-  seen.forgiven = [await page.isVisible("#error"), await page.isVisible("#kept")];
+  seen.forgiven = [await page.isVisible("#error"), await page.isVisible("#previous-answer")];
   await page.route("**/v1/lighting?*", async (route) => {
     await new Promise((resolve) => setTimeout(resolve, 300)); // the service's word on the picture comes first
     await route.continue();

@@ -5,7 +5,7 @@ export async function visitSaid(browser, url, seen, { dated, photo, heic, folder
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
   seen.faultsBefore = await faults(page);
   await relit(page, () => page.setInputFiles("#file", dated));
-  seen.facts = await page.locator("#facts dd").allTextContents();
+  seen.facts = await page.locator("#metadata dd").allTextContents();
   seen.evidence = [await page.textContent("#evidence")];
   await correct(page, seen);
   seen.faults = await faults(page);
@@ -17,20 +17,20 @@ export async function visitSaid(browser, url, seen, { dated, photo, heic, folder
 
 async function correct(page, seen) {
   await page.click("summary");
-  seen.form = await page.inputValue("#given-time");
-  await page.fill("#given-lat", "41.91");
-  await page.fill("#given-lon", "12.48");
-  await page.fill("#given-utc_offset", "+02:00");
+  seen.form = await page.inputValue("#input-time");
+  await page.fill("#input-lat", "41.91");
+  await page.fill("#input-lon", "12.48");
+  await page.fill("#input-utc_offset", "+02:00");
   page.asked = [];
-  await relit(page, () => page.click("#given button[type=submit]"));
+  await relit(page, () => page.click("#user-input button[type=submit]"));
   seen.corrected = page.asked.filter((address) => address.includes("v1/lighting"));
   seen.evidence.push(await page.textContent("#evidence"));
-  await page.fill("#given-time", "2024-08-10T02:00:00");
-  await page.click("#given button[type=submit]");
+  await page.fill("#input-time", "2024-08-10T02:00:00");
+  await page.click("#user-input button[type=submit]");
   await page.waitForSelector("#error:not([hidden])");
   seen.night = await page.textContent("#error");
   seen.nightInSight = await page.evaluate(() => {
-    const sights = ["#error", "#given button"].map((name) => document.querySelector(name).getBoundingClientRect());
+    const sights = ["#error", "#user-input button"].map((name) => document.querySelector(name).getBoundingClientRect());
     return scrollY > 0 && sights.every(({ top, bottom }) => top >= 0 && bottom < innerHeight + 1); // it scrolls by whole pixels
   });
   seen.complaints = seen.complaints.filter((words) => !/status of 422/.test(words)); // that refusal, in the console

@@ -16,7 +16,7 @@ export async function visitTurned(browser, url, seen, { turned, folder }) {
     );
     seen.turned.push({
       button: await page.locator("#photos button").nth(index).textContent(),
-      said: (await page.isVisible("#turned")) ? await page.textContent("#turned") : "",
+      said: (await page.isVisible("#rotation")) ? await page.textContent("#rotation") : "",
       title: await page.textContent("#title"),
       numbers,
     });
@@ -27,7 +27,7 @@ export async function visitTurned(browser, url, seen, { turned, folder }) {
   await saved(page, "#get-mitsuba", folder, "first.zip");
   await page.setInputFiles("#file", turned[0]);
   await page.waitForSelector("#photos", { state: "hidden" });
-  seen.turnedAlone = await page.isVisible("#turned");
+  seen.turnedAlone = await page.isVisible("#rotation");
   await page.context().close();
   seen.promises = [await promise(browser, url, seen, true), await promise(browser, url, seen, false)];
 }
@@ -35,7 +35,7 @@ export async function visitTurned(browser, url, seen, { turned, folder }) {
 /** What the page promises of several photos where the service says whether it matches them. */
 async function promise(browser, url, seen, matching) {
   const page = await open(browser, url, seen, { width: 360, height: 800 }, { flat: true });
-  await page.route("**/v1/model", (route) => route.fulfill({ json: { accuracy: {}, matching } }));
+  await page.route("**/v1/model", (route) => route.fulfill({ json: { accuracy: {}, matching, scene_tools: [], map_formats: [] } }));
   await page.reload({ waitUntil: "networkidle" });
   const words = await page.textContent("#drop");
   await page.context().close();

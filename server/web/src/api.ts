@@ -32,15 +32,16 @@ export interface Lighting {
   camera: Camera & { heading?: number; heading_radius_50?: number; relative_heading?: number };
   evidence: string[];
   warnings: string[];
+  warning_codes?: string[]; // in answers: what each warning is about
 }
 
-/** The record of a light that was changed by hand: what the estimate said of itself is no longer in it. */
+/** The record of a light that was changed by hand, without what only the estimate can state. */
 export type EditedLighting = Omit<Lighting, "sun"> & { sun: Omit<Lighting["sun"], "radius_50" | "radius_90"> };
 
 export interface Estimate extends Lighting {
   links: { envmap: string };
   probability: Distribution;
-  surroundings?: SurroundingsFactors; // what the place makes of the bare map, where the network says what lies around
+  surroundings?: SurroundingsFactors; // gains of the bare map by the surroundings, where the network predicts them
 }
 
 /** The strength of a light, in the photo's linear values. */
@@ -59,7 +60,7 @@ export interface LightParameters {
   sun: boolean; // whether the disc is painted
 }
 
-/** A light, and perhaps a camera, in place of the estimated ones. Where it states no power, the estimate's follows the other parameters. */
+/** A light, and perhaps a camera, instead of the estimated ones. Irradiances that it leaves out follow the other parameters. */
 export interface LightOverrides extends LightParameters {
   sun_irradiance?: Triple;
   sky_irradiance?: Triple;
@@ -71,9 +72,7 @@ export interface LightOverrides extends LightParameters {
   vertical_fov?: number;
 }
 
-export type MapFormat = "exr" | "hdr" | "png";
-
-/** A refusal by the service, in its own words; status 0 where there was no answer. */
+/** An error of the service, in its own sentence; status 0 where there was no answer. */
 export class ServiceError extends Error {
   constructor(
     readonly status: number,
@@ -90,10 +89,7 @@ export class ServiceError extends Error {
   }
 }
 
-export const TOOLS = ["blender", "usd", "gltf", "threejs", "mitsuba"] as const;
-export type Tool = (typeof TOOLS)[number];
-
-/** The light of photos of one place, one estimate for each. */
+/** The light of photos of one location, one estimate for each. */
 export async function estimatePhotos(photos: Blob[], userInput: UserInput, signal: AbortSignal): Promise<Estimate[]> {
   const query = userInputQuery(userInput, photos.length);
   query.set("probability", "true");
@@ -115,7 +111,7 @@ export const fetchExample = async (url: string, signal: AbortSignal): Promise<Bl
 export const fetchPreview = (photo: Blob, userInput: UserInput): Promise<Blob> =>
   post(`v1/preview?${userInputQuery(userInput, 1)}`, buildForm([photo]));
 
-/** The parameters of a photo's URL: what the user said of it, and the light that replaces the estimated one. */
+/** The parameters of a photo's URL: the user's input, and the light that replaces the estimated one. */
 export function photoQuery(userInput: UserInput, overrides?: LightOverrides): URLSearchParams {
   const query = userInputQuery(userInput, 1);
   for (const [name, value] of Object.entries(overrides ?? {})) {
@@ -124,20 +120,20 @@ export function photoQuery(userInput: UserInput, overrides?: LightOverrides): UR
   return query;
 }
 
-/** A scene with the photo in it, as ZIP; `changed` replaces the estimated light. */
-export function fetchScene(photo: Blob, userInput: UserInput, tool: Tool, overrides?: LightOverrides): Promise<Blob> {
+/** A scene with the photo in it, as ZIP; `overrides` replace the estimated light. */
+export function fetchScene(photo: Blob, userInput: UserInput, tool: string, overrides?: LightOverrides): Promise<Blob> {
   const query = photoQuery(userInput, overrides);
   query.set("tool", tool);
   return post(`v1/scene?${query}`, buildForm([photo]));
 }
 
-/** How a map is wanted. */
+/** What kind of map to fetch. */
 export interface MapOptions {
-  format: MapFormat;
+  format: string;
   height: number;
 }
 
-/** The environment map of a photo, with the place; `changed` replaces the estimated light. */
+/** The environment map of a photo, with the surroundings; `overrides` replace the estimated light. */
 export function fetchEnvmap(
   photo: Blob,
   userInput: UserInput,
@@ -168,10 +164,12 @@ export function formatValue(value: number | Triple | boolean): string {
   return typeof value === "number" ? formatNumber(value) : value.map(formatNumber).join(",");
 }
 
-/** What the service says of itself. */
+/** What the service states of itself. */
 export interface ModelInfo {
   accuracy: Record<string, Record<string, number>>; // median errors by protocol, then by the names of the model card
-  matching: boolean; // whether it finds by what several photos show in common how they are turned
+  matching: boolean; // whether it finds the rotations between photos by what they show in common
+  scene_tools: string[];
+  map_formats: string[];
 }
 
 export const fetchModelInfo = async (): Promise<ModelInfo> => (await request("v1/model", {})).json();
@@ -223,7 +221,7 @@ export function storeKey(key: string): boolean {
 
 let pending: Promise<ModelInfo | undefined> | undefined;
 
-/** Undefined where the service does not say it, as without a key; then it is asked again the next time. */
+/** What the service states of itself, fetched once; undefined where that failed, as without a key: then the next call fetches again. */
 export function modelInfo(): Promise<ModelInfo | undefined> {
   pending ??= fetchModelInfo().catch(() => {
     pending = undefined;

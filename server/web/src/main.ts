@@ -1,6 +1,6 @@
 /** The page: photos go to the service, its answers to the views, and the controls change light and object on show. */
 
-import { apiKey, estimatePhotos, type LightParameters, ServiceError, storeKey } from "./api";
+import { apiKey, estimatePhotos, type LightParameters, modelInfo, ServiceError, storeKey } from "./api";
 import { byId, fitDrawing } from "./dom";
 import { SkyClient } from "./sky/client";
 import {
@@ -26,11 +26,11 @@ import { currentGesture, listenForGestures } from "./ui/gesture";
 import { listenForUndo, showUndo } from "./ui/history";
 import { Dome } from "./views/dome";
 import {
+  Downloads,
   hideSnippet,
   isChanged,
   lightOverrides,
   listenForCopies,
-  listenForDownloads,
   mapHeight,
   offerPreview,
 } from "./views/downloads";
@@ -51,15 +51,16 @@ let lastRequest: EstimateRequest | undefined;
 const result = byId("result");
 const status = byId("status");
 const currentView = (): PhotoView | undefined => session?.views[session.index];
-const light = (part: Partial<LightParameters>, kind: string): void => {
+const editLight = (part: Partial<LightParameters>, kind: string): void => {
   const view = currentView();
   if (view) editState({ parameters: { ...currentState(view).parameters, ...part } }, kind);
 };
 
 const dome = new Dome(byId("dome"), byId("readout"), ({ azimuth, elevation }) =>
-  light({ sun_azimuth: azimuth, sun_elevation: elevation }, "dome"),
+  editLight({ sun_azimuth: azimuth, sun_elevation: elevation }, "dome"),
 );
-const sliders = new Sliders(light);
+const sliders = new Sliders(editLight);
+const downloads = new Downloads(settleLight, showError);
 const object = new ObjectView(editState, showError);
 const metadata = new MetadataView(
   (userInput) => session && submitPhotos(photoFiles(session).map(sourceInMemory), userInput),
@@ -89,10 +90,9 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
 
 listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
 listenForGestures();
-listenForDownloads(settleLight, showError);
 listenForUndo(() => currentView()?.history, refresh);
 listenForCopies(snippetInput);
-void showMatching();
+void offerByService();
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
   const stored = storeKey(byId<HTMLInputElement>("key").value);
@@ -106,8 +106,16 @@ byId("reset").addEventListener("click", () => {
 byId("show-marks").addEventListener("change", drawPhotoMarks);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dome.paint());
 
+/** What the service can do, once it has answered that. */
+async function offerByService(): Promise<void> {
+  const info = await modelInfo();
+  if (!info) return;
+  showMatching(info.matching);
+  downloads.offer(info);
+}
+
 function submitPhotos(sources: PhotoSource[], userInput: UserInput): void {
-  lastRequest = { sources, userInput: userInput };
+  lastRequest = { sources, userInput };
   status.textContent = `Looking at ${sources.map(({ name }) => name).join(", ")}…`;
   clearErrors();
   setBusy(true);
@@ -129,21 +137,21 @@ async function runEstimate({ sources, userInput }: EstimateRequest, signal: Abor
   const files = await Promise.all(sources.map(({ load }) => load(signal)));
   const startTime = performance.now();
   const decoding = decodePhotos(files, signal);
-  decoding.catch(() => {}); // told below: what is said of the light comes first, for it says which photo is meant
+  decoding.catch(() => {}); // thrown below: the service's error comes first, for it names the photo
   const answers = await estimatePhotos(files, userInput, signal).catch((error: unknown) => {
-    const [file, ...others] = files; // of several, the service says which it means
+    const [file, ...others] = files; // of several, the service names the one
     throw error instanceof ServiceError && file && others.length === 0 ? error.withFileName(file) : error;
   });
   const photos = await decoding;
   if (signal.aborted) return;
   for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
   const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number]));
-  session = { views, index: 0, userInput: userInput };
+  session = { views, index: 0, userInput };
   clearErrors();
   byId("intro").hidden = true;
   result.hidden = false;
   setBusy(false);
-  void showMatching();
+  void offerByService();
   showPhoto(0);
   const seconds = ((performance.now() - startTime) / 1000).toFixed(1);
   const decoded = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";
@@ -163,7 +171,7 @@ function showPhoto(index: number): void {
   const { title, text, kind } = buildHeadline(estimate);
   byId("title").textContent = title.replaceAll("° ", "°\u00a0"); // no line ends inside an angle
   byId("title").className = kind;
-  byId("spread").textContent = text;
+  byId("radii").textContent = text;
   byId("model").textContent = `Network ${estimate.model.name} ${estimate.model.version}`;
   Object.assign(byId("photo"), { src: photo.url, alt: photo.file.name });
   byId("frame").style.setProperty("--aspect", String(aspectRatio(photo)));
@@ -176,7 +184,7 @@ function showPhoto(index: number): void {
   refresh();
 }
 
-/** Changes the look of the photo on show; `kind` says which steps may be undone together. */
+/** Changes light or object of the photo on show; `kind` says which steps may be undone together. */
 function editState(part: Partial<EditState>, kind: string): void {
   const view = currentView();
   if (!view) return;
@@ -185,7 +193,7 @@ function editState(part: Partial<EditState>, kind: string): void {
   refresh();
 }
 
-/** Brings everything to the look that the history holds. */
+/** Brings everything to the state that the history holds. */
 function refresh(): void {
   const view = currentView();
   if (!view || !session) return;
@@ -202,7 +210,7 @@ function refresh(): void {
   sky.request(skyRequest(view));
 }
 
-/** What is shown, once its light is known; undefined where it cannot be, which is told. */
+/** What is shown, once its light is known; undefined where it cannot be, which is shown as an error. */
 async function settleLight(): Promise<Session | undefined> {
   clearErrors();
   return (await sky.settled()) ? session : undefined;
@@ -215,16 +223,16 @@ async function snippetInput(): Promise<SnippetInput | undefined> {
   return {
     origin: new URL(".", location.href).href,
     photo: view.photo.file.name,
-    offsetText: session.userInput,
+    userInput: session.userInput,
     overrides: lightOverrides(view, session),
     height: mapHeight(),
     keyed: apiKey() !== null,
   };
 }
 
-/** Takes an error away, with what was said beside it, when something else is tried. */
+/** Takes an error away, with the notes beside it, when something else is tried. */
 function clearErrors(): void {
-  for (const id of ["error", "kept", "key-form", "key-note"]) byId(id).hidden = true;
+  for (const id of ["error", "previous-answer", "key-form", "key-note"]) byId(id).hidden = true;
 }
 
 /** A question to the service that failed. */
@@ -245,6 +253,6 @@ function showError(error: unknown): void {
   box.hidden = false;
   byId("key-form").hidden = !(error instanceof ServiceError && [401, 403].includes(error.status));
   const fileNames = session && photoFiles(session).map(({ name }) => name);
-  byId("kept").textContent = fileNames ? `Below is still the answer for ${fileNames.join(", ")}.` : ""; // not for what was refused
-  byId("kept").hidden = !fileNames || document.body.hasAttribute("data-busy");
+  byId("previous-answer").textContent = fileNames ? `Below is still the answer for ${fileNames.join(", ")}.` : ""; // not for what was refused
+  byId("previous-answer").hidden = !fileNames || document.body.hasAttribute("data-busy");
 }

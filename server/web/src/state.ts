@@ -51,12 +51,12 @@ export function createView(photo: Photo, estimate: Estimate): PhotoView {
   const placement = initialPlacement(camera, aspectRatio(photo), findFreeSpot(photo.pixels, camera));
   const look: EditState = {
     parameters: parametersFromRecord(estimate),
-    placement: placement,
+    placement,
     shape: "sphere",
     finish: "mirror",
   };
   return {
-    ...{ photo, estimate: estimate, history: new History(look), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
+    ...{ photo, estimate, history: new History(look), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
     groundColor: estimateGroundColor(photo.pixels, camera),
     shadowMask: groundShadowMask(photo.pixels, estimate),
   };
@@ -65,7 +65,7 @@ export function createView(photo: Photo, estimate: Estimate): PhotoView {
 export const photoFiles = ({ views }: Session): File[] => views.map(({ photo }) => photo.file);
 export const currentState = ({ history }: PhotoView): EditState => history.state;
 
-/** What the sky's worker is asked for a view. */
+/** What the sky's worker renders for a view. */
 export function skyRequest(view: PhotoView): SkyRequest {
   const { sun, sky, ground: groundColor } = view.estimate;
   return {
@@ -96,7 +96,7 @@ export function sameParameters(a: LightParameters, b: LightParameters): boolean 
   return JSON.stringify(a) === JSON.stringify(b);
 }
 
-/** The light on show with all that its record states of it; `power` is what it has where it is not the estimate's. */
+/** The light on show with all that its record states of it; `irradiances` are its own where it is not the estimate's. */
 export function statedOverrides(
   estimate: Lighting,
   parameters: LightParameters,
@@ -120,15 +120,15 @@ export function cameraOverrides({ camera }: Lighting): Partial<LightOverrides> {
 }
 
 /**
- * The record as a file: the estimate's own, or an edited one without what no longer follows from it. `power` is that of
- * the light on show; it replaces the one that the estimate states.
+ * The record as a file: the estimate's own, or an edited one without what no longer follows from it. `irradiances` are
+ * those of the light on show; they replace the ones that the estimate states.
  */
 export function buildRecord(
   estimate: Estimate,
   parameters: LightParameters,
   irradiances: Irradiances,
 ): Lighting | EditedLighting {
-  const { links: _, probability: __, surroundings: ___, ...record } = estimate;
+  const { links: _, probability: __, surroundings: ___, warning_codes: ____, ...record } = estimate;
   if (sameParameters(parametersFromRecord(record), parameters)) return record;
   const { azimuth, elevation } = { azimuth: parameters.sun_azimuth, elevation: parameters.sun_elevation };
   const { cover } = record.sky;
@@ -158,7 +158,7 @@ export interface PhotoSource {
   load: (signal: AbortSignal) => Promise<File>;
 }
 
-const MAX_IN_MEMORY = 256e6; // bytes that are kept; the service takes fewer and says so
+const MAX_IN_MEMORY = 256e6; // bytes that are kept; the service takes fewer
 
 /** A file that the user chose. */
 export const sourceFromFile = (file: File): PhotoSource => ({ name: file.name, load: () => readIntoMemory(file) });
@@ -204,7 +204,7 @@ export async function decodePhoto(file: File, signal: AbortSignal): Promise<Phot
   const image = local ?? (await decodeImage(await fetchUprightPhoto(file, signal)));
   if (!image) throw new Error(`${file.name} cannot be shown.`);
   const picture = drawScaled(image, MAX_BACKDROP);
-  return { file, url: image.src, picture, pixels: readPixels(image), metadata: metadata, byService: !local };
+  return { file, url: image.src, picture, pixels: readPixels(image), metadata, byService: !local };
 }
 
 export const aspectRatio = ({ picture }: Photo): number => picture.width / picture.height;

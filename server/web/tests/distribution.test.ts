@@ -33,10 +33,10 @@ function fibonacci(count: number): { ray: readonly [number, number, number]; pro
     const elevation = (Math.asin(1 - (i + 0.5) / count) * 180) / Math.PI;
     const ray = direction(i * 180 * (3 - Math.sqrt(5)), elevation);
     const cosine = ray[0] * centre[0] + ray[1] * centre[1] + ray[2] * centre[2];
-    return { ray: ray, probability: Math.exp(80 * (cosine - 1)) };
+    return { ray, probability: Math.exp(80 * (cosine - 1)) };
   });
   const total = cells.reduce((sum, { probability }) => sum + probability, 0);
-  return cells.map(({ ray, probability }) => ({ ray: ray, probability: probability / total }));
+  return cells.map(({ ray, probability }) => ({ ray, probability: probability / total }));
 }
 
 describe("colours", () => {

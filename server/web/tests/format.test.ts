@@ -77,7 +77,7 @@ describe("words", () => {
     expect(rows.find(({ name }) => name === "Camera elevation")).toEqual({
       name: "Camera elevation",
       value: "3.6° down",
-      note: "± 3.4°",
+      medianError: "± 3.4°",
     });
     expect(rows.find(({ name }) => name === "Camera roll")).toEqual({ name: "Camera roll", value: "0.0°" });
     const level = estimateRows({ ...RECORD, camera: { ...RECORD.camera, elevation: -0.04 } }, {});
@@ -138,15 +138,12 @@ describe("how the camera was held", () => {
     );
   });
 
-  it("is told as the file has it where the picture contradicts it", () => {
-    const sentence =
-      "By its metadata the camera looks 80° up with a roll of 2°, by the pixels it looks 4° down with a roll of 0°";
-    const warnings = [
-      "Another one.",
-      `${sentence}: the photo may be cropped. What the metadata say of it was not used.`,
-    ];
-    const value = "looks 80° up with a roll of 2°: not used, see the warning";
-    expect(describeCameraTilt({ ...RECORD, warnings }, NO_USER_INPUT)).toEqual({ name: "Held", value });
+  it("is not used where the picture contradicts it, by the code of a warning", () => {
+    const contradicted = { ...RECORD, warnings: ["Another one.", "It looks up."] };
+    const warning_codes = ["other", "gravity-contradicted"];
+    const value = "not used, see the warning";
+    expect(describeCameraTilt({ ...contradicted, warning_codes }, NO_USER_INPUT)).toEqual({ name: "Held", value });
+    expect(describeCameraTilt(contradicted, NO_USER_INPUT).value).toBe("not in the file");
   });
 
   it("is absent, or not looked for", () => {
@@ -159,9 +156,10 @@ describe("the turns of several photos", () => {
   const rotatedLighting = (relative_heading: number, evidence: string[], warnings: string[] = []): Lighting => ({
     ...RECORD,
     ...{ evidence, warnings, camera: { ...RECORD.camera, relative_heading } },
+    warning_codes: warnings.map((warning) => (warning === guessed ? "turn-inferred" : "other")),
   });
   const matched = ["pixels", "turns", "other photos"];
-  const guessed = "Nothing in it was found in the other photos: how it is turned is inferred from its light alone.";
+  const guessed = "The service says so in any words.";
 
   it("are told as the photos show them", () => {
     expect(formatRotation(rotatedLighting(32.13, matched), 1)).toBe("32° right of photo 1");
@@ -199,7 +197,8 @@ describe("the record on show", () => {
 
   it("is the estimate's own until something is changed", () => {
     expect(sameParameters(parameters, parametersFromRecord(RECORD))).toBe(true);
-    expect(buildRecord(ESTIMATE, parameters, irradiances)).toEqual(RECORD);
+    const answer = { ...ESTIMATE, warning_codes: [] };
+    expect(buildRecord(answer, parameters, irradiances)).toEqual(RECORD);
   });
 
   it("leaves out what no longer follows when it is edited", () => {

@@ -1,37 +1,39 @@
 import { describe, expect, it } from "vitest";
-import type { Lighting } from "../src/api";
 import { direction, type Vector } from "../src/geometry/angles";
 import type { Point } from "../src/geometry/camera";
-import { placeShareLabels, type ShareLabel, sunRegions, toDome, toMap } from "../src/geometry/sphere";
+import {
+  placeShareLabels,
+  type ShareLabel,
+  type SunEstimate,
+  type SunRegion,
+  sunRegions,
+  toDome,
+  toMap,
+} from "../src/geometry/sphere";
 
-const lightingWith = (sun: Partial<Lighting["sun"]>): Lighting =>
-  ({ sun: { azimuth: 120, elevation: 20, visibility: 1, radius_50: 13, radius_90: 27, ...sun } }) as Lighting;
+const regionsWith = ({ sunny = true, ...sun }: Partial<SunEstimate> & { sunny?: boolean }): SunRegion[] =>
+  sunRegions({ azimuth: 120, elevation: 20, radius_50: 13, radius_90: 27, ...sun }, sunny);
 
 const dome = (ray: Vector): Point => {
   const [x, y] = toDome(ray);
   return [100 * x, 100 * y];
 };
 
-const labelsOnDome = (sun: Partial<Lighting["sun"]>): ShareLabel[] =>
-  placeShareLabels(sunRegions(lightingWith(sun)), dome, 8, [[-100, -100], [100, 100]]); // biome-ignore format: two corners
+const labelsOnDome = (sun: Partial<SunEstimate> & { sunny?: boolean }): ShareLabel[] =>
+  placeShareLabels(regionsWith(sun), dome, 8, [[-100, -100], [100, 100]]); // biome-ignore format: two corners
 
 const areApart = ([a, b]: ShareLabel[]): boolean =>
   !!a && !!b && (Math.abs(a.center[0] - b.center[0]) >= 23.9 || Math.abs(a.center[1] - b.center[1]) >= 9.5);
 
 describe("the sun's regions", () => {
   it("are pale where no sun shines, and their shares too", () => {
-    expect(sunRegions(lightingWith({})).map(({ kind }) => kind)).toEqual(["region wide", "region"]);
-    expect(sunRegions(lightingWith({ visibility: 0.2 })).map(({ kind }) => kind)).toEqual([
-      "region wide pale",
-      "region pale",
-    ]);
-    expect(labelsOnDome({ visibility: 0.2 }).map(({ pale }) => pale)).toEqual([true, true]);
+    expect(regionsWith({}).map(({ kind }) => kind)).toEqual(["region wide", "region"]);
+    expect(regionsWith({ sunny: false }).map(({ kind }) => kind)).toEqual(["region wide pale", "region pale"]);
+    expect(labelsOnDome({ sunny: false }).map(({ pale }) => pale)).toEqual([true, true]);
   });
 
   it("that no longer reach the sky are left out", () => {
-    expect(sunRegions(lightingWith({ elevation: 60, radius_90: 130 })).map(({ share }) => share)).toEqual([
-      "50\u00a0%",
-    ]);
+    expect(regionsWith({ elevation: 60, radius_90: 130 }).map(({ share }) => share)).toEqual(["50\u00a0%"]);
   });
 
   it("have their shares beside them, clear of each other", () => {
@@ -61,7 +63,7 @@ describe("the sun's regions", () => {
       const [x, y] = toMap(ray);
       return [150 * x, 150 * y];
     };
-    const labels = placeShareLabels(sunRegions(lightingWith({ azimuth: 179, elevation: 70 })), toPoint, 12, [[0, 0], [300, 150]]); // biome-ignore format: two corners
+    const labels = placeShareLabels(regionsWith({ azimuth: 179, elevation: 70 }), toPoint, 12, [[0, 0], [300, 150]]); // biome-ignore format: two corners
     for (const { center: at } of labels) {
       expect(at[0]).toBeLessThanOrEqual(300 - 18);
       expect(at[1]).toBeGreaterThanOrEqual(7);

@@ -85,8 +85,8 @@ describe("what a photo says", () => {
   });
 
   it("goes to the service under its own names", () => {
-    const offsetText = { ...NO_USER_INPUT, time: "2024-06-01T14:30", utc_offset: "+02:00", headings: "0,45" };
-    expect(userInputQuery(offsetText, 1).toString()).toBe("time=2024-06-01T14%3A30&utc_offset=%2B02%3A00");
+    const userInput = { ...NO_USER_INPUT, time: "2024-06-01T14:30", utc_offset: "+02:00", headings: "0,45" };
+    expect(userInputQuery(userInput, 1).toString()).toBe("time=2024-06-01T14%3A30&utc_offset=%2B02%3A00");
   });
 });
 
@@ -189,7 +189,7 @@ describe("the light on show as text", () => {
   const subject: SnippetInput = {
     origin: "http://127.0.0.1:8000/",
     photo: "it's.jpg",
-    offsetText: { ...NO_USER_INPUT, time: "2024-06-01T14:30", utc_offset: "+02:00", lat: "48.14", lon: "11.58" },
+    userInput: { ...NO_USER_INPUT, time: "2024-06-01T14:30", utc_offset: "+02:00", lat: "48.14", lon: "11.58" },
     overrides: undefined,
     height: 512,
     keyed: false,
@@ -217,17 +217,16 @@ describe("the light on show as text", () => {
     expect(writePython(subject)).toContain(
       'Given(time=datetime.fromisoformat("2024-06-01T14:30+02:00"), latitude=48.14, longitude=11.58)',
     );
-    expect(writePython({ ...subject, offsetText: NO_USER_INPUT })).not.toContain("Given");
+    expect(writePython({ ...subject, userInput: NO_USER_INPUT })).not.toContain("Given");
   });
 
   it("writes every offset as ISO 8601 does, in the Python program", () => {
     const program = (utc_offset: string): string =>
-      writePython({ ...subject, offsetText: { ...subject.offsetText, utc_offset } });
+      writePython({ ...subject, userInput: { ...subject.userInput, utc_offset } });
     const offsets = { 2: "+02:00", "5.5": "+05:30", "-3": "-03:00", "-0330": "-03:30", Z: "+00:00" };
-    for (const [offsetText, iso] of Object.entries(offsets))
-      expect(program(offsetText)).toContain(`"2024-06-01T14:30${iso}"`);
+    for (const [offset, iso] of Object.entries(offsets)) expect(program(offset)).toContain(`"2024-06-01T14:30${iso}"`);
     const alone = { ...NO_USER_INPUT, utc_offset: "-0330" };
-    expect(writePython({ ...subject, offsetText: alone })).toContain("Given(utc_offset=-3.5)");
+    expect(writePython({ ...subject, userInput: alone })).toContain("Given(utc_offset=-3.5)");
   });
 
   it("replaces the light in the Python program", () => {

@@ -71,13 +71,13 @@ export function sunMark(sun: Vector, camera: Camera, size: Size, margin: number)
   const behind = dot(sun, forward) <= 0;
   const lateral = dot(sun, right);
   const ray = unit(behind ? [lateral < 0 ? -1 : 1, 0] : [lateral, -dot(sun, up)]);
-  if (pixel && isInside(pixel, size)) return { inside: true, behind, point: pixel, ray: ray };
+  if (pixel && isInside(pixel, size)) return { inside: true, behind, point: pixel, ray };
   const [midX, midY] = [size.width / 2, size.height / 2];
   const reach = Math.min(
     (midX - margin) / Math.max(Math.abs(ray[0]), 1e-9),
     (midY - margin) / Math.max(Math.abs(ray[1]), 1e-9),
   );
-  return { inside: false, behind, point: [midX + ray[0] * reach, midY + ray[1] * reach], ray: ray };
+  return { inside: false, behind, point: [midX + ray[0] * reach, midY + ray[1] * reach], ray };
 }
 
 function isInside([x, y]: Point, { width, height }: Size): boolean {
@@ -105,7 +105,7 @@ export function photoPixelAt(photo: Pixels, camera: Camera, azimuth: number, ele
   return weight === 0 ? null : { pixel: 4 * (Math.floor(y) * photo.width + Math.floor(x)), weight };
 }
 
-/** How far the photo counts at a place of it, 0 to 1 each way: 1 inside, less towards its edges, 0 outside. */
+/** The photo's weight at a point of it, 0 to 1 each way: 1 inside, less towards its edges, 0 outside. */
 function featherWeight(x: number, y: number): number {
   const ramp = clamp((1 - 2 * Math.max(Math.abs(x - 0.5), Math.abs(y - 0.5))) / FEATHER, 0, 1);
   return ramp * ramp * (3 - 2 * ramp);

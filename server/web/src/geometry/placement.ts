@@ -19,7 +19,7 @@ const MIN_RADIUS = 0.02; // metres, the radius
 const MAX_RADIUS = 20;
 const MIN_DISTANCE = 2; // radii that the camera keeps away from the object's middle, which then takes at most 60 degrees
 
-/** A place at a spot of the photo, in shares of its width and height, as large as looks well there. */
+/** A placement at a spot of the photo, in shares of its width and height, as large as looks well there. */
 export function initialPlacement(camera: Camera, aspect: number, spot: Point | null): Placement {
   const onGround = spot && groundPoint(camera, aspect, spot);
   const position = onGround ?? floatingPoint(camera, aspect, spot ?? [0.5, 0.66]);

@@ -1,7 +1,5 @@
 /** Curves on the sphere, and its two flat pictures: the dome seen from above and the lat-long map. */
 
-import type { Lighting } from "../api";
-import { isSunny } from "../text/format";
 import { angles, clamp, combine, cross, degrees, direction, radians, type Vector } from "./angles";
 import { type Camera, cameraAxes, type Point } from "./camera";
 
@@ -81,6 +79,14 @@ export function splitAtSeam(line: readonly Point[], jump: number): Point[][] {
   return cut.filter((piece) => piece.length > 1);
 }
 
+/** A record's sun and the radii around it that hold 50 % and 90 % of the probability, degrees. */
+export interface SunEstimate {
+  azimuth: number;
+  elevation: number;
+  radius_50: number;
+  radius_90: number;
+}
+
 export interface SunRegion {
   share: string;
   kind: string; // of the circle's line
@@ -89,11 +95,10 @@ export interface SunRegion {
   outwards: [sun: Vector, inside: Vector, top: Vector]; // up to where the circle is highest, by a step just inside
 }
 
-/** The circles that hold 50 % and 90 % of the sun's probability, as far as they reach the sky. */
-export function sunRegions(lighting: Lighting): SunRegion[] {
-  const { azimuth, elevation, radius_50, radius_90 } = lighting.sun;
+/** The circles that hold 50 % and 90 % of the sun's probability, as far as they reach the sky; pale where it is not `sunny`. */
+export function sunRegions({ azimuth, elevation, radius_50, radius_90 }: SunEstimate, sunny: boolean): SunRegion[] {
   const sun = direction(azimuth, elevation);
-  const pale = !isSunny(lighting);
+  const pale = !sunny;
   const region = (radius: number, share: string, kind: string): SunRegion => {
     const line = circleAround(sun, radius);
     const outwards: SunRegion["outwards"] = [sun, circleAround(sun, 0.98 * radius)[0] as Vector, line[0] as Vector];

@@ -86,7 +86,7 @@ export class Stage {
     return this.height * this.object.scale.x;
   }
 
-  /** The photo as the backdrop, seen by its own camera; `lit` says where its ground lies in the sun. */
+  /** The photo as the backdrop, seen by its own camera; `shadowMask` tells where its ground lies in the sun. */
   setPhoto(photo: HTMLCanvasElement, camera: Camera, shadowMask: ShadowMask): void {
     if (this.scene.background instanceof Texture) this.scene.background.dispose();
     const texture = new CanvasTexture(photo);
@@ -103,7 +103,7 @@ export class Stage {
     this.camera.quaternion.setFromRotationMatrix(basis);
   }
 
-  /** Where the object stands, how large it is and how it is turned. */
+  /** Where the object stands, its size and its rotation. */
   setPlacement({ position, radius, rotation, grounded }: Placement): void {
     this.object.position.copy(vector(position));
     this.object.scale.setScalar(radius);
@@ -186,7 +186,7 @@ export class Stage {
     this.sun.shadow.normalBias = 0.01 * radius;
   }
 
-  /** One frame, however often it is asked for before the next. */
+  /** One frame, however many calls come before the next. */
   private draw(): void {
     if (this.scheduled) return;
     this.scheduled = true;

@@ -35,7 +35,7 @@ export class SkyClient {
     this.worker.addEventListener("error", ({ message }) => {
       this.busy = false;
       this.answered = false;
-      this.unavailable ||= !message; // a worker that runs says what went wrong
+      this.unavailable ||= !message; // a worker that runs states what went wrong
       this.onError(new Error(message || NOT_LOADED));
       this.release();
     });
@@ -46,7 +46,7 @@ export class SkyClient {
     if (!this.busy) for (const resolve of this.idle.splice(0)) resolve();
   }
 
-  /** What stands around the camera from now on. */
+  /** The photo whose surroundings the light shows from now on. */
   setPhoto(photo: Pixels, camera: Camera, factors: SurroundingsFactors | undefined): void {
     this.post({ photo, camera, factors });
   }

@@ -1,6 +1,6 @@
 /**
  * The sky of Hosek and Wilkie and its sun, as `lighting/sky/hosek_wilkie.py` has them: the same table, the same
- * formulae, linear Rec.709. Angles in degrees unless said.
+ * formulae, linear Rec.709. Angles in degrees unless stated.
  */
 
 import { clamp, radians } from "../geometry/angles";

@@ -14,7 +14,7 @@ export interface StatedLight {
   cover?: number; // 0 clear to 1 overcast
 }
 
-/** What is asked for: the light on show, and the estimate that it began as. */
+/** What the worker renders: the light on show, and the estimate that it began as. */
 export interface SkyRequest {
   parameters: LightParameters;
   estimated: LightParameters;

@@ -30,7 +30,7 @@ const PICTURE_ROWS = 256;
 
 let table: Promise<SkyTable> | undefined;
 let surroundings: Surroundings | undefined;
-let last: { photo: string; base: LightBase } | undefined; // of the photo that was asked for
+let last: { photo: string; base: LightBase } | undefined; // of the latest photo
 
 self.addEventListener("message", async ({ data }: MessageEvent<SkyMessage>) => {
   if ("photo" in data) surroundings = buildSurroundings(data.photo, data.camera, data.factors, LIGHT_ROWS);

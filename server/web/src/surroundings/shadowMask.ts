@@ -26,7 +26,7 @@ const SUNLIT = 0.8; // share of the ground that the sun reaches where it reaches
 const RARE = 0.05; // least such share
 const NEAR = 1; // stops from the threshold of ordinary ground, within which the picture's own is sought
 
-/** What the shade is told by: the light of the estimate, as its record states it. */
+/** The light of an estimate by which shade is told from sun. */
 export type EstimatedLight = Pick<Lighting, "sky" | "camera"> & {
   sun: Omit<Lighting["sun"], "radius_50" | "radius_90">;
 };
@@ -144,7 +144,7 @@ function interpolateBlocks(values: number[], blocks: Blocks, { width, height }: 
   return upper * (1 - y.share) + lower * y.share;
 }
 
-/** The two blocks of `count` that a place along `length` pixels lies between, and how far it is on its way. */
+/** The two blocks of `count` that a position along `length` pixels lies between, and how far it is on its way. */
 function blockPosition(at: number, length: number, count: number): { low: number; high: number; share: number } {
   const where = Math.min(Math.max((at * count) / length - 0.5, 0), count - 1);
   const low = Math.floor(where);
@@ -171,7 +171,7 @@ function otsuClasses(values: number[], middle: number, reach: number): { dark: n
     const [dark, bright] = [sum / below, (whole - sum) / above];
     const std = below * above * (bright - dark) ** 2;
     if (Math.abs((dark + bright) / 2 - middle) > reach || std <= best.std) continue;
-    best = { dark, bright, part: Math.min(below, above) / values.length, std: std };
+    best = { dark, bright, part: Math.min(below, above) / values.length, std };
   }
   return best.part < MIN_PART ? null : best;
 }

@@ -1,7 +1,7 @@
 /**
- * What stands around the camera, for reflections: the photo in its own view, and beside it what the service says that
- * the place makes of the bare sky and ground. The rules are those of `lighting.envmap.surround`, but for one: what is
- * said of the rest is smooth, so light and dark of the photo's own things texture it, or mirrors would look empty.
+ * The surroundings of the camera, for reflections: the photo in its own view, and beside it the bare sky and ground
+ * times the service's factors. The rules are those of `lighting/envmap/surroundings.py`, but for one: the factors are
+ * smooth, so light and dark of the photo's own things texture them, or mirrors would look empty.
  */
 
 import { angleBetween, clamp, direction, radians, type Vector } from "../geometry/angles";
@@ -9,14 +9,14 @@ import { type Camera, photoPixelAt } from "../geometry/camera";
 import { luminance, type Pixels, srgbToLinear, type Triple } from "../geometry/color";
 import type { Latlong } from "../sky/render";
 
-/** What the photo shows, linear, with its weight (0 to 1) as the fourth float; the place, and what textures it. */
+/** What the photo shows, linear, with its weight (0 to 1) as the fourth float; the factors, and what textures them. */
 export interface Surroundings {
   projected: Latlong;
   factors: SmoothFactors | undefined;
   contrast: Float32Array | undefined; // for each pixel of the map
 }
 
-/** The place around the camera, in maps of `height` rows; `textured` with the photo's own things beside it. */
+/** The surroundings of a photo, in maps of `height` rows; `textured` with the photo's own things beside it. */
 export function buildSurroundings(
   photo: Pixels,
   camera: Camera,
@@ -54,7 +54,7 @@ function projectPhoto(photo: Pixels, camera: Camera, height: number): Latlong {
 }
 
 /**
- * A map of sky and ground with the place in it; `gain` takes the photo to the light on show. Each half of the map gives
+ * A map of sky and ground with the surroundings in it; `gain` takes the photo to the light on show. Each half of the map gives
  * level ground as much light as before. What is clipped in the photo leaves the map's own value where that is brighter.
  */
 export function addSurroundings(map: Latlong, surroundings: Surroundings, gain: number, suns: Suns): Latlong {
@@ -150,7 +150,7 @@ interface Glow {
   means: Float64Array; // of the factors' logarithms beside the glow, three a row
 }
 
-/** The two cells beside a place, and how far the second counts. */
+/** The two cells beside a position, and how far the second counts. */
 interface Interpolation {
   low: number;
   high: number;

@@ -10,7 +10,7 @@ export async function readMetadata(file: Blob): Promise<PhotoMetadata> {
     const bytes = new Uint8Array(await file.slice(0, MAX_BYTES).arrayBuffer());
     const block = findExifBlock(bytes);
     if (!block) return {};
-    const { parse } = await import("exifr/dist/full.esm.mjs");
+    const { parse } = await import("exifr");
     const tags = (await parse(block, EXIFR_OPTIONS)) ?? {};
     return { ...metadataFromTags(tags), ...(isRotated(tags) && !isJpeg(bytes) ? { rotated: true } : {}) };
   } catch {
@@ -94,7 +94,7 @@ export function metadataFromTags(tags: ExifTags): PhotoMetadata {
   };
 }
 
-/** Whether a photo lies another way in its file than it is to be seen. */
+/** Whether a photo's pixels lie another way up in its file. */
 export const isRotated = ({ Orientation: way }: ExifTags): boolean => typeof way === "number" && way >= 2 && way <= 8;
 
 /** The first local time that can be read with the offset of that time; else the time of GPS, which is in UTC. */
@@ -125,7 +125,7 @@ function gpsTime(tags: ExifTags): string | undefined {
   return formatUtcTime(new Date(Date.parse(`${day}Z`) + 1000 * (3600 * hours + 60 * minutes + seconds)));
 }
 
-/** Latitude and longitude; many programs write 0, 0 where the place is unknown. */
+/** Latitude and longitude; many programs write 0, 0 where the location is unknown. */
 function locationFromTags(tags: ExifTags): PhotoMetadata {
   const latitude = parseAngle(tags.GPSLatitude, textTag(tags.GPSLatitudeRef), "NS");
   const longitude = parseAngle(tags.GPSLongitude, textTag(tags.GPSLongitudeRef), "EW");

@@ -7,15 +7,22 @@ export interface NamedValue {
   name: string;
   value: string;
   note?: string;
+  medianError?: string; // of the model card
 }
 
-/** 54 is "54° right", 120 "120° right (behind)". */
-export function formatAzimuth(azimuth: number): string {
+/** 54 is "54° right". */
+function formatLateral(azimuth: number): string {
   const size = Math.round(Math.abs(azimuth));
   if (size === 0) return "straight ahead";
   if (size === 180) return "straight behind";
-  return `${size}° ${azimuth < 0 ? "left" : "right"}${size > 90 ? " (behind)" : ""}`;
+  return `${size}° ${azimuth < 0 ? "left" : "right"}`;
 }
+
+/** 54 is "54° right", 120 "120° right (behind)". */
+export const formatAzimuth = (azimuth: number): string => {
+  const size = Math.round(Math.abs(azimuth));
+  return `${formatLateral(azimuth)}${size > 90 && size < 180 ? " (behind)" : ""}`;
+};
 
 /** One decimal below 10, none above. */
 export const formatShort = (value: number): string => (value < 9.95 ? value.toFixed(1) : value.toFixed(0));
@@ -34,34 +41,34 @@ export const formatFactor = (value: number): string => String(Number(value.toPre
 
 export const isSunny = (lighting: Lighting): boolean => lighting.sun.visibility >= 0.5;
 
-/** The numbers of a record; `errors` are the median errors of the model card, where it states them. */
+/** The numbers of a record; `medianErrors` are those of the model card, where it states them. */
 export function estimateRows({ sun, sky, camera }: Lighting, medianErrors: Record<string, number> = {}): NamedValue[] {
-  const note = (name: string, unit: string): { note: string } | undefined => {
-    const error = medianErrors[`${name}_median`];
-    return error === undefined ? undefined : { note: `± ${error}${unit}` };
+  const error = (name: string, unit: string): { medianError: string } | undefined => {
+    const value = medianErrors[`${name}_median`];
+    return value === undefined ? undefined : { medianError: `± ${value}${unit}` };
   };
   return [
-    { name: "Sun azimuth", value: formatAzimuth(sun.azimuth).replace(" (behind)", ""), ...note("sun_azimuth", "°") },
-    { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°`, ...note("sun_elevation", "°") },
+    { name: "Sun azimuth", value: formatLateral(sun.azimuth), ...error("sun_azimuth", "°") },
+    { name: "Sun elevation", value: `${sun.elevation.toFixed(1)}°`, ...error("sun_elevation", "°") },
     {
       name: "Sun, 50\u00a0% within",
       value: `${formatShort(sun.radius_50)}°`,
       note: `90\u00a0%: ${formatShort(sun.radius_90)}°`,
     },
     { name: "Direct sun", value: formatPercent(sun.visibility) },
-    { name: "Turbidity", value: sky.turbidity.toFixed(1), ...note("turbidity", "") },
-    { name: "Exposure", value: formatFactor(sky.exposure), ...note("exposure", " stops") },
+    { name: "Turbidity", value: sky.turbidity.toFixed(1), ...error("turbidity", "") },
+    { name: "Exposure", value: formatFactor(sky.exposure), ...error("exposure", " stops") },
     {
       name: "Camera elevation",
       value: `${Math.abs(camera.elevation).toFixed(1)}° ${camera.elevation > -0.05 ? "up" : "down"}`,
-      ...note("camera_elevation", "°"),
+      ...error("camera_elevation", "°"),
     },
     {
       name: "Camera roll",
       value: `${(Math.round(camera.roll * 10) / 10 + 0).toFixed(1)}°`,
-      ...note("camera_roll", "°"),
+      ...error("camera_roll", "°"),
     },
-    { name: "Vertical field of view", value: `${camera.vertical_fov.toFixed(1)}°`, ...note("vertical_fov", "°") },
+    { name: "Vertical field of view", value: `${camera.vertical_fov.toFixed(1)}°`, ...error("vertical_fov", "°") },
   ];
 }
 
@@ -110,7 +117,7 @@ export function buildHeadline(lighting: Lighting): Headline {
   return { title: "The sun shines, but from where is hard to tell", text: bestGuess, kind: "sunny" };
 }
 
-/** The side of the camera, in words. */
+/** The side of the camera. */
 export function formatSide(azimuth: number): string {
   const [angle, side] = [Math.abs(azimuth), azimuth < 0 ? "left" : "right"];
   if (angle <= 22.5) return "in front of the camera";
@@ -123,19 +130,17 @@ function formatHeight(elevation: number): string {
   return elevation < 15 ? "low" : elevation < 45 ? "at half height" : "high";
 }
 
-const INFERRED_ROTATION = /how (it is|they are) turned/i; // the service's words where nothing in common says it
-
 /** What a service does with several photos beside answering them together, by whether it matches them. */
 export const formatMatching = (matching: boolean): string =>
   matching
     ? ", and turned by what they show in common"
     : "; how they are turned is inferred from compasses or light, for this service does not compare their pixels";
 
-/** Why the turn of a photo is a guess, in the service's words; empty where it is none. */
-export const rotationWarning = ({ warnings }: Lighting): string =>
-  warnings.filter((text) => INFERRED_ROTATION.test(text)).join(" ");
+/** The service's warnings that a photo's rotation is a guess; empty where it is none. */
+export const rotationWarning = ({ warnings, warning_codes = [] }: Lighting): string =>
+  warnings.filter((_, i) => warning_codes[i] === "turn-inferred").join(" ");
 
-/** "32° right of photo 1"; empty for the first photo, and where the headings were given. */
+/** "32° right of photo 1"; empty for the first photo, and where the user states headings. */
 export function formatRotation(lighting: Lighting, index: number, digits = 0): string {
   const rotation = lighting.camera.relative_heading;
   if (index === 0 || rotation === undefined) return "";
@@ -145,7 +150,7 @@ export function formatRotation(lighting: Lighting, index: number, digits = 0): s
   return hasMatches(lighting) ? text : `perhaps ${text}`;
 }
 
-/** The sentence on the turn of one photo among others; empty where nothing was looked for. */
+/** The sentence on the rotation of one photo among others; empty where none was looked for. */
 export function describeRotation(lighting: Lighting, index: number): string {
   if (!hasMatches(lighting)) return rotationWarning(lighting);
   const text = formatRotation(lighting, index, 1);

@@ -2,15 +2,39 @@
 
 import type { Lighting } from "../api";
 import type { PhotoMetadata } from "./exif";
-import { formatShort } from "./format";
+import { formatShort, type NamedValue } from "./format";
 
-export interface DescribedValue {
-  name: string;
-  value: string;
+/** What the user states of photos, in the names of the service; what is left out is left to the photo. */
+export interface UserInput {
+  exif: boolean; // whether the photo's metadata count
+  time: string; // local, as 2024-06-01T14:30
+  utc_offset: string; // as +02:00
+  lat: string;
+  lon: string;
+  heading: string; // of one photo, degrees from true north
+  fov: string; // degrees
+  headings: string; // of several photos, as 0,45,90
 }
 
-/** The facts in words; what a photo does not say is named too, since it can be given. `used`: see `usedUnseen`. */
-export function describeMetadata(metadata: PhotoMetadata, used: SourceNotes = {}): DescribedValue[] {
+export type UserInputField = Exclude<keyof UserInput, "exif">;
+
+export const NO_USER_INPUT: UserInput = {
+  ...{ exif: true, time: "", utc_offset: "", lat: "", lon: "", heading: "", fov: "", headings: "" },
+};
+
+/** The query of the user's input; `headings` goes with several photos only, `heading` with one. */
+export function userInputQuery(userInput: UserInput, photos: number): URLSearchParams {
+  const query = new URLSearchParams();
+  if (!userInput.exif) query.set("exif", "false");
+  for (const [name, value] of Object.entries(userInput)) {
+    if (typeof value !== "string" || !value.trim() || name === (photos > 1 ? "heading" : "headings")) continue;
+    query.set(name, value.trim());
+  }
+  return query;
+}
+
+/** Metadata as text; what a photo lacks is named too, since the user can state it. `used`: see `unreadSources`. */
+export function describeMetadata(metadata: PhotoMetadata, used: SourceNotes = {}): NamedValue[] {
   const unknown = metadata.incomplete ? "cannot be read here" : "not in the file";
   const lens = metadata.focal && `${formatShort(metadata.focal)} mm (as of a 35 mm camera)`;
   const texts: Record<MetadataName | "Camera", string | undefined> = {
@@ -36,7 +60,7 @@ const EVIDENCE_SOURCES = {
 type MetadataName = keyof typeof EVIDENCE_SOURCES;
 type SourceNotes = Partial<Record<MetadataName, string>>;
 
-/** Where the answer has from what it used, though neither the user nor the photo, as it is read here, says it. */
+/** Sources of what the answer used, though neither the user nor the metadata read here state it. */
 export function unreadSources(
   evidence: readonly string[],
   userInput: UserInput,
@@ -54,17 +78,15 @@ export function unreadSources(
   );
 }
 
-const CONTRADICTED = /^By its metadata the camera (looks .+?), by the pixels it /; // the service's words
-
-/** How the camera was held, as the answer has it: of a phone's or drone's own angles the service alone reads. */
-export function describeCameraTilt({ camera, evidence, warnings }: Lighting, { exif }: UserInput): DescribedValue {
+/** The camera's tilt by the answer: the service alone reads the angles of phones and drones. */
+export function describeCameraTilt(lighting: Lighting, { exif }: UserInput): NamedValue {
+  const { camera, evidence, warning_codes = [] } = lighting;
   const name = "Held";
-  const contradicted = warnings.map((text) => text.match(CONTRADICTED)?.[1]).find(Boolean);
-  if (contradicted) return { name, value: `${contradicted}: not used, see the warning` };
+  if (warning_codes.includes("gravity-contradicted")) return { name, value: "not used, see the warning" };
   if (!evidence.includes("gravity")) return { name, value: exif ? "not in the file" : "not looked for" };
   const [up, roll] = [Math.round(camera.elevation), Math.round(camera.roll)];
-  const looks = `looks ${Math.abs(up)}° ${up < 0 ? "down" : "up"} with a roll of ${roll}°`;
-  return { name, value: `${looks}, by the file and the picture` };
+  const tilt = `looks ${Math.abs(up)}° ${up < 0 ? "down" : "up"} with a roll of ${roll}°`;
+  return { name, value: `${tilt}, by the file and the picture` };
 }
 
 function formatTime({ time, offset, satellites }: PhotoMetadata): string | undefined {
@@ -101,7 +123,7 @@ export function formatEvidence(evidence: readonly string[]): string {
   return texts.length ? `Used: ${texts.join(", ")}.` : "Set by hand.";
 }
 
-/** What the form shows: what the user said, else what the photo says. */
+/** What the form shows: the user's input, else the photo's metadata. */
 export function fillForm(metadata: PhotoMetadata, userInput: UserInput): UserInput {
   if (!userInput.exif) return userInput;
   return {
@@ -114,7 +136,7 @@ export function fillForm(metadata: PhotoMetadata, userInput: UserInput): UserInp
   };
 }
 
-/** What the user says by a form: what differs from the photo's own facts. */
+/** The user's input by a form: what differs from the photo's own metadata. */
 export function readForm(form: UserInput, metadata: PhotoMetadata): UserInput {
   const fromPhoto = fillForm(metadata, { ...form, time: "", utc_offset: "", lat: "", lon: "", heading: "", fov: "" });
   const unlessFromPhoto = (name: "time" | "utc_offset" | "lat" | "lon" | "heading"): string =>
@@ -128,31 +150,3 @@ export function readForm(form: UserInput, metadata: PhotoMetadata): UserInput {
 
 const formatNumber = (value: number | undefined): string =>
   value === undefined ? "" : String(Number(value.toFixed(5)));
-
-export interface UserInput {
-  exif: boolean; // whether the photo's metadata count
-  time: string; // local, as 2024-06-01T14:30
-  utc_offset: string; // as +02:00
-  lat: string;
-  lon: string;
-  heading: string; // of one photo, degrees from true north
-  fov: string; // degrees
-  headings: string; // of several photos, as 0,45,90
-}
-
-export type UserInputField = Exclude<keyof UserInput, "exif">;
-
-export const NO_USER_INPUT: UserInput = {
-  ...{ exif: true, time: "", utc_offset: "", lat: "", lon: "", heading: "", fov: "", headings: "" },
-};
-
-/** The query of what is said; `headings` goes with several photos only, `heading` with one. */
-export function userInputQuery(userInput: UserInput, photos: number): URLSearchParams {
-  const query = new URLSearchParams();
-  if (!userInput.exif) query.set("exif", "false");
-  for (const [name, value] of Object.entries(userInput)) {
-    if (typeof value !== "string" || !value.trim() || name === (photos > 1 ? "heading" : "headings")) continue;
-    query.set(name, value.trim());
-  }
-  return query;
-}

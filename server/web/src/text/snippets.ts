@@ -7,7 +7,7 @@ import { formatUtcOffset, parseUtcOffset } from "./time";
 export interface SnippetInput {
   origin: string; // of the service, with a slash at its end
   photo: string; // its file name
-  offsetText: UserInput;
+  userInput: UserInput;
   overrides: LightOverrides | undefined; // the light on show where it is another than the estimate
   height: number;
   keyed: boolean; // whether the service asks for an API key
@@ -19,7 +19,7 @@ const quoteFormName = (name: string): string => `"${name.replaceAll(/["\\]/g, "\
 const fileStem = (photo: string): string => photo.replace(/\.\w+$/, "") || "photo";
 
 /** A curl command that writes the environment map. */
-export function writeCurl({ origin, photo, offsetText: userInput, overrides, height, keyed }: SnippetInput): string {
+export function writeCurl({ origin, photo, userInput, overrides, height, keyed }: SnippetInput): string {
   const key = keyed ? " -H 'Authorization: Bearer YOUR_KEY'" : "";
   const query = photoQuery(userInput, overrides);
   query.set("height", String(height));
@@ -30,12 +30,12 @@ export function writeCurl({ origin, photo, offsetText: userInput, overrides, hei
 }
 
 /** A Python program that writes the same map with the library alone. */
-export function writePython({ photo, offsetText: userInput, overrides, height }: SnippetInput): string {
+export function writePython({ photo, userInput, overrides, height }: SnippetInput): string {
   const input = userInputArguments(userInput);
   const photoExposure = overrides?.photo_exposure;
   const exposure = photoExposure === undefined ? "" : `, exposure=${formatValue(photoExposure)}`;
   const lines = [
-    ...(input.includes("datetime") ? ["from datetime import datetime", ""] : []),
+    ...(userInput.time ? ["from datetime import datetime", ""] : []),
     `from lighting import Estimator, ${input ? "Given, " : ""}write_exr`,
     `from lighting.envmap import ${overrides ? "change, " : ""}place_of, view`,
     "from lighting.photo import read_photo",
@@ -72,7 +72,7 @@ function overrideEntries(light: LightOverrides): string[] {
   });
 }
 
-/** The arguments of `Given` for what the user said; empty where nothing was. */
+/** The arguments of `Given` for the user's input; empty where there is none. */
 function userInputArguments(userInput: UserInput): string {
   const parts = userInput.exif ? [] : ["use_exif=False"];
   const hours = parseUtcOffset(userInput.utc_offset);

@@ -7,7 +7,7 @@ import type { Point } from "../geometry/camera";
 import { mixColors, parseHexColor, type Rgb } from "../geometry/color";
 import { type GridCell, gridCells, probabilityWithin, smoothDensity } from "../geometry/distribution";
 import { circleAround, fromDome, photoOutline, placeShareLabels, sunRegions, toDome } from "../geometry/sphere";
-import { formatAzimuth, formatPercent } from "../text/format";
+import { formatAzimuth, formatPercent, isSunny } from "../text/format";
 import { drawShareLabels } from "./markers";
 
 const RADIUS = 100; // of the horizon in the drawing's units
@@ -50,7 +50,7 @@ export class Dome {
     this.at = { azimuth: Math.round(estimate.sun.azimuth), elevation: Math.round(estimate.sun.elevation) };
     this.paint();
     const view = photoOutline(estimate.camera, aspect).map(onDrawing);
-    const regions = sunRegions(estimate);
+    const regions = sunRegions(estimate.sun, isSunny(estimate));
     const rings = regions.flatMap(({ lines, kind }) => lines.map((line) => drawPath(line.map(onDrawing), kind)));
     const labels = [
       ...ringLabels(estimate.sun.azimuth),

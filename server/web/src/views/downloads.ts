@@ -1,6 +1,6 @@
 /** The light on show, as files and as text. Files are fetched: links carry no API key and say no errors. */
 
-import { fetchEnvmap, fetchPreview, fetchScene, type LightOverrides, type MapFormat, TOOLS, type Tool } from "../api";
+import { fetchEnvmap, fetchPreview, fetchScene, type LightOverrides, type ModelInfo } from "../api";
 import { byId, createElement } from "../dom";
 import {
   buildRecord,
@@ -16,29 +16,56 @@ import { type SnippetInput, writeCurl, writePython } from "../text/snippets";
 
 type FetchFile = (view: PhotoView, session: Session) => Promise<Blob>;
 
-const FORMATS: MapFormat[] = ["exr", "hdr", "png"];
+const TOOL_LABELS: Record<string, string> = {
+  ...{ blender: "Blender", usd: "USD", gltf: "glTF", threejs: "three.js", mitsuba: "Mitsuba" },
+};
 const CHANGED_NOTE = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
 const TOGETHER_NOTE = "The preview shows the estimate from one photo alone; these photos were estimated together.";
 
-/** Listens to the buttons; `on` gives what is shown when one is pressed. */
-export function listenForDownloads(settle: () => Promise<Session | undefined>, failed: (error: unknown) => void): void {
-  const listen = (id: string, suffix: string, fetchFile: FetchFile): void => {
-    const button = byId<HTMLButtonElement>(id);
+/** The buttons that save files; `settle` gives what is on show when one is pressed. */
+export class Downloads {
+  constructor(
+    private readonly settle: () => Promise<Session | undefined>,
+    private readonly onError: (error: unknown) => void,
+  ) {
+    this.listen(byId("get-json"), ".json", createRecordFile);
+    this.listen(byId("get-preview"), "-preview.png", ({ photo }, { userInput }) => fetchPreview(photo.file, userInput));
+  }
+
+  /** Adds a button for each format of a map and each tool of a scene that the service has. */
+  offer({ map_formats, scene_tools }: Pick<ModelInfo, "map_formats" | "scene_tools">): void {
+    for (const format of map_formats) {
+      this.add("map-downloads", format, format.toUpperCase(), `.${format}`, (view, session) =>
+        fetchMap(view, session, format),
+      );
+    }
+    for (const tool of scene_tools) {
+      this.add("scene-downloads", tool, TOOL_LABELS[tool] ?? tool, `-${tool}.zip`, (view, session) =>
+        fetchSceneOf(view, session, tool),
+      );
+    }
+  }
+
+  /** A button behind those of its row, once. */
+  private add(row: string, name: string, label: string, suffix: string, fetchFile: FetchFile): void {
+    const id = `get-${name}`;
+    if (document.getElementById(id)) return;
+    const button = createElement("button", { type: "button", id, className: "button", textContent: label });
+    this.listen(button, suffix, fetchFile);
+    byId(row).append(button);
+  }
+
+  private listen(button: HTMLElement, suffix: string, fetchFile: FetchFile): void {
     button.addEventListener("click", async () => {
-      const session = await settle();
+      const session = await this.settle();
       const view = session?.views[session.index];
       if (!session || !view) return;
       button.setAttribute("aria-busy", "true");
       const stem = view.photo.file.name.replace(/\.\w+$/, "") || "photo";
-      await fetchFile(view, session).then((blob) => saveFile(blob, `${stem}${suffix}`), failed);
+      await fetchFile(view, session).then((blob) => saveFile(blob, `${stem}${suffix}`), this.onError);
       button.removeAttribute("aria-busy");
     });
-  };
-  for (const format of FORMATS)
-    listen(`get-${format}`, `.${format}`, (view, session) => fetchMap(view, session, format));
-  for (const tool of TOOLS) listen(`get-${tool}`, `-${tool}.zip`, (view, session) => fetchSceneOf(view, session, tool));
-  listen("get-json", ".json", createRecordFile);
-  listen("get-preview", "-preview.png", ({ photo }, { userInput }) => fetchPreview(photo.file, userInput));
+  }
 }
 
 export const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").value);
@@ -47,7 +74,7 @@ export const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").va
 export const isChanged = (view: PhotoView): boolean =>
   !sameParameters(currentState(view).parameters, parametersFromRecord(view.estimate));
 
-function fetchMap(view: PhotoView, session: Session, format: MapFormat): Promise<Blob> {
+function fetchMap(view: PhotoView, session: Session, format: string): Promise<Blob> {
   return fetchEnvmap(
     view.photo.file,
     session.userInput,
@@ -56,13 +83,13 @@ function fetchMap(view: PhotoView, session: Session, format: MapFormat): Promise
   );
 }
 
-function fetchSceneOf(view: PhotoView, session: Session, tool: Tool): Promise<Blob> {
+function fetchSceneOf(view: PhotoView, session: Session, tool: string): Promise<Blob> {
   return fetchScene(view.photo.file, session.userInput, tool, lightOverrides(view, session));
 }
 
 /**
  * The light on show where the service would not give the same for this photo alone; of photos estimated together it
- * knows neither sun nor sky nor camera. Its power is that of a settled sky.
+ * knows neither sun nor sky nor camera. Its irradiances are those of a settled sky.
  */
 export function lightOverrides(view: PhotoView, { views }: Session): LightOverrides | undefined {
   const { parameters } = currentState(view);
@@ -91,15 +118,15 @@ function saveFile(blob: Blob, name: string): void {
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-const MAKERS = { curl: writeCurl, python: writePython } as const;
-type Kind = keyof typeof MAKERS;
+const SNIPPETS = { curl: writeCurl, python: writePython } as const;
+type SnippetKind = keyof typeof SNIPPETS;
 
-export function listenForCopies(subject: () => Promise<SnippetInput | undefined>): void {
+export function listenForCopies(createInput: () => Promise<SnippetInput | undefined>): void {
   byId("size").addEventListener("change", hideSnippet);
-  for (const kind of Object.keys(MAKERS) as Kind[]) {
+  for (const kind of Object.keys(SNIPPETS) as SnippetKind[]) {
     byId(`copy-${kind}`).addEventListener("click", async () => {
-      const input = await subject();
-      if (input) copy(MAKERS[kind](input), kind);
+      const input = await createInput();
+      if (input) copySnippet(SNIPPETS[kind](input), kind);
     });
   }
 }
@@ -109,7 +136,7 @@ export function hideSnippet(): void {
   byId("snippet-box").hidden = true;
 }
 
-async function copy(text: string, kind: Kind): Promise<void> {
+async function copySnippet(text: string, kind: SnippetKind): Promise<void> {
   const box = byId<HTMLTextAreaElement>("snippet");
   box.value = text;
   byId("snippet-box").hidden = false;

@@ -1,4 +1,4 @@
-/** What the photo says, what of it was used, the form in which it is given or corrected, and the estimate's numbers. */
+/** The photo's metadata, what of them was used, the form that corrects them, and the estimate's numbers. */
 
 import { type Lighting, modelInfo } from "../api";
 import { byId, createElement } from "../dom";
@@ -20,7 +20,7 @@ import {
 const FIELDS: UserInputField[] = ["time", "utc_offset", "lat", "lon", "heading", "fov", "headings"];
 
 export class MetadataView {
-  private readonly form = byId<HTMLFormElement>("given");
+  private readonly form = byId<HTMLFormElement>("user-input");
   private metadata: PhotoMetadata = {};
 
   constructor(onSubmit: (userInput: UserInput) => void) {
@@ -38,7 +38,7 @@ export class MetadataView {
       userInput,
       views.map((view) => view.photo.metadata),
     );
-    byId("facts").replaceChildren(
+    byId("metadata").replaceChildren(
       ...[...describeMetadata(photo.metadata, used), describeCameraTilt(answer, userInput)].map(({ name, value }) =>
         createElement(
           "div",
@@ -61,20 +61,20 @@ export class MetadataView {
   private fill(userInput: UserInput, fov: number): void {
     for (const name of FIELDS) this.input(name).value = userInput[name];
     this.input("fov").placeholder = `${fov.toFixed(1)} (estimated)`;
-    byId<HTMLInputElement>("given-exif").checked = userInput.exif;
+    byId<HTMLInputElement>("input-exif").checked = userInput.exif;
   }
 
   private read(): UserInput {
     const texts = Object.fromEntries(FIELDS.map((name) => [name, this.input(name).value.trim()]));
-    return { ...NO_USER_INPUT, ...texts, exif: byId<HTMLInputElement>("given-exif").checked };
+    return { ...NO_USER_INPUT, ...texts, exif: byId<HTMLInputElement>("input-exif").checked };
   }
 
   private input(name: UserInputField): HTMLInputElement {
-    return byId<HTMLInputElement>(`given-${name}`);
+    return byId<HTMLInputElement>(`input-${name}`);
   }
 }
 
-/** The numbers at once, their errors as soon as the service has told them. */
+/** The numbers at once, their median errors as soon as the service has stated them. */
 export async function showNumbers(lighting: Lighting): Promise<void> {
   fillRows(estimateRows(lighting));
   const accuracy = (await modelInfo())?.accuracy ?? {};
@@ -94,9 +94,11 @@ function createRow(name: string, value: string, note: string): DocumentFragment 
 }
 
 function fillRows(rows: NamedValue[]): void {
-  const stated = rows.some(({ note }) => note?.startsWith("±"));
+  const hasErrors = rows.some(({ medianError }) => medianError);
   byId("numbers").replaceChildren(
-    ...(stated ? [createElement("div", { className: "head" }, createRow("", "this photo", "usual error"))] : []),
-    ...rows.map(({ name, value, note = "" }) => createElement("div", {}, createRow(name, value, note))),
+    ...(hasErrors ? [createElement("div", { className: "head" }, createRow("", "this photo", "usual error"))] : []),
+    ...rows.map(({ name, value, note, medianError }) =>
+      createElement("div", {}, createRow(name, value, medianError ?? note ?? "")),
+    ),
   );
 }

@@ -5,9 +5,10 @@ import { createSvg, drawPath, drawSun, drawText } from "../dom";
 import { clamp, direction, type Vector } from "../geometry/angles";
 import { type Camera, horizon, type Point, type SunMark, sunMark } from "../geometry/camera";
 import { photoOutline, placeShareLabels, type ShareLabel, splitAtSeam, sunRegions, toMap } from "../geometry/sphere";
+import { isSunny } from "../text/format";
 
 const SHARE = 12; // px, the letters of a region's share
-const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its words can meet the horizon's name
+const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its label can meet the horizon's name
 const SUN_HEIGHT = 52; // px, so for the distance in height
 
 type Line = NonNullable<ReturnType<typeof horizon>>;
@@ -35,7 +36,7 @@ function drawHorizon(line: Line, sun: SunMark, width: number, height: number): N
 
 const lineHeight = ([[x0, y0], [x1, y1]]: Line, x: number): number => y0 + ((y1 - y0) * (x - x0)) / (x1 - x0);
 
-/** An arrow towards the sun, and words below or above it, on the side that the horizon does not cross. */
+/** An arrow towards the sun, and a label below or above it, on the side that the horizon does not cross. */
 function drawArrow(
   { point: [x, y], ray: [u, v], behind }: SunMark,
   size: { width: number; height: number },
@@ -67,7 +68,7 @@ export function drawMapMarkers(
   };
   const curve = (line: Vector[], kind: string): Node[] =>
     splitAtSeam(line.map(toPoint), width / 2).flatMap((piece) => [drawPath(piece, "rim"), drawPath(piece, kind)]);
-  const regions = sunRegions(lighting);
+  const regions = sunRegions(lighting.sun, isSunny(lighting));
   const caption = [
     [0.25, "90° left"],
     [0.5, "front"],
@@ -82,7 +83,7 @@ export function drawMapMarkers(
   ];
 }
 
-/** The shares of the sun's regions in words, with letters of that size. */
+/** The labels of the sun's regions, with letters of that size. */
 export const drawShareLabels = (spots: ShareLabel[], size: number): SVGElement[] =>
   spots.map(({ center: [x, y], share, pale }) =>
     drawText([x, y + 0.36 * size], share, `share middle${pale ? " pale" : ""}`),

@@ -65,7 +65,7 @@ export class ObjectView {
     this.withStage((stage) => stage.setPhoto(picture, view.estimate.camera, lit));
   }
 
-  /** The object as it is wanted now. */
+  /** Shows the object in a state. */
   show({ placement: updatePlacement, shape, finish }: EditState): void {
     this.withStage((stage) => {
       stage.setAppearance(shape, finish);
@@ -105,7 +105,7 @@ export class ObjectView {
     }
   }
 
-  /** Where the object stands and how large it is, in words. */
+  /** Writes where the object stands and how large it is. */
   private describePlacement(updatePlacement: Placement, height: number): void {
     const text = `${formatMeters(height)} high`;
     const distance = updatePlacement.grounded ? `, ${formatMeters(groundDistance(updatePlacement))} away` : "";

@@ -1,6 +1,5 @@
 /** The ways a photo comes in (file chooser, drop, paste, examples), and the photos that were estimated together. */
 
-import { modelInfo } from "../api";
 import { byId, createElement } from "../dom";
 import { EXAMPLES, type Example } from "../examples";
 import { type PhotoSource, type Session, sourceFromExample, sourceFromFile } from "../state";
@@ -12,17 +11,17 @@ const TEXT_FIELDS = "input:not([type=file], [type=range], [type=radio], [type=ch
 
 type TakePhotos = (photos: PhotoSource[]) => void;
 
-/** `take` gets photos, `model` an object of the user's own, `fail` what is wrong with the rest. */
+/** `takePhotos` gets photos, `takeModel` an object of the user's own, `onError` what is wrong with the rest. */
 export function listenForUploads(
   takePhotos: TakePhotos,
-  model: (file: File) => void,
-  fail: (error: Error) => void,
+  takeModel: (file: File) => void,
+  onError: (error: Error) => void,
 ): void {
   const accept = (files: Iterable<File> | null | undefined): void => {
     const all = [...(files ?? [])];
     const own = all.find(({ name }) => MODEL.test(name));
     const photos = all.filter(({ name }) => !MODEL.test(name));
-    if (own) model(own);
+    if (own) takeModel(own);
     if (photos.length) takePhotos(photos.map(sourceFromFile));
   };
   for (const id of ["file", "model-file"]) {
@@ -36,7 +35,7 @@ export function listenForUploads(
     const dragged = EXAMPLES.find(({ thumb }) => new URL(thumb, location.href).href === data?.getData("text/uri-list"));
     if (data?.files.length) accept(data.files);
     else if (dragged) takePhotos([sourceFromExample(dragged.name, dragged.url)]);
-    else fail(new Error(`What you ${how} is no file. Save the photo, then choose its file or drop it here.`));
+    else onError(new Error(`What you ${how} is no file. Save the photo, then choose its file or drop it here.`));
   };
   document.addEventListener("paste", (event) => {
     if (!isTextDrop(event, event.clipboardData)) receive(event.clipboardData, "pasted");
@@ -45,10 +44,9 @@ export function listenForUploads(
   byId("examples").append(...EXAMPLES.map((one) => createElement("li", {}, exampleButton(one, takePhotos))));
 }
 
-/** What the service does with several photos, once it has told. */
-export async function showMatching(): Promise<void> {
-  const info = await modelInfo();
-  if (info) byId("matching").textContent = formatMatching(info.matching);
+/** What the service does with several photos. */
+export function showMatching(matching: boolean): void {
+  byId("matching").textContent = formatMatching(matching);
 }
 
 /** The whole page takes drops, so that a photo that misses the field does not replace the page. */
@@ -83,22 +81,22 @@ function exampleButton({ name, title, url, thumb, credit }: Example, takePhotos:
   return button;
 }
 
-export function showPhotos({ views, index: at }: Session, onChoice: (index: number) => void): void {
+export function showPhotos({ views, index }: Session, onChoice: (index: number) => void): void {
   const list = byId("photos");
   list.hidden = views.length < 2;
   list.replaceChildren(
-    ...views.map(({ photo, estimate: answer }, index) => {
-      const rotation = formatRotation(answer, index);
-      const label = `Photo ${index + 1}, ${rotation && `${rotation}, `}sun ${formatAzimuth(answer.sun.azimuth)}`;
+    ...views.map(({ photo, estimate }, i) => {
+      const rotation = formatRotation(estimate, i);
+      const label = `Photo ${i + 1}, ${rotation && `${rotation}, `}sun ${formatAzimuth(estimate.sun.azimuth)}`;
       const picture = createElement("img", { src: photo.url, alt: "", width: 96, height: 72 });
       const button = createElement("button", { type: "button", title: photo.file.name }, picture, label);
-      button.setAttribute("aria-pressed", String(index === at));
-      button.addEventListener("click", () => onChoice(index));
+      button.setAttribute("aria-pressed", String(i === index));
+      button.addEventListener("click", () => onChoice(i));
       return createElement("li", {}, button);
     }),
   );
-  const view = views[at];
-  const sentence = views.length > 1 && view ? describeRotation(view.estimate, at) : "";
-  byId("turned").textContent = sentence;
-  byId("turned").hidden = !sentence;
+  const view = views[index];
+  const sentence = views.length > 1 && view ? describeRotation(view.estimate, index) : "";
+  byId("rotation").textContent = sentence;
+  byId("rotation").hidden = !sentence;
 }

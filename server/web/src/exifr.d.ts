@@ -1,6 +1,0 @@
-declare module "exifr/dist/full.esm.mjs" {
-  export function parse(
-    file: Uint8Array,
-    options: Record<string, unknown>,
-  ): Promise<Record<string, unknown> | undefined>;
-}
