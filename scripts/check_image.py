@@ -1,0 +1,306 @@
+"""Build the image with `buildah`, and run the service and the command line from it.
+
+    python -m scripts.check_image [FOLDER]
+
+Builds the Dockerfile (see build_image.py), makes the result read-only and starts it as its own user, without
+capabilities, in a process namespace of its own and in a network of nothing but a loopback. Then come the image's
+HEALTHCHECK, requests, the command line, SIGTERM, and the sizes.
+
+All is built in memory, 2 GB of it, and is gone afterwards. The base's files alone stay, in FOLDER (400 MB), which is
+~/.cache/outdoor-lighting if none is given; delete them to have newer ones. Needs root, buildah, mmdebstrap and npm.
+Exit status 1 and one sentence if a promise is not kept; one line and 0 where no image can be built.
+"""
+
+import fcntl
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from scripts.build_image import (
+    NEW_NETWORK,
+    Engine,
+    UnavailableError,
+    build_image,
+    enter_own_mounts,
+    load_base,
+    unshare,
+)
+
+ROOT = Path(__file__).parent.parent
+PHOTO = ROOT / "examples" / "wide_street.jpg"
+BASE_CONTAINER, CONTAINER = "base", "image"
+LIMIT = 350  # MB over the base
+START, STOP = 120, 30  # seconds
+COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
+SENT = {"LICENSE", "NOTICE", "README.md", "pyproject.toml", "requirements.lock", "requirements-turns.lock"}
+SENT_FOLDERS = {"examples", "lighting", "server"}
+NEVER_SENT = {"node_modules", "__pycache__", "dist"}
+
+
+class BrokenPromiseError(Exception):
+    """The image lacks a property that it promises."""
+
+
+@dataclass(frozen=True)
+class Image:
+    """A built image, as a read-only tree of files, and how it is run."""
+
+    root: Path
+    environment: list[str]  # NAME=VALUE
+    folder: str
+    user: str  # UID:GID
+    start: list[str]  # ENTRYPOINT and CMD
+    health: list[str]
+
+    @property
+    def port(self) -> int:
+        """Where the service listens."""
+        return int(dict(pair.split("=", 1) for pair in self.environment)["LIGHTING_PORT"])
+
+    def command(self, argv: list[str]) -> list[str]:
+        """The command line, for root, that runs `argv` in the image as its user, without capabilities."""
+        uid, gid = self.user.split(":")
+        identity = [f"--reuid={uid}", f"--regid={gid}", "--clear-groups"]
+        lowered = ["setpriv", *identity, "--no-new-privs", "--bounding-set=-all", "--inh-caps=-all"]
+        return ["chroot", str(self.root), *lowered, "env", "-i", "-C", self.folder, *self.environment, *argv]
+
+
+def main() -> None:
+    """Build, run, print."""
+    cache = Path(sys.argv[1] if len(sys.argv) > 1 else Path.home() / ".cache/outdoor-lighting").resolve()
+    space = Path(tempfile.mkdtemp())
+    try:
+        enter_own_mounts()
+        mount("-t", "tmpfs", "-o", "mode=755", "tmpfs", space)
+        os.environ["TMPDIR"] = str(space)  # for the programs that build
+        cache.mkdir(parents=True, exist_ok=True)
+        check(Engine(space), space / "view", cache)
+    except UnavailableError as reason:
+        print(f"skipped: no image can be built here: {reason}")
+    except (BrokenPromiseError, RuntimeError, OSError, subprocess.SubprocessError) as error:
+        sys.exit(f"check_image: {error}")
+    finally:
+        subprocess.run(["umount", "--recursive", "--lazy", space], check=False, capture_output=True)
+        space.rmdir()
+
+
+def check(engine: Engine, view: Path, cache: Path) -> None:
+    """Build the image and hold it to all its promises; `view` becomes its read-only tree."""
+    began = time.monotonic()
+    load_base(engine, cache)
+    print(f"   the base after {time.monotonic() - began:.0f} s", flush=True)
+    check_context(engine)
+    build_image(engine, ROOT, cache, CONTAINER)
+    print(f"   the image after {time.monotonic() - began:.0f} s", flush=True)
+    base, files = (unpack(engine, name) for name in ("base", CONTAINER))
+    check_layer(base, files)
+    check_photo(engine)
+    check_service(read_image(engine, files, view))
+    print(f"   {time.monotonic() - began:.0f} s in all")
+
+
+def expect(kept: bool, promise: str) -> None:
+    """Print the promise if it was kept; BrokenPromiseError if not."""
+    if not kept:
+        raise BrokenPromiseError(f"not kept: {promise}")
+    print(f"ok: {promise}", flush=True)
+
+
+def check_context(engine: Engine) -> None:
+    """Check what .dockerignore lets through to the builder."""
+    engine.build(ROOT, "FROM scratch\nCOPY . /\n", "--tag", "context")
+    folder = unpack(engine, "context")
+    found = {path.relative_to(folder) for path in folder.rglob("*")}
+    expect({path.parts[0] for path in found} == SENT | SENT_FOLDERS, "the builder gets what it needs, nothing else")
+    expect(not [path for path in found if NEVER_SENT & set(path.parts)], "and nothing that was built before")
+    engine.run("rm", "context")
+
+
+def unpack(engine: Engine, image: str) -> Path:
+    """The image's files, as a container of the image's name."""
+    engine.run("from", "--pull=never", "--name", image, f"localhost/{image}")
+    return Path(engine.run("mount", image).strip())
+
+
+def check_layer(base: Path, image: Path) -> None:
+    """Check what the image adds to its base: its size, no build tools, nothing outside /opt/venv."""
+    sizes = {path: size for path, size in _sizes(image).items() if not os.path.lexists(base / path)}
+    total, added = sum(_sizes(image).values()) / 1e6, sum(sizes.values()) / 1e6
+    packages: dict[str, float] = {}
+    for path, size in sizes.items():
+        if "site-packages" in path.parts:
+            name = path.parts[path.parts.index("site-packages") + 1]
+            packages[name] = packages.get(name, 0) + size / 1e6
+    largest = sorted(packages.items(), key=lambda item: -item[1])[:8]
+    print(f"   {total:.0f} MB with its base; " + ", ".join(f"{name} {mb:.0f}" for name, mb in largest) + " MB")
+    expect(added < LIMIT, f"the image is {added:.0f} MB over its base, under {LIMIT}")
+    expect(not COMPILERS & {path.name for path in sizes}, "no compiler and no build tool in it")
+    expect({path.parts[:2] for path in sizes} == {("opt", "venv")}, "nothing in it but /opt/venv")
+
+
+def _sizes(folder: Path) -> dict[Path, int]:
+    """The size of every file of a tree."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+    return {path.relative_to(folder): path.stat().st_size for path in files}
+
+
+def check_photo(engine: Engine) -> None:
+    """Check that one photo becomes a map as docs/docker.md shows, with the engine's own `run`."""
+    command = ["run", "--isolation", "chroot", CONTAINER, "--", "lighting", "envmap", "-", "-o", "-"]
+    with PHOTO.open("rb") as photo:
+        done = subprocess.run(engine.argv(*command), stdin=photo, capture_output=True, timeout=START)
+    expect(done.stdout.startswith(b"v/1\x01"), f"`lighting envmap - -o -`: an EXR of {len(done.stdout)} bytes")
+
+
+def read_image(engine: Engine, files: Path, view: Path) -> Image:
+    """The image as its own record says that it is run, its files mounted read-only at `view`."""
+    record = json.loads(engine.run("inspect", "--type", "image", CONTAINER))["Docker"]["config"]
+    view.mkdir()
+    mount("--bind", files, view)
+    mount("-o", "remount,bind,ro", view)
+    mount("-t", "proc", "proc", view / "proc")
+    mount("--rbind", "/dev", view / "dev")
+    start = record["Entrypoint"] + record["Cmd"]
+    kind, *health = record["Healthcheck"]["Test"]
+    expect(kind == "CMD" and start[0] == "/usr/bin/env", "neither start nor HEALTHCHECK needs a shell")
+    return Image(view, record["Env"], record["WorkingDir"], record["User"], start, health)
+
+
+def mount(*arguments: str | Path) -> None:
+    """mount(8)."""
+    subprocess.run(["mount", *map(str, arguments)], check=True)
+
+
+def check_service(image: Image) -> None:
+    """Run the image's service and health check as an engine would with --read-only --cap-drop ALL --network none."""
+    uid = int(image.user.split(":")[0])
+    expect(uid >= 1000, f"a user of its own, {image.user}")
+    unshare(NEW_NETWORK)
+    _raise_loopback()
+    expect(len(Path("/proc/self/net/route").read_text().splitlines()) == 1, "no network, no route")
+    probe = image.command(image.health)
+    expect(not healthy(probe), "HEALTHCHECK fails while nothing runs")
+    with started(image) as (service, pid):
+        expect(bool(seconds := wait_healthy(probe, service)), f"HEALTHCHECK passes {seconds:.1f} s after the start")
+        check_process(pid, uid, image)
+        check_command_line(image, check_requests(image.port))
+        print(f"   {_resident(pid) / 1e6:.0f} MB resident")
+        began = time.monotonic()
+        os.kill(pid, signal.SIGTERM)
+        status = service.wait(STOP)
+        expect(status in (0, 128 + signal.SIGTERM), f"SIGTERM ends it after {time.monotonic() - began:.1f} s")
+    expect(not healthy(probe), "HEALTHCHECK fails when it has stopped")
+
+
+def _raise_loopback() -> None:
+    """`ip link set lo up`."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as anything:
+        fcntl.ioctl(anything, 0x8914, struct.pack("16sh22x", b"lo", 1))  # SIOCSIFFLAGS, IFF_UP
+
+
+def healthy(probe: list[str]) -> bool:
+    """Whether the HEALTHCHECK's command succeeds."""
+    return subprocess.run(probe, capture_output=True, timeout=START).returncode == 0
+
+
+def wait_healthy(probe: list[str], service: subprocess.Popen[bytes]) -> float:
+    """Seconds until the HEALTHCHECK succeeds; 0 if it does not in time or the service ends first."""
+    began = time.monotonic()
+    while time.monotonic() - began < START and service.poll() is None:
+        if healthy(probe):
+            return time.monotonic() - began
+        time.sleep(0.2)
+    return 0.0
+
+
+@contextmanager
+def started(image: Image) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """Run the service as process 1 of a new namespace; yields it and its process id outside."""
+    alone = ["unshare", "--pid", "--fork", f"--mount-proc={image.root / 'proc'}"]
+    with subprocess.Popen([*alone, *image.command(image.start)]) as outer:
+        try:
+            yield outer, _only_child(outer.pid)
+        finally:
+            for child in _children(outer.pid):
+                os.kill(child, signal.SIGKILL)
+            outer.kill()
+
+
+def _only_child(pid: int) -> int:
+    for _ in range(100):
+        if children := _children(pid):
+            return children[0]
+        time.sleep(0.05)
+    raise BrokenPromiseError("the service did not start")
+
+
+def _children(pid: int) -> list[int]:
+    try:
+        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except OSError:
+        return []
+
+
+def check_process(pid: int, uid: int, image: Image) -> None:
+    """Check the running process: its user, its capabilities, its number, and that it cannot write."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    status = dict(line.split(":\t", 1) for line in lines if ":\t" in line)
+    expect(set(status["Uid"].split()) == {str(uid)}, f"it runs as {uid}")
+    expect(int(status["CapEff"], 16) == int(status["CapBnd"], 16) == 0, "without capabilities")
+    expect(status["NSpid"].split()[-1] == "1", "it is process 1 itself, with no shell before it")
+    writing = image.command(["python", "-c", "open('/tmp/new', 'w')"])
+    expect(b"Read-only" in subprocess.run(writing, capture_output=True).stderr, "its files are read-only")
+
+
+def check_requests(port: int) -> object:
+    """Send one request of each kind; returns the sun of the example photo."""
+    record = json.loads(_answer(port, "/v1/lighting", photos=1))
+    image = _answer(port, "/v1/envmap", photos=1)
+    expect(image.startswith(b"v/1\x01") and len(image) > 100_000, f"POST /v1/envmap: an EXR of {len(image)} bytes")
+    expect(b"<script" in _answer(port, "/"), "the page is in it")
+    several = json.loads(_answer(port, "/v1/lighting", photos=2))["lightings"]
+    expect("other photos" in several[1]["evidence"], "several photos are answered together")
+    return record["sun"]
+
+
+def _answer(port: int, path: str, photos: int = 0) -> bytes:
+    """The answer to a GET, or to a form with the example photo, once or more often."""
+    part = (
+        b'--part\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n%b\r\n' % PHOTO.read_bytes()
+    )
+    form = photos * part + b"--part--\r\n" if photos else None
+    headers = {"Content-Type": "multipart/form-data; boundary=part"}
+    request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", form, headers)
+    without_proxy = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    with without_proxy.open(request, timeout=START) as answer:
+        return bytes(answer.read())
+
+
+def check_command_line(image: Image, sun: object) -> None:
+    """Check that `docker run -i IMAGE lighting estimate --json -` gives the same sun as the service."""
+    began = time.monotonic()
+    with PHOTO.open("rb") as photo:
+        command = image.command([image.start[0], "lighting", "estimate", "--json", "-"])
+        done = subprocess.run(command, stdin=photo, capture_output=True, timeout=START, check=True)
+    seconds = time.monotonic() - began
+    same = json.loads(done.stdout)["lighting"]["sun"] == sun
+    expect(same, f"`lighting estimate` in it says the same as the service, in {seconds:.1f} s")
+
+
+def _resident(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+if __name__ == "__main__":
+    main()
