@@ -168,7 +168,7 @@ def test_a_photo_comes_back_upright_as_jpeg_without_metadata(client: TestClient)
 
 def test_routes_without_parameters_refuse_any(client: TestClient, jpeg: bytes) -> None:
     for answer in (client.post("/v1/photo?side=512", **form(jpeg)), client.get("/v1/model?side=")):
-        expected = {"field": "side", "place": "query", "detail": "is not known here"}
+        expected = {"field": "side", "place": "query", "detail": "is not known here", "code": "unknown"}
         assert (answer.status_code, answer.json()["errors"]) == (422, [expected])
 
 
@@ -214,7 +214,7 @@ def test_a_record_with_one_irradiance_alone_is_refused(client: TestClient) -> No
     answer = client.post("/v1/envmap?height=16", json=record)
     assert answer.status_code == 422
     (error,) = answer.json()["errors"]
-    assert (error["field"], error["place"]) == ("body", "body")
+    assert (error["field"], error["place"], error["code"]) == ("sky.irradiance", "body", "missing")
     assert "go together" in error["detail"]
 
 
