@@ -59,6 +59,17 @@ def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
 def test_only_a_lens_that_sees_more_than_the_picture_makes_it_a_crop() -> None:
     (warning,) = contradictions(lobe(0.0, 60.0, 150.0), np.empty((0, 2)), np.empty((0, 360)), None, 120.0, "clip")
     assert warning.endswith("by the pixels: the clip may be cropped.")
+    assert warning.code == "lens-contradicted"
+
+
+def test_each_contradiction_has_its_code() -> None:
+    said = lobe(0.0, 60.0, 150.0)
+    suns = np.array([[5.0, 100.0]])
+    found = contradictions(said, suns, ring_density(said, suns), None, None)
+    assert [warning.code for warning in found] == ["elevation-contradicted"]
+    suns = np.array([[60.0, 100.0]])
+    found = contradictions(said, suns, ring_density(said, suns), (280.0, 10.0), None)
+    assert [warning.code for warning in found] == ["heading-contradicted"]
 
 
 def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:

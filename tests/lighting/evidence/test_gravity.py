@@ -13,7 +13,7 @@ from lighting.evidence.gravity import CAMERA_SPREAD, Gravity, contrary, held, ti
 from lighting.evidence.together import fuse_together
 from lighting.geometry import Pinhole, angle_between, camera_pixel, direction
 from lighting.photo import PhotoFacts
-from lighting.records import Prediction
+from lighting.records import Prediction, warning_code
 from tests.lighting.evidence.test_fusion import UNIFORM, lobe, prediction
 
 PHONE = PhotoFacts(
@@ -65,6 +65,7 @@ def test_what_chance_does_not_explain_is_told_and_not_used(above: float, aside: 
     fused = fuse(said(), Evidence(gravity=gravity))
     assert fused.used == ("pixels",)
     assert "cropped, turned or edited" in fused.warnings[0]
+    assert warning_code(fused.warnings[0]) == "gravity-contradicted"
     assert fused.prediction.camera_elevation == 4.0
 
 
