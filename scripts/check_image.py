@@ -275,10 +275,9 @@ def check_requests(port: int) -> object:
 
 
 def _answer(port: int, path: str, photos: int = 0) -> bytes:
-    """The answer to a GET, or to a form with the example photo, once or more often."""
-    part = (
-        b'--part\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n%b\r\n' % PHOTO.read_bytes()
-    )
+    """The answer to a GET, or to a form with the example photo, as large as a camera's, once or more often."""
+    photo = PHOTO.read_bytes() + bytes(3_000_000)
+    part = b'--part\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n%b\r\n' % photo
     form = photos * part + b"--part--\r\n" if photos else None
     headers = {"Content-Type": "multipart/form-data; boundary=part"}
     request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", form, headers)
