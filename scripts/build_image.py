@@ -91,8 +91,9 @@ def load_base(engine: Engine, cache: Path) -> None:
         recipe = f'FROM scratch\nADD {tar.name} /\nENV PATH={_PATH}\nRUN ["python", "--version"]\n'
         engine.build(cache, recipe, "--tag", _BASE)
     except RuntimeError as error:
-        first, *_, last = str(error).splitlines()
-        raise UnavailableError(f"{first} {last}") from error
+        first, *lines = str(error).splitlines()
+        reason = next((line for line in lines if line.startswith("E: ")), lines[-1] if lines else "")
+        raise UnavailableError(f"{first} {reason}") from error
 
 
 def _make_base(cache: Path) -> Path:

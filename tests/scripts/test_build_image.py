@@ -103,7 +103,7 @@ def test_a_machine_that_cannot_build_says_why(tmp_path: Path, monkeypatch: pytes
         enter_own_mounts()
 
     def fail(*_: object) -> str:
-        raise RuntimeError("mmdebstrap ended with 1:\nI: chroot\nE: no mount")
+        raise RuntimeError("mmdebstrap ended with 1:\nI: chroot\nE: no mount\nE: mmdebstrap failed to run")
 
     monkeypatch.setattr(build_image, "_run", fail)
     with pytest.raises(UnavailableError, match=r"^mmdebstrap ended with 1: E: no mount$"):
