@@ -1,4 +1,4 @@
-// What the visits share: a browser, pages that note what goes wrong, downloads.
+// What the visits share: a browser, pages that record errors, downloads.
 import { createHash } from "node:crypto";
 import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -9,31 +9,14 @@ const { chromium } = require("playwright-core");
 export const PATIENCE = 120_000; // ms; WebGL is drawn by the CPU here
 export const axePath = require.resolve("axe-core/axe.min.js");
 
-const launch = (executablePath) =>
+export const launch = (executablePath) =>
   chromium.launch({
     executablePath,
     args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"],
   });
 
-/** Makes the visits with a script's arguments PAGE_URL CHROMIUM FILES_AS_JSON, and prints what they saw as JSON. */
-export async function report(visits) {
-  const [url, executablePath, files] = process.argv.slice(2);
-  const seen = { complaints: [], seconds: {} };
-  const browser = await launch(executablePath);
-  try {
-    for (const visit of visits) {
-      const began = Date.now();
-      await visit(browser, url, seen, JSON.parse(files));
-      seen.seconds[visit.name] = (Date.now() - began) / 1000;
-    }
-  } finally {
-    await browser.close();
-  }
-  console.log(JSON.stringify(seen));
-}
-
 /**
- * A page at `url` whose faults go to `seen.complaints` and whose requests go to `page.asked`. `flat` takes WebGL away,
+ * A page at `url` whose faults go to `seen.complaints` and whose requests go to `page.requests`. `flat` takes WebGL away,
  * which is slow where the CPU draws; `touch` is a phone.
  */
 export async function open(browser, url, seen, viewport, { flat = false, touch = false } = {}) {
@@ -42,8 +25,8 @@ export async function open(browser, url, seen, viewport, { flat = false, touch =
   if (flat) await context.addInitScript(withoutWebgl);
   const page = await context.newPage();
   page.setDefaultTimeout(PATIENCE);
-  page.asked = [];
-  page.on("request", (request) => page.asked.push(request.url()));
+  page.requests = [];
+  page.on("request", (request) => page.requests.push(request.url()));
   page.on("pageerror", (error) => seen.complaints.push(error.message));
   page.on("console", (message) => {
     if (message.type() === "error" && !(flat && /WebGL/.test(message.text()))) seen.complaints.push(message.text());
@@ -56,9 +39,9 @@ export async function open(browser, url, seen, viewport, { flat = false, touch =
 }
 
 function withoutWebgl() {
-  const own = HTMLCanvasElement.prototype.getContext;
+  const original = HTMLCanvasElement.prototype.getContext;
   HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-    return kind.startsWith("webgl") ? null : own.call(this, kind, ...rest);
+    return kind.startsWith("webgl") ? null : original.call(this, kind, ...rest);
   };
 }
 
@@ -79,22 +62,22 @@ export async function saved(page, button, folder, name) {
 /** The curl command or the Python program that the page copies. */
 export async function copied(page, kind) {
   await page.click(`#copy-${kind}`);
-  const word = kind === "curl" ? "curl" : "Python";
-  await page.waitForFunction((name) => document.getElementById("copied").textContent.includes(name), word);
+  const name = kind === "curl" ? "curl" : "Python";
+  await page.waitForFunction((text) => document.getElementById("copied").textContent.includes(text), name);
   return page.evaluate(() => navigator.clipboard.readText());
 }
 
 /** The photo with its object, as a file and as a digest; waits until it differs from another digest. */
-export async function lookOf(page, file, other) {
+export async function screenshotOf(page, file, other) {
   const began = Date.now();
   await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
   const clip = await page.locator("#frame").boundingBox();
-  let look;
+  let digest;
   do {
     const picture = await page.screenshot({ path: file, clip });
-    look = createHash("sha256").update(picture).digest("hex");
-  } while (look === other && Date.now() - began < PATIENCE);
-  return look;
+    digest = createHash("sha256").update(picture).digest("hex");
+  } while (digest === other && Date.now() - began < PATIENCE);
+  return digest;
 }
 
 /** What axe-core finds that is serious or worse, as "rule: element". */
@@ -107,7 +90,7 @@ export async function faults(page) {
 }
 
 /** Answers every question for a photo's light with the record of `photo`, changed by the test. */
-export async function answering(page, url, photo, change) {
+export async function answerWith(page, url, photo, change) {
   const type = photo.endsWith(".png") ? "image/png" : "image/jpeg";
   const answer = await fetch(`${url}v1/lighting?probability=true`, {
     method: "POST",
@@ -117,3 +100,30 @@ export async function answering(page, url, photo, change) {
   const record = await answer.json();
   await page.route("**/v1/lighting?*", (route) => route.fulfill({ json: change(record) }));
 }
+
+/** Does what the page refuses, and returns its error. */
+export async function refused(page, act) {
+  await act();
+  await page.waitForSelector("#error:not([hidden])");
+  return page.textContent("#error");
+}
+
+/** A drag from one point to others, with a pause at each, longer than what joins the steps of a key. */
+export async function drag(page, points) {
+  const [start, ...rest] = points;
+  await page.mouse.move(...start);
+  await page.mouse.down();
+  for (const point of rest) {
+    await page.mouse.move(...point, { steps: 3 });
+    await page.waitForTimeout(1000);
+  }
+  await page.mouse.up();
+}
+
+/** Leaves out of the complaints what the browser says of answers that the visit provoked. */
+export function expectFailures(seen, pattern = /Failed to load resource/) {
+  seen.complaints = seen.complaints.filter((text) => !pattern.test(text));
+}
+
+/** The rows of the photo's metadata. */
+export const metadataRows = (page) => page.locator("#metadata dd").allTextContents();

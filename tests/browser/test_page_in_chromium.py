@@ -1,0 +1,661 @@
+"""The page in Chromium, visited feature by feature by tests/browser/FEATURE.mjs."""
+
+import gzip
+import json
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import threading
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+import uvicorn
+from numpy.typing import NDArray
+from PIL import ExifTags, Image
+
+from lighting import Lighting, read_exr
+from lighting.envmap import place_of, view
+from lighting.files import full_record, read_hdr
+from lighting.geometry import camera_axes
+from lighting.photo import TARGET, read_photo
+from lighting.pipeline import Estimator
+from lighting.scene import EXPORTERS
+from lighting.turns import MAX_SIDE, has_opencv
+from server.app import create_app
+from server.page import BUNDLE
+from server.settings import Settings
+from tests.lighting.photo.held import phone
+from tests.lighting.turns.cameras import picture, texture
+
+ROOT = Path(__file__).parents[2]
+PHOTO = ROOT / "examples" / "railway_field.jpg"
+NOON = ROOT / "examples" / "rome" / "noon_steps.jpg"
+DATED = "dated.jpg"  # the same with its time and focal length, and without its location
+PATIENCE = 900.0  # seconds
+FIRST_VIEW = 1_000_000  # bytes, compressed
+SHADOW_RATIO = 0.75  # of the light that is left in the object's shadow, at most: sun and sky of a clear day
+SIZE = (320, 240)
+METADATA = ["2024-08-10 14:28:12 (time zone by GPS)", "41.9058°\N{NO-BREAK SPACE}N, 12.4824°\N{NO-BREAK SPACE}E"]
+SAVE_OPTIONS: dict[str, dict[str, Any]] = {
+    **{"jpg": {}, "png": {}, "webp": {}, "tif": {}, "avif": {}},
+    "lossless.webp": {"lossless": True},
+}
+
+Seen = dict[str, Any]  # what a visitor saw
+Visit = Callable[[str], Seen]
+
+
+def chromium() -> str | None:
+    """The browser's program."""
+    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+def missing() -> str:
+    """What a visit lacks here, as a sentence; empty if nothing."""
+    if not shutil.which("node"):
+        return "node is not installed"
+    if not chromium():
+        return "chromium is not installed"
+    if not (BUNDLE / "index.html").is_file():
+        return "the page is not built: run npm ci && npm run build in server/web"
+    if not (BUNDLE.parent / "node_modules" / "playwright-core").is_dir():
+        return "playwright-core is not installed: run npm ci in server/web"
+    return ""
+
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")]
+
+
+@pytest.fixture(scope="module")
+def url() -> Iterator[str]:
+    """The service with the packaged network on a free port; a busy machine may match photos slowly."""
+    settings = Settings(match_seconds=120)
+    server = uvicorn.Server(uvicorn.Config(create_app(settings, Estimator()), port=0, log_level="error", ws="none"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started and thread.is_alive():
+        time.sleep(0.05)
+    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/"
+    server.should_exit = True
+    thread.join()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the visitors' files are, those that they bring and those that they download."""
+    return tmp_path_factory.mktemp("visits")
+
+
+@pytest.fixture(scope="module")
+def visits(url: str, folder: Path) -> Visit:
+    """Visits a feature of the page, each once, and returns what the visitor saw."""
+    files = json.dumps(write_files(folder))
+
+    @cache
+    def visit(feature: str) -> Seen:
+        command = ["node", str(ROOT / "tests" / "browser" / "run.mjs"), url, str(chromium()), feature, files]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+        assert done.returncode == 0, done.stderr
+        seen: Seen = json.loads(done.stdout)
+        return seen
+
+    return visit
+
+
+def write_files(folder: Path) -> dict[str, Any]:
+    """What the visitors bring along, by name."""
+    (folder / "notes.txt").write_text("This is no photo.", encoding="utf-8")
+    (folder / "box.glb").write_bytes(triangle_model(1))
+    (folder / "wide.glb").write_bytes(triangle_model(4))
+    halves().save(folder / "small.png")
+    shutil.copy(PHOTO, folder)
+    with Image.open(NOON) as photo:
+        exif = photo.getexif()
+        del exif[ExifTags.Base.GPSInfo]
+        photo.save(folder / DATED, exif=exif)
+    return {
+        **{"folder": str(folder), "photo": str(PHOTO), "other": str(NOON), "dated": str(folder / DATED)},
+        **{"small": str(folder / "small.png"), "textFile": str(folder / "notes.txt"), "heic": heic(folder)},
+        **{"model": str(folder / "box.glb"), "wideModel": str(folder / "wide.glb")},
+        **{"formats": every_format(folder, 1), "upright": every_format(folder, 6)},
+        **{"overlapping": overlapping(folder), "tilted": tilted(folder)},
+    }
+
+
+def halves() -> Image.Image:
+    """A blue sky above ground in the sun, of which the right half lies in shade."""
+    pixels = np.zeros((240, 320, 3))
+    pixels[:120] = np.linspace((40, 90, 180), (150, 190, 235), 120)[:, None]
+    pixels[120:, :160], pixels[120:, 160:] = (165, 156, 138), (45, 50, 62)
+    return Image.fromarray(pixels.astype(np.uint8))
+
+
+def triangle_model(width: int) -> bytes:
+    """A .glb of one triangle, `width` times as wide as high, with a material of its own."""
+    points = np.array([[0, 0, 0], [width, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
+    document = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+        "materials": [{"doubleSided": True, "pbrMetallicRoughness": {"baseColorFactor": [0, 0.6, 0.1, 1]}}],
+        "buffers": [{"byteLength": len(points)}], "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [width, 1, 0],
+                       "min": [0, 0, 0]}],
+    }  # fmt: skip
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(points), 0x004E4942) + points
+    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+def heic(folder: Path) -> str:
+    """A photo as HEIC; empty without pillow-heif."""
+    with suppress(ImportError):
+        import pillow_heif
+
+        with Image.open(PHOTO) as photo:
+            pillow_heif.from_pillow(photo.resize(SIZE)).save(folder / "photo.heic")
+        return str(folder / "photo.heic")
+    return ""
+
+
+def small_photo(orientation: int) -> tuple[Image.Image, Image.Exif]:
+    """A small photo and the EXIF block of the original, with another orientation."""
+    with Image.open(NOON) as original:
+        exif = original.getexif()
+        exif[ExifTags.Base.Orientation] = orientation
+        return original.convert("RGB").resize(SIZE), exif
+
+
+def every_format(folder: Path, orientation: int) -> dict[str, str]:
+    """Files of the same photo and metadata, by suffix."""
+    files = {}
+    for suffix, options in SAVE_OPTIONS.items():
+        files[suffix] = str(folder / f"way{orientation}.{suffix}")
+        photo, exif = small_photo(
+            orientation
+        )  # anew, since Pillow takes the orientation out of what it writes to an AVIF
+        photo.save(files[suffix], exif=exif, **options)
+    with suppress(ImportError):
+        import pillow_heif
+
+        files["heic"] = str(folder / f"way{orientation}.heic")
+        photo, exif = small_photo(orientation)
+        pillow_heif.from_pillow(photo).save(files["heic"], exif=exif.tobytes())
+    return files
+
+
+def tilted(folder: Path) -> list[str]:
+    """The photo as of a phone that states that it looked 10 deg up, and 80 deg up, both with a roll of 3 deg."""
+    files = []
+    for elevation in (10.0, 80.0):
+        files.append(str(folder / f"tilted{elevation:.0f}.jpg"))
+        lateral, above, into = camera_axes(0.0, elevation, 3.0)[:, 1]
+        with Image.open(NOON) as original:
+            original.convert("RGB").resize(SIZE[::-1]).save(files[-1], exif=phone(-lateral, -above, into, 1))
+    return files
+
+
+def overlapping(folder: Path) -> list[str]:
+    """Two photos that overlap, the second rotated by 25 deg, and one of another location."""
+    files = []
+    for number, (seed, azimuth) in enumerate([(0, 0.0), (0, 25.0), (1, 0.0)]):
+        files.append(str(folder / f"view{number}.png"))
+        Image.fromarray(picture(texture(seed), (azimuth, 2.0, 0.0), 50.0)).save(files[-1])
+    return files
+
+
+def read_rgb(file: Path) -> NDArray[np.float64]:
+    """A picture's 8-bit values (H, W, 3)."""
+    with Image.open(file) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.float64)
+
+
+def read_luminance(file: Path) -> NDArray[np.float64]:
+    """A picture's linear luminance, roughly."""
+    with Image.open(file) as image:
+        return (np.asarray(image.convert("L"), dtype=np.float64) / 255) ** 2.2
+
+
+@pytest.mark.parametrize(
+    "feature",
+    ["upload", "key", "metadata", "undo", "object", "downloads", "several", "webgl_loss", "mobile"],
+)
+def test_the_browser_has_nothing_to_complain_of(visits: Visit, feature: str) -> None:
+    """No script error, nothing the content policy stops, nothing from another host."""
+    assert visits(feature)["complaints"] == []
+
+
+class TestUpload:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("upload")
+
+    def test_the_first_view_is_small(self, seen: Seen) -> None:
+        assert [path for path in seen["firstRequests"] if path.startswith("v1/")] == ["v1/model"]
+        served = [BUNDLE / (path or "index.html") for path in seen["firstRequests"] if path != "v1/model"]
+        assert len(served) > 8
+        assert sum(len(gzip.compress(file.read_bytes())) for file in served) < FIRST_VIEW
+
+    def test_axe_finds_nothing_serious(self, seen: Seen) -> None:
+        assert seen["faults"] == []
+
+    def test_every_format_has_the_same_metadata(self, seen: Seen) -> None:
+        assert {name: rows[:2] for name, rows in seen["metadata"].items() if rows[:2] != METADATA} == {}
+        lens = {(rows[3], rows[4]) for rows in seen["metadata"].values()}
+        assert lens == {("20 mm (as of a 35 mm camera)", "SONY ILCE-9M2")}
+        assert set(SAVE_OPTIONS) <= set(seen["metadata"])
+
+    def test_what_only_the_service_reads_is_not_called_absent(self, seen: Seen) -> None:
+        moment, location, heading, lens, *_ = seen["metadataOfService"]
+        assert (moment, location, lens) == ("read by the service",) * 3
+        assert heading == "not in the file"
+
+    def test_every_format_is_shown_upright(self, seen: Seen) -> None:
+        assert {name: shown for name, shown in seen["upright"].items() if shown != [240, 320, "0.75"]} == {}
+        assert seen["upright"].keys() == seen["metadata"].keys()
+
+    def test_heic_is_shown_as_the_service_decodes_it(self, seen: Seen) -> None:
+        if "heic" not in seen:
+            pytest.skip("pillow-heif is not installed")
+        width, height, status = seen["heic"]
+        assert (width, height) == SIZE
+        assert "The service decoded it" in status
+
+    def test_a_text_file_is_refused_with_a_sentence(self, seen: Seen) -> None:
+        assert seen["error"].startswith("The photo cannot be read. notes.txt: The file is not a ")
+        assert seen["previousAnswer"] == [seen["title"], f"Below is still the answer for {PHOTO.name}.", ""]
+
+    def test_an_error_goes_with_the_next_change_or_success(self, seen: Seen) -> None:
+        assert seen["errorAfterChange"] == [False, False]
+        assert not seen["errorAfterModel"]
+
+    def test_one_of_several_that_is_no_photo_is_named(self, seen: Seen) -> None:
+        assert "Photo 2 of 2, notes.txt: " in seen["errorOfOne"]
+
+    def test_more_photos_than_are_taken_are_refused_with_a_sentence(self, seen: Seen) -> None:
+        detail = "At most 8 photos are taken here, and the form holds more."
+        assert seen["errorOfMany"] == f"These photos cannot be taken. {detail}"
+
+    def test_another_try_is_for_the_photo_on_show(self, seen: Seen) -> None:
+        assert seen["again"] == [[PHOTO.name, False]] * 2
+
+    def test_a_missing_example_is_refused_as_a_missing_answer(self, seen: Seen) -> None:
+        down, busy = seen["missingExamples"]
+        assert down.startswith("The service did not answer. Check your connection")
+        assert busy.startswith("The service answered 503.")
+
+    def test_text_that_is_dropped_or_pasted_is_refused_with_a_sentence(self, seen: Seen) -> None:
+        rest = "is no file. Save the photo, then choose its file or drop it here."
+        assert seen["noFile"] == [f"That did not work. What you {did} {rest}" for did in ("dropped", "pasted")]
+        assert seen["textInField"] == [True, False]
+
+    def test_an_example_may_be_dragged_and_is_answered_whatever_else_is_wrong(self, seen: Seen) -> None:
+        assert seen["meanwhile"] == ["Looking at garden_noon.jpg…", ""]
+        assert seen["dragged"] == ["garden_noon.jpg", False]
+
+    def test_the_example_chosen_last_is_shown_however_late_the_first_comes(self, seen: Seen) -> None:
+        assert seen["underway"] == "Looking at golden_hour.jpg…"
+        status, shown = seen["overtaken"]
+        assert status.startswith("snow_field.jpg: answered in ")
+        assert shown == "snow_field.jpg"
+
+    def test_a_file_that_changes_on_its_disk_stays_the_one_on_show(self, seen: Seen) -> None:
+        assert seen["changedFile"] == "saved"
+
+    def test_a_long_name_stays_on_a_phone(self, seen: Seen) -> None:
+        assert seen["overflow"] == 0
+
+
+def test_a_key_that_no_request_can_carry_is_refused_beside_its_field(visits: Visit) -> None:
+    seen = visits("key")
+    assert seen["badKey"]["form"]
+    assert "no request can carry" in seen["badKey"]["note"]
+    assert seen["badKey"]["stored"] == 0
+    assert seen["sentKeys"] == [None, "Bearer key"]
+
+
+class TestMetadata:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("metadata")
+
+    def test_they_are_shown(self, seen: Seen) -> None:
+        moment, location, _, lens, camera, tilt = seen["rows"]
+        assert (moment, location) == ("2024-08-10 14:28:12 (no time zone)", "not in the file")
+        assert (lens, camera) == ("20 mm (as of a 35 mm camera)", "SONY ILCE-9M2")
+        assert tilt == "not in the file"
+
+    def test_they_are_corrected_in_the_page(self, seen: Seen) -> None:
+        (request,) = seen["requests"]
+        assert {"lat=41.91", "lon=12.48", "utc_offset=%2B02%3A00"} <= set(urlsplit(request).query.split("&"))
+        before, corrected, after = seen["evidence"]
+        assert "time and place" in corrected
+        assert "time and place" not in before == after
+        assert seen["time"] == "2024-08-10T14:28:12"
+        assert "dark" in seen["night"]
+        assert seen["nightInSight"]
+
+    def test_the_headline_is_as_soft_as_the_answer(self, seen: Seen) -> None:
+        assert seen["titles"] == [
+            "No direct sun",
+            "Sun probably right of the camera",
+            "This does not look like an outdoor daylight photo",
+        ]
+        assert seen["warnings"] == ["The clock and the pixels disagree."]
+        line, share, grey = seen["pale"]
+        assert line == share == grey
+
+    def test_axe_finds_nothing_serious(self, seen: Seen) -> None:
+        assert seen["faults"] == []
+
+
+class TestUndo:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("undo")
+
+    def test_sixty_key_presses_make_at_most_two_requests(self, seen: Seen) -> None:
+        assert len(seen["requests"]) <= 2
+
+    def test_they_are_undone_in_one_step(self, seen: Seen) -> None:
+        pressed, undone, redone = seen["keys"]
+        assert undone != pressed == redone
+
+    def test_a_slow_drag_of_a_slider_is_one_step(self, seen: Seen) -> None:
+        start, first, second, undone, undone_twice = seen["slider"]
+        assert len({start[0], first[0], second[0]}) == 3
+        assert (undone, undone_twice) == (first, start)
+
+    def test_a_slow_drag_on_the_dome_is_one_step(self, seen: Seen) -> None:
+        start, dragged, undone = seen["dome"]
+        assert dragged != start == undone
+
+    def test_a_slow_drag_on_the_object_is_one_step(self, seen: Seen) -> None:
+        start, dragged, undone, more = seen["object"]
+        assert float(dragged) > float(start) + 10
+        assert undone == start
+        assert not more
+
+    def test_keys_undo_from_a_chooser_too(self, seen: Seen) -> None:
+        start, changed, undone = seen["chooser"]
+        assert undone == start != changed
+
+
+class TestObject:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("object")
+
+    def test_a_click_moves_it_there(self, seen: Seen) -> None:
+        assert np.allclose(seen["clicked"], [0.44, 0.85], atol=0.01)
+        assert "away, if the camera was 1.6 m above the ground" in seen["scene"]
+
+    def test_a_drag_rotates_it_and_leaves_it_where_it_is(self, seen: Seen) -> None:
+        rotation, foot = seen["dragged"]
+        assert float(rotation) > 10
+        assert foot == seen["clicked"]
+
+    def test_keys_move_rotate_and_scale_it(self, seen: Seen) -> None:
+        (rotation, foot, _), (before, start) = seen["keyed"], seen["dragged"]
+        assert float(rotation) == pytest.approx(float(before) + 10, abs=1)
+        assert foot[0] > start[0]
+        assert foot[1] < start[1]
+
+    def test_it_does_not_go_into_the_sky(self, seen: Seen) -> None:
+        note, foot = seen["sky"]
+        assert "below the horizon" in note
+        assert foot == seen["keyed"][1]
+
+    def test_all_of_it_is_undone(self, seen: Seen) -> None:
+        undo, foot = seen["back"]
+        assert not undo
+        assert foot != seen["clicked"]
+
+    def test_the_shadow_darkens_lit_ground_and_ends_where_the_photo_is_in_shade(self, seen: Seen, folder: Path) -> None:
+        """The sun is to the left: the shadow runs to the right, from the lit half into the half in shade."""
+        assert seen["clicked"]
+        image = read_luminance(folder / "shadow.png")
+        height, width = image.shape
+        rows = slice(round(0.82 * height), round(0.88 * height))
+        lit, shade = image[rows, round(0.2 * width)].mean(), image[rows, round(0.95 * width)].mean()
+        shadow = image[rows, round(0.485 * width) : round(0.495 * width)]
+        beyond = image[rows, round(0.53 * width) : round(0.6 * width)]
+        assert np.median(shadow) < SHADOW_RATIO * lit
+        assert beyond.min() > 0.85 * shade
+
+    def test_its_light_follows_the_sun(self, seen: Seen) -> None:
+        assert seen["before"] != seen["after"]
+
+    def test_materials_look_different(self, seen: Seen) -> None:
+        assert len(set(seen["materials"])) == 3
+
+    def test_a_dropped_glb_replaces_it_in_its_own_material(self, seen: Seen, folder: Path) -> None:
+        assert not seen["ownOffered"]
+        assert seen["own"] == ["chair.glb", True]
+        red, green, _ = np.moveaxis(read_rgb(folder / "own.png"), 2, 0)
+        assert (green > red + 40).sum() > 50
+        assert "cannot be read" in seen["brokenModel"]
+
+    def test_its_own_model_is_as_high_as_it_stands(self, seen: Seen) -> None:
+        (sphere, sphere_radius), (own, own_radius) = seen["heights"]
+        assert sphere == pytest.approx(sphere_radius, rel=0.06)
+        assert own == pytest.approx(own_radius / 4, rel=0.06)
+
+
+def run_copied(copied: str, folder: Path) -> None:
+    """Run in a folder what the page copied, a curl command or a Python program."""
+    command = ["sh", "-c", copied] if copied.startswith("curl ") else [sys.executable, "-c", copied]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run(command, cwd=folder, env=environment, check=True, timeout=120, capture_output=True)
+
+
+class TestDownloads:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("downloads")
+
+    def test_a_photo_is_answered(self, seen: Seen, folder: Path) -> None:
+        assert seen["title"].startswith("Sun ")
+        assert {"Sun azimuth", "Turbidity", "Vertical field of view"} <= set(seen["numbers"])
+        assert "of this photo alone" in seen["note"]
+        record = json.loads((folder / "estimate.json").read_text())
+        assert full_record(Lighting.from_dict(record)) == record
+
+    def test_the_dome_is_read_by_keyboard(self, seen: Seen) -> None:
+        assert "within 10°" in seen["readout"]
+        assert seen["changed"]
+
+    def test_a_slider_moves_the_sun(self, seen: Seen, folder: Path) -> None:
+        assert seen["slider"] == "straight behind"
+        assert "no WebGL" in seen["sceneNote"]
+        text = (folder / "edited.json").read_text()
+        assert Lighting.from_dict(json.loads(text)).sun_azimuth == -180
+        assert not {"radius_50", "radius_90"} & set(json.loads(text)["sun"])
+        assert json.loads(text)["sun"]["visibility"] in (0, 1)
+
+    def test_the_map_has_the_sun_where_the_slider_put_it(self, seen: Seen, folder: Path) -> None:
+        assert seen["exr"] == "railway_field.exr"
+        image, _ = read_exr(folder / "map.exr")
+        assert image.shape == (512, 1024, 3)
+        _, column, _ = np.unravel_index(int(image.argmax()), image.shape)
+        assert min(column, 1023 - column) <= 2
+        assert read_hdr(folder / "map.hdr").shape == (256, 512, 3)
+        with Image.open(folder / "map.png") as image_file:
+            assert image_file.size == (512, 256)
+
+    def test_every_scene_and_the_preview_are_downloaded(self, seen: Seen, folder: Path) -> None:
+        assert seen["tools"] == list(EXPORTERS)
+        for tool in EXPORTERS:
+            with zipfile.ZipFile(folder / f"{tool}.zip") as scene:
+                assert any(name.endswith((".png", ".glb", ".html")) for name in scene.namelist())
+        with Image.open(folder / "preview.png") as image_file:
+            assert image_file.width == 1600
+
+    def test_what_the_service_makes_is_offered(self, seen: Seen) -> None:
+        """By a name for people where the page knows one."""
+        assert seen["offered"] == [["EXR", "JXL"], ["USD", "toy"]]
+
+    def test_the_preview_is_offered_while_it_shows_the_light_on_show(self, seen: Seen) -> None:
+        (alone, _), (changed, why_changed), (reset, _), (together, why_together) = seen["preview"]
+        assert (alone, changed, reset, together) == (True, False, True, False)
+        assert "the light was changed" in why_changed
+        assert "estimated together" in why_together
+
+    def test_what_is_copied_runs(self, seen: Seen, url: str, folder: Path) -> None:
+        """The commands as curl, the programs in Python, for the estimate and for the light that was changed."""
+        target = folder / "railway_field.exr"
+        assert url in seen["curl"]
+        assert "sun_azimuth=-180" in seen["changedCurl"]
+        maps = []
+        for kind in ("curl", "python", "changedCurl", "changedPython"):
+            target.unlink(missing_ok=True)
+            run_copied(seen[kind], folder)
+            maps.append(read_exr(target)[0])
+        assert np.allclose(maps[0], maps[1], rtol=1e-3)
+        assert np.allclose(maps[2], maps[3], rtol=1e-3)
+        assert not np.allclose(maps[0], maps[2], rtol=1e-3)
+
+    def test_without_the_table_of_the_sky_no_file_states_darkness(self, seen: Seen) -> None:
+        assert "The table of the sky could not be loaded" in seen["errorWithoutTable"]
+        assert min(seen["irradianceAfterAll"]) > 0
+        assert not seen["errorAfterAll"]
+
+
+def estimated_together(files: list[Path]) -> NDArray[np.float32]:
+    """The map of the last of several photos, by the library: their light and camera, the place as it alone has it."""
+    match, estimator = has_opencv(), Estimator()
+    photos = [read_photo(file, target=MAX_SIDE if match else TARGET) for file in files]
+    light, photo = estimator.together(photos, match=match)[-1].lighting, read_photo(files[-1])
+    alone = estimator(photo)
+
+    def finer(side: int) -> NDArray[np.uint8]:
+        return read_photo(files[-1], target=side).pixels
+
+    place = place_of(alone, photo.pixels, 512, finer, exposure=light.exposure)
+    return view(light, 512, sun=light.sun_shines, place=place)[0]
+
+
+class TestSeveral:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("several")
+
+    def test_photos_are_answered_together(self, seen: Seen) -> None:
+        assert len(seen["together"]) == 2
+        assert "other photos" in seen["evidence"]
+        assert seen["second"] == [DATED, "true"]
+
+    def test_their_files_and_copies_hold_the_light_that_the_page_shows(self, seen: Seen, folder: Path) -> None:
+        stated = Lighting.from_dict(json.loads((folder / "together.json").read_text()))
+        image, lighting = read_exr(folder / "together.exr")
+        irradiances = ("exposure", "sun_irradiance", "sky_irradiance", "sky_cover", "ground_color")
+        for name in ("sun_azimuth", *irradiances, "camera_elevation", "camera_roll", "vertical_fov"):
+            assert getattr(lighting, name) == pytest.approx(getattr(stated, name), rel=1e-5), name
+        np.testing.assert_allclose(image, estimated_together([PHOTO, folder / DATED]), rtol=5e-3, atol=2e-3)
+        for copied in seen["copies"]:
+            run_copied(copied, folder)
+            np.testing.assert_allclose(read_exr(folder / DATED.replace("jpg", "exr"))[0], image, atol=2e-3)
+
+    def test_a_copy_goes_away_with_what_it_is_of(self, seen: Seen) -> None:
+        assert seen["copyShown"] == [True, False]
+
+    def test_that_photos_are_matched_is_promised_where_the_service_does_it(self, seen: Seen) -> None:
+        with_opencv, without = seen["promises"]
+        assert "answered together, and turned by what they show in common. None is kept." in with_opencv
+        assert "in common" not in without
+        assert "this service does not compare their pixels. None is kept." in without
+
+    def test_one_photo_is_not_rotated(self, seen: Seen) -> None:
+        assert seen["rotatedAlone"] is False
+
+    @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
+    def test_overlapping_photos_are_rotated_as_they_show(self, seen: Seen) -> None:
+        first, second, _ = seen["rotated"]
+        assert first["button"].startswith("Photo 1, sun ")
+        assert second["button"].startswith("Photo 2, 25° right of photo 1, sun ")
+        assert first["sentence"] == "How the photos are turned was found in what they show in common."
+        assert re.search(r"in common: this one (24\.[5-9]|25\.[0-5])° right of photo 1\.$", second["sentence"])
+        for shown in (first, second):
+            assert 49 <= float(shown["numbers"]["Vertical field of view"].rstrip("°")) <= 51
+        assert first["numbers"]["Sun azimuth"] != second["numbers"]["Sun azimuth"]
+        assert first["numbers"]["Sun elevation"] == second["numbers"]["Sun elevation"]
+
+    @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
+    def test_a_photo_without_anything_in_common_has_a_sentence_that_says_so(self, seen: Seen) -> None:
+        stranger = seen["rotated"][2]
+        assert re.match(r"Photo 3, perhaps (\d+° (left|right) of|as) photo 1, sun ", stranger["button"])
+        assert stranger["sentence"].startswith("Nothing in it was found in the other photos")
+
+    @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
+    def test_files_hold_the_camera_that_is_shown(self, seen: Seen, folder: Path) -> None:
+        assert seen["rotated"]
+        shown = json.loads((folder / "first.json").read_text())["camera"]
+        _, lighting = read_exr(folder / "first.exr")
+        with zipfile.ZipFile(folder / "first.zip") as archive:
+            scene = json.loads(archive.read("lighting.json"))["camera"]
+        assert lighting is not None
+        for camera in (scene, lighting.to_dict()["camera"]):
+            assert {name: camera[name] for name in ("elevation", "roll", "vertical_fov")} == pytest.approx(
+                {name: shown[name] for name in ("elevation", "roll", "vertical_fov")}, rel=1e-5
+            )
+
+
+class TestWebglLoss:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("webgl_loss")
+
+    def test_a_stage_that_is_not_loaded_is_no_lack_of_webgl(self, seen: Seen) -> None:
+        assert seen["sceneNote"].startswith("What draws the object could not be loaded")
+
+    def test_the_object_comes_back_with_the_memory_of_its_canvas(self, seen: Seen, folder: Path) -> None:
+        assert seen["complaints"] == []
+        lit, gone, back = (read_rgb(folder / f"{name}.png") for name in ("lit", "gone", "back"))
+        assert np.abs(lit - gone).max() > 60
+        assert np.abs(lit - back).max() < 10
+
+
+class TestMobile:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("mobile")
+
+    def test_an_example_is_answered_on_a_narrow_screen_by_keyboard(self, seen: Seen) -> None:
+        assert len(seen["examples"]) == 6
+        assert seen["title"]
+        assert seen["overflow"] == [0, 0]
+
+    def test_axe_finds_nothing_serious(self, seen: Seen) -> None:
+        assert seen["faults"] == []
+
+    def test_what_takes_a_mouse_or_keys_is_not_offered(self, seen: Seen) -> None:
+        title, scene, dome = seen["touch"]
+        assert title == "Choose a photo"
+        assert scene == "Tap the ground to move it, drag to turn it."
+        assert dome == "Rings hold 50 and 90 % of the probability. Tap to move the sun."
+
+    def test_how_the_camera_was_held_is_as_the_answer_has_it(self, seen: Seen) -> None:
+        (used, _, _), _ = seen["tilt"]
+        assert re.fullmatch(r"looks (9|10)° up with a roll of [23]°, by the file and the picture", used)
+
+    def test_where_the_picture_contradicts_it_a_warning_names_both(self, seen: Seen) -> None:
+        _, (refused, warnings, _) = seen["tilt"]
+        assert refused == "not used, see the warning"
+        assert any("looks 80° up with a roll of 3°" in text for text in warnings)
+
+    def test_it_is_visible_on_a_phone(self, seen: Seen) -> None:
+        """Within the 360 pixels of the screen, and nothing runs over them."""
+        for _, _, (left, right, overflow) in seen["tilt"]:
+            assert 0 <= left < right <= 360
+            assert overflow == 0
