@@ -128,7 +128,7 @@ export function fetchScene(photo: Blob, userInput: UserInput, tool: string, over
 }
 
 /** What kind of map to fetch. */
-export interface MapOptions {
+interface MapOptions {
   format: string;
   height: number;
 }
@@ -206,7 +206,7 @@ const STORAGE_NAME = "lighting-api-key";
 export const apiKey = (): string | null => sessionStorage.getItem(STORAGE_NAME);
 
 /** The header that carries a key. */
-export const authorizationHeader = (key: string): Record<string, string> => ({ Authorization: `Bearer ${key}` });
+const authorizationHeader = (key: string): Record<string, string> => ({ Authorization: `Bearer ${key}` });
 
 /** Keeps a key; false for one with characters that no request can carry, which is not kept. */
 export function storeKey(key: string): boolean {

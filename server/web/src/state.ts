@@ -49,14 +49,14 @@ export interface Session {
 export function createView(photo: Photo, estimate: Estimate): PhotoView {
   const { camera } = estimate;
   const placement = initialPlacement(camera, aspectRatio(photo), findFreeSpot(photo.pixels, camera));
-  const look: EditState = {
+  const initial: EditState = {
     parameters: parametersFromRecord(estimate),
     placement,
     shape: "sphere",
     finish: "mirror",
   };
   return {
-    ...{ photo, estimate, history: new History(look), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
+    ...{ photo, estimate, history: new History(initial), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
     groundColor: estimateGroundColor(photo.pixels, camera),
     shadowMask: groundShadowMask(photo.pixels, estimate),
   };

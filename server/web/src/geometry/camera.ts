@@ -10,14 +10,14 @@ export interface Camera {
   vertical_fov: number;
 }
 
-export interface Size {
+interface Size {
   width: number;
   height: number;
 }
 
 export type Point = readonly [x: number, y: number];
 
-export interface Axes {
+interface Axes {
   right: Vector;
   up: Vector;
   forward: Vector;

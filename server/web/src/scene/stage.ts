@@ -201,7 +201,7 @@ const vector = ([x, y, z]: Vector): Vector3 => new Vector3(x, y, z);
 
 const MAX_HALF_FLOAT = 65000; // the largest value that half floats hold
 
-export function environmentTexture({ width, height, data }: Latlong): DataTexture {
+function environmentTexture({ width, height, data }: Latlong): DataTexture {
   const half = Uint16Array.from(data, (value) => DataUtils.toHalfFloat(Math.min(value, MAX_HALF_FLOAT)));
   const texture = new DataTexture(half, width, height);
   texture.type = HalfFloatType;

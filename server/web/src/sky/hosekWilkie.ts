@@ -29,10 +29,10 @@ export function parseSkyTable(bytes: ArrayBuffer): SkyTable {
   };
 }
 
-export const CIE_Y_INTEGRAL = 106.75; // nm
+const CIE_Y_INTEGRAL = 106.75; // nm
 const SUN_RGB_FACTOR = 467.069280386; // nm
-export const SUN_RADIUS = 0.2679;
-export const SUN_SOLID_ANGLE = 2 * Math.PI * (1 - Math.cos(radians(SUN_RADIUS)));
+const SUN_RADIUS = 0.2679;
+const SUN_SOLID_ANGLE = 2 * Math.PI * (1 - Math.cos(radians(SUN_RADIUS)));
 const BINOMIAL = [1, 5, 10, 10, 5, 1];
 const CHANNELS = [0, 1, 2] as const;
 

@@ -7,7 +7,7 @@ import { type SkyTable, skyShape, sunIrradiance } from "./hosekWilkie";
 import { fillGround, horizontalIrradiance, type Latlong, renderSky } from "./render";
 
 /** What a record may state of its light; whatever it leaves out follows from the model. */
-export interface StatedLight {
+interface StatedLight {
   sun?: Triple; // irradiance of a plane that faces the sun
   sky?: Triple; // irradiance of level ground
   groundColor?: Triple; // reflectance

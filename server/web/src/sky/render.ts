@@ -21,7 +21,7 @@ const LOBE_STEPS = 4096; // of the table over the angle to the sun
 const CHANNELS = [0, 1, 2] as const;
 
 /** What a sky is painted from beside its shape. */
-export interface SkyOptions {
+interface SkyOptions {
   azimuth: number; // of the sun, degrees
   elevation: number;
   gain: Triple; // exposure, and what takes the model to the irradiance of the record
@@ -116,7 +116,7 @@ const TONE_CURVE = Uint8ClampedArray.from(
 );
 
 /** As `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white. */
-export function compressHighlights(value: number): number {
+function compressHighlights(value: number): number {
   return Math.min(value, 0.6) + 0.4 * (1 - Math.exp(-Math.max(value - 0.6, 0) / 0.4));
 }
 

@@ -134,7 +134,7 @@ export interface SurroundingsFactors {
 }
 
 /** Directions of the sun in the estimate and in the light on show. */
-export interface Suns {
+interface Suns {
   before: Vector;
   now: Vector;
 }
@@ -256,7 +256,7 @@ const NEARBY = 12; // degrees within which the photo is light or dark against it
 const CONTRAST_RANGE: [number, number] = [0.25, 1.5]; // the brightest is no second sun
 
 /** For each pixel of a map how light or dark the photo is there when it is folded around, against what surrounds it. */
-export function foldedContrast(photo: Pixels, camera: Camera, height: number): Float32Array {
+function foldedContrast(photo: Pixels, camera: Camera, height: number): Float32Array {
   const width = 2 * height;
   const contrastMap = new Float32Array(width * height).fill(1);
   const reach = halfWidth(photo, camera);

@@ -21,13 +21,13 @@ export async function readMetadata(file: Blob): Promise<PhotoMetadata> {
 const EXIF_PREFIX = "Exif\0\0";
 
 /** The EXIF block of a WebP or HEIF file, null where a WebP has none; any other file as a whole, for `exifr` to read. */
-export function findExifBlock(file: Uint8Array): Uint8Array | null {
+function findExifBlock(file: Uint8Array): Uint8Array | null {
   if (readAscii(file, 0, 4) === "RIFF" && readAscii(file, 8, 12) === "WEBP") return findWebpBlock(file);
   return readAscii(file, 4, 8) === "ftyp" ? (findHeifBlock(file) ?? file) : file;
 }
 
 /** Whether every browser shows a file the way up that its EXIF block says: a JPEG. */
-export const isJpeg = (file: Uint8Array): boolean => file[0] === 0xff && file[1] === 0xd8;
+const isJpeg = (file: Uint8Array): boolean => file[0] === 0xff && file[1] === 0xd8;
 
 /** The chunk EXIF of a WebP (RFC 9649, 2.3), without the prefix that some programs write. */
 function findWebpBlock(file: Uint8Array): Uint8Array | null {
@@ -60,7 +60,7 @@ const readAscii = (file: Uint8Array, start: number, end: number): string =>
   String.fromCharCode(...file.subarray(start, end));
 
 /** As `exifr` gives the tags, by their names; anything may be missing or broken. */
-export type ExifTags = Record<string, unknown>;
+type ExifTags = Record<string, unknown>;
 
 export interface PhotoMetadata {
   time?: string; // local, as 2024-06-01T14:30:05
@@ -95,7 +95,7 @@ export function metadataFromTags(tags: ExifTags): PhotoMetadata {
 }
 
 /** Whether a photo's pixels lie another way up in its file. */
-export const isRotated = ({ Orientation: way }: ExifTags): boolean => typeof way === "number" && way >= 2 && way <= 8;
+const isRotated = ({ Orientation: way }: ExifTags): boolean => typeof way === "number" && way >= 2 && way <= 8;
 
 /** The first local time that can be read with the offset of that time; else the time of GPS, which is in UTC. */
 function timeFromTags(tags: ExifTags): PhotoMetadata {

@@ -87,13 +87,13 @@ const [SURE_RADIUS, VAGUE_RADIUS, LOST_RADIUS] = [8, 20, 45]; // degrees around 
 const MIN_SUITABLE = 0.5;
 const MAX_NO_SUN = 0.25; // probability of direct sunlight from which on its absence is not certain
 
-export interface Headline {
+interface Headline {
   title: string;
   text: string;
   kind: "sunny" | "grey" | "unsuitable";
 }
 
-export const isSuitable = ({ suitable }: Lighting): boolean => suitable === undefined || suitable >= MIN_SUITABLE;
+const isSuitable = ({ suitable }: Lighting): boolean => suitable === undefined || suitable >= MIN_SUITABLE;
 
 export function buildHeadline(lighting: Lighting): Headline {
   const { azimuth, elevation, radius_50, radius_90 } = lighting.sun;
@@ -137,7 +137,7 @@ export const formatMatching = (matching: boolean): string =>
     : "; how they are turned is inferred from compasses or light, for this service does not compare their pixels";
 
 /** The service's warnings that a photo's rotation is a guess; empty where it is none. */
-export const rotationWarning = ({ warnings, warning_codes = [] }: Lighting): string =>
+const rotationWarning = ({ warnings, warning_codes = [] }: Lighting): string =>
   warnings.filter((_, i) => warning_codes[i] === "turn-inferred").join(" ");
 
 /** "32° right of photo 1"; empty for the first photo, and where the user states headings. */
