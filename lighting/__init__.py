@@ -2,31 +2,50 @@
 
 from typing import TYPE_CHECKING
 
-from lighting.lazy import from_homes
 from lighting.version import __version__
 
 if TYPE_CHECKING:
-    from lighting.envmap import render
-    from lighting.evidence import Given
-    from lighting.files import read_exr, write_exr
-    from lighting.pipeline import Estimator, estimate
+    from lighting.envmap.render import render
+    from lighting.estimator import Estimator, estimate
+    from lighting.files.exr import read_exr, write_exr
+    from lighting.fusion.user_input import UserInput
+    from lighting.photo.reader import read_photo
     from lighting.records import Estimate, Lighting
 
-__all__ = ["Estimate", "Estimator", "Given", "Lighting", "__version__", "estimate", "read_exr", "render", "write_exr"]
+__all__ = [
+    "Estimate",
+    "Estimator",
+    "Lighting",
+    "UserInput",
+    "__version__",
+    "estimate",
+    "read_exr",
+    "read_photo",
+    "render",
+    "write_exr",
+]
 
-_HOME = {
+_HOMES = {
     "Estimate": "records",
-    "Estimator": "pipeline",
-    "estimate": "pipeline",
-    "Given": "evidence",
-    "render": "envmap",
+    "Estimator": "estimator",
     "Lighting": "records",
-    "read_exr": "files",
-    "write_exr": "files",
+    "UserInput": "fusion.user_input",
+    "estimate": "estimator",
+    "read_exr": "files.exr",
+    "read_photo": "photo.reader",
+    "render": "envmap.render",
+    "write_exr": "files.exr",
 }
 
+if not TYPE_CHECKING:  # a type checker knows the names above, and no other
 
-__getattr__ = from_homes(__name__, _HOME)  # so that `lighting --help` stays quick
+    def __getattr__(name: str) -> object:
+        """A public name, imported on its first use so that `lighting --help` stays quick."""
+        from importlib import import_module
+
+        if name in _HOMES:
+            return getattr(import_module(f"lighting.{_HOMES[name]}"), name)
+        return import_module("lighting.deprecation").replacement("lighting", name)
 
 
 def __dir__() -> list[str]:

@@ -5,7 +5,7 @@ import sys
 from lighting.start import hold_closed_streams, prepare, start_network
 
 
-def main() -> None:
+def run_command() -> None:
     """Run the command line; what the terminal cannot show is escaped instead of failing."""
     hold_closed_streams()
     for stream in (sys.stdout, sys.stderr):
@@ -25,4 +25,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command()

@@ -1,4 +1,4 @@
-"""Distributions over headings: their modes, spreads and radii."""
+"""Circular statistics: von Mises, circular mean and mode, weighted median."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lighting.geometry import Floats, direction, wrap_azimuth
-from lighting.sun_grid import radii
+from lighting.sun_grid import credible_radii
+
+# Distributions over headings: their modes, spreads and radii.
 
 HEADINGS = np.arange(360.0)  # deg clockwise from true north
 
@@ -31,7 +33,7 @@ def von_mises(angle: ArrayLike, spread: float) -> Floats:
     return np.asarray(np.exp(concentration * (np.cos(np.radians(angle)) - 1.0)))
 
 
-def blur(density: Floats, spread: float) -> Floats:
+def blur_headings(density: Floats, spread: float) -> Floats:
     """Densities (..., 360) over HEADINGS after an error of von Mises `spread` [deg]."""
     kernel = von_mises(HEADINGS, spread)
     return correlate(density, kernel / kernel.sum())
@@ -52,7 +54,7 @@ def mean_angle(angle: ArrayLike) -> float:
 def best_angle(angle: Floats, probability: Floats) -> float:
     """The strongest mode [deg, -180 to 180] of probabilities (N,) of angles (N,): the mean around the peak."""
     histogram = np.bincount(np.round(angle).astype(int) % 360, probability, 360).astype(np.float64)
-    peak = np.argmax(blur(histogram, MODE_SMOOTHING))
+    peak = np.argmax(blur_headings(histogram, MODE_SMOOTHING))
     offset = wrap_azimuth(angle - peak)
     near = probability * (np.abs(offset) <= MODE_WIDTH)
     return float(wrap_azimuth(peak + near @ offset / near.sum()))
@@ -62,5 +64,17 @@ def heading(probability: Floats) -> Heading:
     """The best heading and the radii of a distribution (360,) over HEADINGS."""
     best = best_angle(HEADINGS, probability) % 360.0
     ground = direction(HEADINGS, 0.0)
-    radius_50, radius_90 = radii(probability, ground, direction(best, 0.0))
+    radius_50, radius_90 = credible_radii(probability, ground, direction(best, 0.0))
     return Heading(probability, best, radius_50, radius_90)
+
+
+# The median of values that count differently.
+
+
+def weighted_median(value: Floats, weight: Floats) -> float:
+    """The least of the values (N,) up to which half of the weight (N,) lies; NaN if there are none."""
+    if not len(value):
+        return float("nan")
+    order = np.argsort(value)
+    held = np.cumsum(weight[order]) / weight.sum()
+    return float(value[order][np.searchsorted(held, 0.5)])

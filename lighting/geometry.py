@@ -1,4 +1,4 @@
-"""Axes, angles, lat-long pixels and pinhole rays: the only place where signs are decided.
+"""Frame, angles, lat-long pixels, pinhole camera, image size helpers.
 
 Frame: right-handed, +Y up, gravity-aligned. The camera looks along -Z at azimuth 0 and +X is to its
 right. Azimuth is 0 where the camera points and grows to the right (clockwise seen from above), in
@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+# Axes, angles, lat-long pixels and pinhole rays: the only place where signs are decided.
 
 Floats = NDArray[np.floating[Any]]
 
@@ -206,3 +208,21 @@ def _span(cells: NDArray[np.bool_], axis: int, count: int) -> slice:
     """Of `count` pixels along an axis those from the first true cell to the last, and a cell on either side."""
     found, step = np.flatnonzero(cells.any(axis=1 - axis)), count / cells.shape[axis]
     return slice(max(0, int((found[0] - 1) * step)), min(count, int(np.ceil((found[-1] + 2) * step))))
+
+
+# Sizes of pictures that are made smaller or larger: width and height in whole pixels, at least 1 x 1.
+
+
+def scaled(width: int, height: int, scale: float) -> tuple[int, int]:
+    """Width and height of a picture that is made `scale` times as large."""
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def fitting(width: int, height: int, most_width: int, most_height: int) -> tuple[int, int]:
+    """The largest width and height of the picture's aspect ratio in a box."""
+    return scaled(width, height, min(most_width / width, most_height / height))
+
+
+def shrunk(width: int, height: int, side: int) -> tuple[int, int]:
+    """Width and height of a picture whose longer side is made `side` pixels long, if it is longer."""
+    return (width, height) if max(width, height) <= side else fitting(width, height, side, side)

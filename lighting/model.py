@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
-from lighting.onnx import packaged, reason_of, session_of
+from lighting.onnx_session import packaged, reason_of, session_of
 from lighting.records import AROUND_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 

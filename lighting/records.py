@@ -1,7 +1,8 @@
-"""The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate."""
+"""ModelSpec, Prediction, Lighting, Estimate; JSON in and out."""
 
 import json
 import reprlib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
@@ -12,9 +13,106 @@ from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import Floats, direction
-from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, check_range, is_finite, plain_numbers, record_path
-from lighting.sections import record_of, values_in
 from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
+from lighting.sky.hosek_wilkie import sky_coefficients
+from lighting.validation import (
+    COLOUR_RANGES,
+    OPTIONAL_RANGES,
+    RANGES,
+    RECORD_PATHS,
+    check_range,
+    is_finite,
+    plain_numbers,
+    record_path,
+)
+
+# How the JSON record of a light groups its fields.
+
+
+def _sections() -> dict[str, dict[str, str]]:
+    """The groups of the JSON record that hold plain numbers: each name in it, and the attribute that it holds."""
+    groups: dict[str, dict[str, str]] = {}
+    for attribute, path in RECORD_PATHS.items():
+        if attribute in RANGES or attribute in OPTIONAL_RANGES:
+            group, name = path.split(".")
+            groups.setdefault(group, {})[name] = attribute
+    return groups
+
+
+_SECTIONS = _sections()
+_COLOURS = {RECORD_PATHS[attribute]: attribute for attribute in COLOUR_RANGES}
+
+
+def _record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any]:
+    """The JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown."""
+    record: dict[str, Any] = {"model": {"name": values["model_name"], "version": values["model_version"]}}
+    for section, names in _SECTIONS.items():
+        found = {name: values[attribute] for name, attribute in names.items()}
+        record[section] = {name: value for name, value in found.items() if value is not None}
+    record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
+    for path, attribute in _COLOURS.items():
+        if (colour := values[attribute]) is not None:
+            section, name = path.split(".")
+            record.setdefault(section, {})[name] = list(colour)
+    record["sky"]["model"] = values["sky_model"]
+    if values["suitable"] is not None:
+        record["suitable"] = values["suitable"]
+    if values["camera_heading_probability"]:
+        record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
+    if not record["place"]:
+        del record["place"]
+    return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
+
+
+def _values_in(record: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type.
+
+    The error's field is the path in the record.
+    """
+    if not isinstance(record, Mapping):
+        raise ParameterError(
+            f"A lighting record must be an object, not {reprlib.repr(record)}.", code=ErrorCode.WRONG_TYPE
+        )
+    names = (*_SECTIONS, "model", "ground")
+    found = {name: _section(record, name, required=name in ("sun", "sky")) for name in names}
+    values = {
+        attribute: found[section].get(name) for section, names in _SECTIONS.items() for name, attribute in names.items()
+    }
+    for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
+        if values[name] is None:
+            path = RECORD_PATHS[name]
+            raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
+    values |= {f"model_{name}": found["model"].get(name) for name in ("name", "version")}
+    values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
+    values["camera_heading_probability"] = _numbers(
+        found["camera"], "heading_probability", "camera.heading_probability"
+    )
+    for path, attribute in _COLOURS.items():
+        section, name = path.split(".")
+        values[attribute] = _numbers(found[section], name, path) or None
+    values["sky_model"] = found["sky"].get("model")
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
+    numbers = () if section.get(name) is None else section[name]
+    if not isinstance(numbers, list | tuple):
+        predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
+        raise ParameterError.about(path, predicate, ErrorCode.WRONG_TYPE)
+    return tuple(numbers)
+
+
+def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
+    section = record.get(name)
+    if section is None and not required:
+        return {}
+    if not isinstance(section, Mapping):
+        code = ErrorCode.MISSING if section is None else ErrorCode.WRONG_TYPE
+        raise ParameterError(f"The lighting record needs an object {name!r}.", name, code)
+    return section
+
+
+# The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate.
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
@@ -216,7 +314,7 @@ class Lighting:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON record. It adds `sun.direction` and omits what is unknown."""
-        return record_of(vars(self), self.sun_direction)
+        return _record_of(vars(self), self.sun_direction)
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
@@ -225,7 +323,7 @@ class Lighting:
         Raises ParameterError, which names the field that is missing, of the wrong type or out of range, as the record
         does: sun.azimuth.
         """
-        values = values_in(record)
+        values = _values_in(record)
         try:
             return cls(**values)
         except ParameterError as error:
@@ -319,3 +417,45 @@ def _texts(name: str, values: object) -> tuple[str, ...]:
 def _check_spec(name: str, fits: bool) -> None:
     if not fits:
         raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
+
+
+# The JSON of a lighting, the same in every file, line and HTTP answer.
+
+MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
+
+
+def record_with_coefficients(lighting: Lighting) -> dict[str, Any]:
+    """The JSON record with `sky.coefficients`, for programs that draw the sky themselves."""
+    record = lighting.to_dict()
+    coefficients = sky_coefficients(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    return record | {"sky": record["sky"] | {"coefficients": coefficients}}
+
+
+def json_line(name: str, answer: Lighting | str) -> str:
+    """One line of JSON about the photo `name`: its `lighting` record, or the `error` in place of one."""
+    content = {"error": answer} if isinstance(answer, str) else {"lighting": record_with_coefficients(answer)}
+    return json.dumps({"file": name, **content}, allow_nan=False)
+
+
+def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of JSON with these keys and values, for `json.loads`; ParameterError where a key stands twice."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        often = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise ParameterError(f"The key {often!r} stands twice.", often, ErrorCode.DUPLICATE)
+    return content
+
+
+def unwrap_record(content: Any) -> Any:
+    """The record in JSON that was read, bare or in a line that `json_line` made; other JSON stays as it is.
+
+    Raises ParameterError where it holds an error, or the records of several photos.
+    """
+    if not isinstance(content, dict):
+        return content
+    if "error" in content:
+        raise ParameterError("The JSON holds an error in place of a lighting record.", "error", ErrorCode.MISSING)
+    if "lightings" in content:
+        sentence = "The JSON holds the records of several photos, and one is read at a time."
+        raise ParameterError(sentence, "lightings", ErrorCode.CONTRADICTION)
+    return content.get("lighting", content)

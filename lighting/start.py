@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from lighting.heap import keep_memory
+from lighting.runtime import keep_memory
 
 _BRIEF = frozenset({"estimate", "envmap", "preview", "render"})  # commands that mostly end in less than a second
 _OF_ONE_PHOTO = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
@@ -35,7 +35,7 @@ class _EarlySession:
     """The session of the packaged network, made in a thread; onnxruntime lets others run meanwhile."""
 
     def __init__(self) -> None:
-        from lighting.onnx import import_onnxruntime, packaged, session_of
+        from lighting.onnx_session import import_onnxruntime, packaged, session_of
 
         self._session: Any = None
         self._error: Exception | None = None

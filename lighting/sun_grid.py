@@ -77,15 +77,15 @@ def soft_label(direction: ArrayLike, concentration: ArrayLike, layout: str) -> F
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
-def radii(
+def credible_radii(
     probability: ArrayLike, directions: ArrayLike, centre: ArrayLike, shares: Sequence[float] = (0.5, 0.9)
 ) -> list[float]:
     """Angles [deg] around `centre` (3,) that hold `shares` of the probability (N,) of directions (N, 3)."""
-    reach, held = cones(probability, directions, centre)
+    reach, held = cumulative_by_angle(probability, directions, centre)
     return list(map(float, np.interp(shares, held, reach)))
 
 
-def cones(probability: ArrayLike, directions: ArrayLike, centre: ArrayLike) -> tuple[Floats, Floats]:
+def cumulative_by_angle(probability: ArrayLike, directions: ArrayLike, centre: ArrayLike) -> tuple[Floats, Floats]:
     """Sorted angles [deg] (N + 1,) around `centre` (3,), from 0, and the share of the probability (N,) within each."""
     p = np.asarray(probability, dtype=np.float64)
     distance = angle_between(directions, centre)
@@ -101,7 +101,7 @@ def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats
     return np.asarray(at / grid_solid_angle(layout)[cell])
 
 
-def over_cells(probability: ArrayLike, directions: ArrayLike, layout: str) -> Floats:
+def splat_to_grid(probability: ArrayLike, directions: ArrayLike, layout: str) -> Floats:
     """Probabilities (N,) of the cells from those (M,) of directions (M, 3), each spread over the cells by 4 deg."""
     if np.array_equal(directions, grid_directions(layout)):
         return np.asarray(probability)

@@ -1,0 +1,57 @@
+"""An ONNX file opened by onnxruntime on the CPU, and the one that a package holds."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from lighting.errors import ModelError
+from lighting.runtime import available_cpus
+
+_ERRORS_ONLY = 3  # onnxruntime's scale of log severities
+
+
+def session_of(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
+    """The onnxruntime session of a file; `threads` work on one run, 0 means one for each CPU that is available.
+
+    One run alone skips the rewriting of the graph, which takes longer than it saves there. Raises ModelError for a file
+    that is missing or no network.
+    """
+    onnxruntime = import_onnxruntime()
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads or available_cpus()
+    options.inter_op_num_threads = 1
+    options.log_severity_level = _ERRORS_ONLY
+    if for_one_run:
+        options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
+        options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # memory planned for runs that never come
+    else:
+        options.add_session_config_entry("session.disable_quant_qdq", "1")  # weights are widened once, not in each run
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
+    if not file.is_file():
+        raise ModelError(f"There is no network at {file}.")
+    try:
+        return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's errors share no public base class
+        raise ModelError(f"{file} is not an ONNX network that can be read: {reason_of(error)}") from error
+
+
+def import_onnxruntime() -> Any:
+    """The module onnxruntime, which does not report its use."""
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels report usage otherwise
+    import onnxruntime
+
+    return onnxruntime
+
+
+def reason_of(error: Exception) -> str:
+    """The last clause of onnxruntime's message; codes and the path come before it."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[0].rsplit("failed:", 1)[-1].strip().rstrip(".") + "."
+
+
+def packaged(folder: Path, name: str) -> Path:
+    """The one `name`-<version>.onnx in a folder of this package; ModelError if there is none or a choice."""
+    found = sorted(folder.glob(f"{name}-*.onnx"))
+    if len(found) != 1:
+        raise ModelError(f"{folder} must hold exactly one {name}-<version>.onnx; it holds {len(found)}.")
+    return found[0]

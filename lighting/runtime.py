@@ -1,0 +1,103 @@
+"""CPU count, malloc tuning, helper processes."""
+
+import ctypes
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+if TYPE_CHECKING:
+    from subprocess import Popen
+
+# Processes of this package's own for work that may have to be stopped: nothing in Python interrupts C code.
+
+# The variables by which libraries of arrays use one thread, in a process that starts with them.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+_LONGEST = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
+
+
+def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
+    """Start Python on `code`, with this package, one thread for arrays, and pipes to its stdin and from its stdout."""
+    from subprocess import PIPE, Popen
+
+    root = str(Path(__file__).parents[1])
+    path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+    own = {**os.environ, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
+    return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=own)
+
+
+def leave_signals() -> None:
+    """Ignore what ends a terminal's or a service's processes together: this one ends with the process that asks it."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if number := getattr(signal, name, None):  # Windows has no SIGHUP
+            signal.signal(number, signal.SIG_IGN)
+
+
+@contextmanager
+def ending_after(seconds: float) -> Iterator[None]:
+    """End this process a second after the block took its time, should nobody be left to do so; not on Windows."""
+    if sys.platform == "win32":
+        yield
+        return
+    signal.setitimer(signal.ITIMER_REAL, min(seconds, _LONGEST) + 1)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def own_stdout() -> BinaryIO:
+    """The stream of answers; what libraries print on the usual one, and on stderr, goes nowhere from now on."""
+    answers = os.fdopen(os.dup(1), "wb")
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
+    return answers
+
+
+def held() -> int:
+    """Bytes of address space that this process has taken; 0 where that cannot be told."""
+    if sys.platform != "linux":
+        return 0
+    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def bound(size: int) -> None:
+    """Let this process take no more address space than `size` bytes; the bound is Linux's."""
+    if sys.platform == "linux":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (size, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+# glibc's heap, told to keep what it has; on other systems nothing happens.
+
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
+_KEPT = 1 << 28  # bytes of free memory that the process keeps
+_BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
+
+
+def keep_memory() -> None:
+    """Reuse freed memory, in one heap for all threads.
+
+    By itself glibc takes each large buffer from the system and gives it back, in one heap per thread; taking fresh
+    pages costs as much as filling them.
+    """
+    keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if keep:  # musl has none
+        for option, value in ((_M_ARENA_MAX, 1), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
+            keep(option, value)
+
+
+# How many CPUs there are to work with.
+
+
+def available_cpus() -> int:
+    """The number of CPUs that this process may use; in a container it can be smaller than the machine's."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

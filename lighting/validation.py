@@ -1,0 +1,137 @@
+"""The ranges and units of what describes a light, and the checks of values against them.
+
+Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables;
+JSON groups them (RECORD_PATHS), and some are short where people type them (SHORT_NAMES).
+"""
+
+import math
+import reprlib
+from typing import TypeGuard
+
+import numpy as np
+
+from lighting.errors import ErrorCode, ParameterError
+
+RANGES: dict[str, tuple[float, float]] = {
+    "sun_azimuth": (-180.0, 180.0),  # deg, 0 = where the camera points, positive to the right
+    "sun_elevation": (0.0, 90.0),  # deg above the horizon
+    "sun_visibility": (0.0, 1.0),  # probability that direct sunlight reaches the scene
+    "radius_50": (0.0, 180.0),  # deg around the sun's direction that hold 50 % of the probability
+    "radius_90": (0.0, 180.0),  # the same for 90 %
+    "turbidity": (1.0, 10.0),  # Linke, as Hosek-Wilkie uses it
+    "ground_albedo": (0.0, 1.0),
+    "exposure": (1e-6, 1e6),  # photo's linear values / sky radiance
+    "camera_elevation": (-90.0, 90.0),  # deg, positive looks up
+    "camera_roll": (-180.0, 180.0),  # deg, positive turns the camera clockwise
+    "vertical_fov": (1.0, 170.0),  # deg
+}
+
+OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
+    "camera_heading": (0.0, 360.0),  # deg clockwise from true north, where azimuth 0 points
+    "camera_heading_radius_50": (0.0, 180.0),  # deg to either side of it that hold 50 % of its probability
+    "camera_heading_radius_90": (0.0, 180.0),  # the same for 90 %
+    "relative_heading": (0.0, 360.0),  # deg clockwise from the first of several photos
+    "latitude": (-90.0, 90.0),  # deg, positive north; only where the user asked for it
+    "longitude": (-180.0, 180.0),  # deg, positive east
+    "sky_cover": (0.0, 1.0),  # 0 clear, 1 overcast; goes with sky_irradiance
+    "suitable": (0.0, 1.0),  # probability that this is an ordinary photo of outdoors by daylight
+}
+
+COLOUR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not always known
+    "sun_irradiance": (0.0, 1e6),  # of a surface that faces the sun, in the photo's linear units
+    "sky_irradiance": (0.0, 1e6),  # of open level ground by the sky without the sun, in the same units
+    "ground_color": (0.0, 1.0),  # reflectance of the ground
+}
+
+RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting that are not at its top
+    "model_name": "model.name",
+    "model_version": "model.version",
+    "sun_azimuth": "sun.azimuth",
+    "sun_elevation": "sun.elevation",
+    "sun_visibility": "sun.visibility",
+    "radius_50": "sun.radius_50",
+    "radius_90": "sun.radius_90",
+    "sun_irradiance": "sun.irradiance",
+    "turbidity": "sky.turbidity",
+    "ground_albedo": "sky.ground_albedo",
+    "exposure": "sky.exposure",
+    "sky_cover": "sky.cover",
+    "sky_irradiance": "sky.irradiance",
+    "sky_model": "sky.model",
+    "camera_elevation": "camera.elevation",
+    "camera_roll": "camera.roll",
+    "vertical_fov": "camera.vertical_fov",
+    "camera_heading": "camera.heading",
+    "camera_heading_radius_50": "camera.heading_radius_50",
+    "camera_heading_radius_90": "camera.heading_radius_90",
+    "camera_heading_probability": "camera.heading_probability",
+    "relative_heading": "camera.relative_heading",
+    "latitude": "place.latitude",
+    "longitude": "place.longitude",
+    "ground_color": "ground.color",
+}
+
+SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
+    "use_exif": "exif",
+    "latitude": "lat",
+    "longitude": "lon",
+    "vertical_fov": "fov",
+    "first": "date",
+    "last": "until",
+}
+
+
+def record_path(field: str) -> str:
+    """Where the JSON record of a light has a field: sun.azimuth."""
+    return RECORD_PATHS.get(field, field)
+
+
+def parameter_name(field: str) -> str:
+    """What a URL calls a field: lat."""
+    return SHORT_NAMES.get(field, field)
+
+
+def option_name(field: str) -> str:
+    """What the command line calls a field: --utc-offset."""
+    return "--" + parameter_name(field).replace("_", "-")
+
+
+def is_finite(value: object) -> TypeGuard[int | float]:
+    """Whether the value is a finite number that a float can hold; a bool is not a number."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
+
+
+def check_range(field: str, value: object, low: float, high: float, subject: str | None = None) -> None:
+    """Raise a one-sentence ParameterError about a field unless its value is a finite number in [low, high].
+
+    The sentence begins with the field's name, or with `subject` where a name would not do.
+    """
+    if not is_finite(value):
+        predicate, code = f"must be a finite number, not {reprlib.repr(value)}.", ErrorCode.WRONG_TYPE
+    elif not low <= float(value) <= high:
+        predicate, code = f"is {float(value):g}; it must lie in {low:g} to {high:g}.", ErrorCode.OUT_OF_RANGE
+    else:
+        return
+    if subject is not None:
+        raise ParameterError(f"{subject} {predicate}", field, code)
+    raise ParameterError.about(field, predicate, code)
+
+
+def check_place(latitude: float | None, longitude: float | None) -> None:
+    """Raise a one-sentence ParameterError where only one of them is known."""
+    if (latitude is None) != (longitude is None):
+        missing = "latitude" if latitude is None else "longitude"
+        raise ParameterError("A latitude needs a longitude and the other way round.", missing, ErrorCode.MISSING)
+
+
+def plain_numbers(record: object, *names: str) -> None:
+    """Turn numpy's numbers in these fields of a frozen record into Python's, in tuples and arrays without axes too."""
+    for name in names:
+        value = getattr(record, name)
+        if isinstance(value, np.generic | np.ndarray) and value.ndim == 0:
+            object.__setattr__(record, name, value.item())
+        elif isinstance(value, list | tuple | np.ndarray):
+            object.__setattr__(record, name, tuple(v.item() if isinstance(v, np.generic) else v for v in value))
