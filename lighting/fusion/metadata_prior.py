@@ -1,20 +1,57 @@
-"""Turn a photo's metadata and its user's statements into evidence about the sun, the heading and the lens."""
+"""Metadata -> Observations: sun candidates, heading, lens, gravity, daylight.
+
+At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9; streets and shop
+windows in bright lamplight take 8, rooms 5 to 7 (ANSI PH2.7, Photographic Exposure Guide). Exposures tell indoors from
+outdoors better than pixels do (Boutell and Luo, CVPR 2004).
+"""
 
 import math
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.evidence.declination import TYPICAL_DECLINATION, magnetic_declination
-from lighting.evidence.ephemeris import CIVIL_TWILIGHT
-from lighting.evidence.facts import by_one_clock, location_of, merge, of_one_place
-from lighting.evidence.fusion import COMPASS_SPREAD, Evidence, zones_of_day
-from lighting.evidence.given import Given
-from lighting.evidence.gravity import Gravity
-from lighting.evidence.sun import below_horizon, suns
+from lighting.fusion.single_view import COMPASS_SPREAD, Gravity, Observations, zones_of_day
+from lighting.fusion.timezones import below_horizon, drop_unzoned, location_of, merge_user_input, share_location, suns
+from lighting.fusion.user_input import UserInput
 from lighting.geometry import SUN_RADIUS, angle_between, direction
-from lighting.photo import PhotoFacts
-from lighting.photo.exif import HeadingReference
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.solar_position import CIVIL_TWILIGHT
+
+if TYPE_CHECKING:
+    from pygeomag import GeoMag
+
+# Magnetic declination: how far a compass needle points from true north, by the World Magnetic Model.
+
+TYPICAL_DECLINATION = 17.0  # deg, root mean square over the latitudes up to 65 deg in 2022
+
+_EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
+_CALCULATING = threading.Lock()  # a model stores intermediate values in itself, so threads must take turns
+_WEAK = 6000.0  # nT of horizontal field, under which the model's authors call compasses unreliable
+
+
+def _magnetic_declination(latitude: float, longitude: float, time: datetime) -> float | None:
+    """Declination [deg, positive east] at sea level; None before 2010, from 2030 on, and near the magnetic poles."""
+    epoch = time.year - time.year % 5
+    if epoch not in _EPOCHS:
+        return None
+    year = time.year + (time.timetuple().tm_yday - 1) / 366
+    with _CALCULATING:
+        field = _model(epoch).calculate(glat=latitude, glon=longitude, alt=0.0, time=year)
+    return float(field.d) if field.h >= _WEAK else None
+
+
+@lru_cache(maxsize=len(_EPOCHS))
+def _model(epoch: int) -> "GeoMag":
+    from pygeomag import GeoMag
+
+    return GeoMag(base_year=epoch)
+
+
+# Turn a photo's metadata and its user's statements into evidence about the sun, the heading and the lens.
 
 GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
 
@@ -30,19 +67,19 @@ _IN_TWILIGHT = "the answer is the sky of a sun on the horizon, brighter than thi
 class Known:
     """The evidence about one photo, and what its Estimate reports besides."""
 
-    evidence: Evidence = field(default_factory=Evidence)
+    evidence: Observations = field(default_factory=Observations)
     warnings: tuple[str, ...] = ()
     sun_is_up: bool = True  # False where time and place say that no direct sunlight reaches the photo
     is_night: bool = False  # time and place say that it was night, too dark for these skies; they were not used
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer
 
 
-def known(facts: PhotoFacts, given: Given, subject: str = "photo") -> Known:
+def observations_from_metadata(facts: PhotoMetadata, given: UserInput, subject: str = "photo") -> Known:
     """The evidence from a photo's metadata and its user; `subject` is what warnings call it.
 
     Raises ParameterError where the user's own time or place is at night. A photo's own metadata never raise.
     """
-    merged = merge(facts, given)
+    merged = merge_user_input(facts, given)
     candidates = suns(merged)
     if (highest := _highest(candidates)) < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
         stated = "latitude" if given.time is None else "time"
@@ -50,9 +87,9 @@ def known(facts: PhotoFacts, given: Given, subject: str = "photo") -> Known:
     return _known(merged, candidates, given, subject)
 
 
-def known_later(facts: PhotoFacts, given: Given, subject: str) -> Known:
+def observations_of_frame(facts: PhotoMetadata, given: UserInput, subject: str) -> Known:
     """The same for a later frame of a clip, which may pass into the night: the user's own time does not raise."""
-    merged = merge(facts, given)
+    merged = merge_user_input(facts, given)
     return _known(merged, suns(merged), given, subject)
 
 
@@ -61,7 +98,7 @@ def _highest(candidates: Suns) -> float:
     return max((elevation for elevation, _ in candidates), default=0.0)
 
 
-def _known(merged: PhotoFacts, candidates: Suns, given: Given, subject: str) -> Known:
+def _known(merged: PhotoMetadata, candidates: Suns, given: UserInput, subject: str) -> Known:
     """The evidence of merged facts whose candidate suns may all be below the horizon."""
     highest, warnings = _highest(candidates), _missing(merged, given, subject)
     if highest < -SUN_RADIUS:
@@ -81,33 +118,36 @@ def _known(merged: PhotoFacts, candidates: Suns, given: Given, subject: str) -> 
     return Known(evidence, warnings, sun_is_up, bool(candidates) and highest < CIVIL_TWILIGHT, location)
 
 
-def camera_evidence(facts: PhotoFacts, given: Given) -> Evidence:
+def camera_evidence(facts: PhotoMetadata, given: UserInput) -> Observations:
     """What of the evidence is about the camera alone: its lens, and how it was held."""
-    return _of_camera(merge(facts, given))
+    return _of_camera(merge_user_input(facts, given))
 
 
-def _of_camera(merged: PhotoFacts) -> Evidence:
+def _of_camera(merged: PhotoMetadata) -> Observations:
     elevation, spread = merged.camera_elevation, merged.gravity_spread
     gravity = None if elevation is None or spread is None else Gravity(elevation, merged.camera_roll, spread)
-    return Evidence(vertical_fov=merged.vertical_fov, gravity=gravity)
+    return Observations(vertical_fov=merged.vertical_fov, gravity=gravity)
 
 
-def known_alone(facts: PhotoFacts, given: Given) -> Known:
+def observations_single(facts: PhotoMetadata, given: UserInput) -> Known:
     """The evidence of a photo that stands alone, where a heading without time and place tells nothing."""
-    found = known(facts, given)
+    found = observations_from_metadata(facts, given)
     if given.heading is None or found.evidence.candidates or found.is_night:
         return found
     warning = "The heading was not used, because time and place of the photo are not both known."
     return replace(found, warnings=(*found.warnings, warning))
 
 
-def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
+def observations_multi(facts: Sequence[PhotoMetadata], given: UserInput) -> list[Known]:
     """The evidence of photos taken together. If one of them was taken at night by its metadata, no time is used.
 
     Raises ParameterError where it was night in one of them at the user's own place, whatever zone their times are of.
     """
-    there = of_one_place(facts)
-    found = [known(fact, given) for fact in (there if given.utc_offset is not None else by_one_clock(there))]
+    there = share_location(facts)
+    found = [
+        observations_from_metadata(fact, given)
+        for fact in (there if given.utc_offset is not None else drop_unzoned(there))
+    ]
     if given.use_exif and given.latitude is None:
         found = [
             replace(k, warnings=(*k.warnings, *_elsewhere(own, used))) if k.evidence.candidates else k
@@ -123,7 +163,7 @@ def known_together(facts: Sequence[PhotoFacts], given: Given) -> list[Known]:
     return _timeless(found, f"{_NIGHT_IN_ALL_ZONES}: time and place were not used.")
 
 
-def _elsewhere(facts: PhotoFacts, used: PhotoFacts) -> tuple[str, ...]:
+def _elsewhere(facts: PhotoMetadata, used: PhotoMetadata) -> tuple[str, ...]:
     """A warning where a photo's own place is another than the one that is used for all."""
     places = (location_of(facts), location_of(used))
     there = [direction(place[1], place[0]) for place in places if place is not None]
@@ -145,7 +185,7 @@ def _timeless(found: Sequence[Known], warning: str) -> list[Known]:
     ]
 
 
-def _missing(merged: PhotoFacts, given: Given, subject: str) -> tuple[str, ...]:
+def _missing(merged: PhotoMetadata, given: UserInput, subject: str) -> tuple[str, ...]:
     """Sentences about what the user said that could not be used."""
     if given.time is not None and merged.latitude is None:
         return (f"The time was not used, because the {subject} does not say where it was taken.",)
@@ -161,7 +201,7 @@ def _in_twilight_on_the_horizon(candidates: Suns) -> Suns:
     return tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, azimuth) for el, azimuth in candidates)
 
 
-def _compass(facts: PhotoFacts, given: Given) -> tuple[float | None, float]:
+def _compass(facts: PhotoMetadata, given: UserInput) -> tuple[float | None, float]:
     """The heading from true north, if it is known, and its spread [deg]."""
     if facts.heading is None:
         return None, COMPASS_SPREAD
@@ -176,8 +216,29 @@ def _compass(facts: PhotoFacts, given: Given) -> tuple[float | None, float]:
     return facts.heading % 360.0, math.hypot(COMPASS_SPREAD, doubt)
 
 
-def _declination(facts: PhotoFacts) -> float | None:
+def _declination(facts: PhotoMetadata) -> float | None:
     """The magnetic declination [deg] at the photo's time and place; None where they are not both known."""
     time = facts.utc_time or facts.local_time
     place = location_of(facts)
-    return None if time is None or place is None else magnetic_declination(*place, time)
+    return None if time is None or place is None else _magnetic_declination(*place, time)
+
+
+# Whether a scene was as bright as daylight makes it, by the exposure that the camera noted.
+
+_DARK = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
+_STEEPNESS = 2.5  # of the probability in doublings of the odds for each EV: scenes and meters vary by a stop
+
+
+def daylight_probability(exposure_value: float) -> float:
+    """Probability that daylight lit a scene which took an exposure value [EV at ISO 100]."""
+    return float(1.0 / (1.0 + 2.0 ** (_STEEPNESS * (_DARK - exposure_value))))
+
+
+def too_dark(exposure_value: float, subject: str) -> tuple[str, ...]:
+    """A sentence for people where daylight is the less likely light of a `subject`."""
+    if daylight_probability(exposure_value) >= 0.5:
+        return ()
+    return (
+        f"The {subject} was exposed for a dark scene (EV {exposure_value:.1f} at ISO 100): night, indoors, or a dark "
+        "filter on the lens.",
+    )

@@ -6,12 +6,12 @@ from datetime import datetime
 from typing import Any
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo import OFFSETS, YEARS
-from lighting.ranges import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
+from lighting.photo.metadata import OFFSETS, YEARS
+from lighting.validation import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
 
 
 @dataclass(frozen=True)
-class Given:
+class UserInput:
     """What the user says about a photo; it replaces what the photo's metadata say. None is not given.
 
     Raises ParameterError for values out of range and for values that contradict each other.
@@ -64,9 +64,9 @@ class Given:
 
 def check_given(thing: object) -> None:
     """Raise ParameterError for what is no Given."""
-    if not isinstance(thing, Given):
+    if not isinstance(thing, UserInput):
         sentence = f"What is known of a photo is a Given, not {type(thing).__name__}."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
-NOTHING_GIVEN = Given()
+NO_USER_INPUT = UserInput()

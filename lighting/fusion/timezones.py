@@ -1,12 +1,18 @@
-"""Merge a photo's facts with those of its user and of the photos taken with it: time, place and time zone."""
+"""Local time -> UTC: user, EXIF, GPS, other photos, IANA zone of the place; ONE precedence."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
-from lighting.evidence.given import Given
-from lighting.photo import PhotoFacts, in_utc
-from lighting.photo.exif import HeadingReference
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.fusion.user_input import UserInput
+from lighting.geometry import SUN_RADIUS
+from lighting.photo.metadata import HeadingReference, PhotoMetadata, in_utc
+from lighting.solar_position import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
+
+# Merge a photo's facts with those of its user and of the photos taken with it: time, place and time zone.
 
 # Hours from UTC that clocks follow somewhere, summer times included.
 ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
@@ -24,9 +30,9 @@ CLOCK_ERROR = 0.1  # h that a camera's clock may be off GPS time and still ident
 ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
 
 
-def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
+def merge_user_input(facts: PhotoMetadata, given: UserInput) -> PhotoMetadata:
     """The photo's facts, replaced by the user's where given; a time replaces the offset, a place both coordinates."""
-    merged = facts if given.use_exif else PhotoFacts()
+    merged = facts if given.use_exif else PhotoMetadata()
     if given.time is not None:
         merged = _taken_at(merged, given.time)
     if given.utc_offset is not None and merged.local_time is not None:
@@ -39,27 +45,27 @@ def merge(facts: PhotoFacts, given: Given) -> PhotoFacts:
     return replace(merged, vertical_fov=given.vertical_fov) if given.vertical_fov is not None else merged
 
 
-def _taken_at(facts: PhotoFacts, time: datetime) -> PhotoFacts:
+def _taken_at(facts: PhotoMetadata, time: datetime) -> PhotoMetadata:
     if time.tzinfo is None:
         return replace(facts, local_time=time, utc_offset=None, utc_time=None)
     return replace(facts, local_time=time.replace(tzinfo=None), utc_offset=None, utc_time=time.astimezone(UTC))
 
 
-def of_one_place(facts: Sequence[PhotoFacts]) -> list[PhotoFacts]:
+def share_location(facts: Sequence[PhotoMetadata]) -> list[PhotoMetadata]:
     """The facts of photos taken together; all get the place, and the time zone, of the first photo that has one."""
-    place = next((f for f in facts if f.latitude is not None), PhotoFacts())
+    place = next((f for f in facts if f.latitude is not None), PhotoMetadata())
     there = [replace(f, latitude=place.latitude, longitude=place.longitude) for f in facts]
     offset = next((hours for f in facts if (hours := _zone_of(f)) is not None), None)
     return there if offset is None else [_in_zone(f, offset) for f in there]
 
 
-def by_one_clock(facts: list[PhotoFacts]) -> list[PhotoFacts]:
+def drop_unzoned(facts: list[PhotoMetadata]) -> list[PhotoMetadata]:
     """The facts; where one photo's time is known in UTC, local times of unknown zone are dropped from the others."""
     surer = any(f.utc_time is not None for f in facts)
     return [replace(f, local_time=None) if surer and f.utc_time is None else f for f in facts]
 
 
-def _zone_of(facts: PhotoFacts) -> float | None:
+def _zone_of(facts: PhotoMetadata) -> float | None:
     """Hours from UTC, as stated or by the difference of clock and GPS time; None where that is not a zone's offset."""
     if facts.utc_offset is not None or facts.local_time is None or facts.utc_time is None:
         return facts.utc_offset
@@ -68,18 +74,18 @@ def _zone_of(facts: PhotoFacts) -> float | None:
     return nearest if nearest in (*ZONES, *FORMER_ZONES) and abs(ahead - nearest) < CLOCK_ERROR else None
 
 
-def _in_zone(facts: PhotoFacts, utc_offset: float) -> PhotoFacts:
+def _in_zone(facts: PhotoMetadata, utc_offset: float) -> PhotoMetadata:
     if facts.local_time is None or facts.utc_time is not None:
         return facts
     return replace(facts, utc_offset=utc_offset, utc_time=in_utc(facts.local_time, utc_offset))
 
 
-def location_of(facts: PhotoFacts) -> tuple[float, float] | None:
+def location_of(facts: PhotoMetadata) -> tuple[float, float] | None:
     """Latitude and longitude [deg], where they are known."""
     return None if facts.latitude is None or facts.longitude is None else (facts.latitude, facts.longitude)
 
 
-def zones(latitude: float, longitude: float) -> tuple[float, ...]:
+def candidate_utc_offsets(latitude: float, longitude: float) -> tuple[float, ...]:
     """The offsets from UTC [h] that clocks at a place [deg] may have, or had."""
     low, high = ZONE_LEAD
     here = [zone for zone in ZONES if (zone - longitude / 15.0 - low) % 24.0 <= high - low]
@@ -90,3 +96,48 @@ def zones(latitude: float, longitude: float) -> tuple[float, ...]:
 def _is_within(latitude: float, longitude: float, box: tuple[float, float, float, float]) -> bool:
     south, west, north, east = box
     return south <= latitude <= north and west <= longitude <= east
+
+
+# The sun's position by a photo's time and place, and words for a sun below the horizon.
+
+
+def suns(facts: PhotoMetadata) -> tuple[tuple[float, float], ...]:
+    """Elevations and compass azimuths [deg]: one for a time in UTC, one per possible zone for a local time."""
+    if (place := location_of(facts)) is None:
+        return ()
+    azimuth, elevation = sun_position(_times(facts, place), *place)
+    return tuple(zip(elevation.tolist(), azimuth.tolist(), strict=True))
+
+
+def _times(facts: PhotoMetadata, place: tuple[float, float]) -> NDArray[np.datetime64]:
+    """The moments (N,) in UTC at which the photo may have been taken, in the order of the zones."""
+    if facts.utc_time is not None:
+        return np.array([facts.utc_time.replace(tzinfo=None)], dtype="datetime64[us]")
+    if facts.local_time is None:
+        return np.array([], dtype="datetime64[us]")
+    return np.array(
+        [facts.local_time - timedelta(hours=zone) for zone in candidate_utc_offsets(*place)], dtype="datetime64[us]"
+    )
+
+
+def below_horizon(facts: PhotoMetadata, highest: float) -> str:
+    """The beginning of a sentence about a sun whose highest possible elevation [deg] is negative."""
+    return (
+        f"At that time and place the sun is {-highest:.1f}° below the horizon ({_phase(highest, facts)}; civil "
+        "twilight ends at 6°, nautical at 12°, astronomical at 18°): "
+    )
+
+
+def _phase(elevation: float, facts: PhotoMetadata) -> str:
+    polar = _is_polar_night(facts)
+    if elevation < ASTRONOMICAL_TWILIGHT:
+        return "polar night" if polar else "night"
+    kind = "civil" if elevation >= CIVIL_TWILIGHT else "nautical" if elevation >= NAUTICAL_TWILIGHT else "astronomical"
+    return f"{kind} twilight of the polar night" if polar else f"{kind} twilight"
+
+
+def _is_polar_night(facts: PhotoMetadata) -> bool:
+    if (place := location_of(facts)) is None:
+        return False
+    around = _times(facts, place)[:1] + np.arange(-12, 13).astype("timedelta64[h]")
+    return bool(np.max(sun_position(around, *place)[1]) < -SUN_RADIUS)

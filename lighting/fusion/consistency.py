@@ -5,24 +5,23 @@ perfectly calibrated, so the thresholds are those that one true record in a hund
 `python -m export evaluate --with-metadata` prints how often each fires on true and on false records.
 """
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 
-from lighting.circular import HEADINGS, blur
+from lighting.calibration import LENS_RATIO, lens_ratio
+from lighting.circular import HEADINGS, blur_headings
 from lighting.geometry import Floats, angles
 from lighting.records import CodedWarning, Prediction, WarningCode
 from lighting.sun_grid import grid_directions
 
 ELEVATION_TAIL = 0.004  # tail probability by the pixels, under which the elevation of time and place is contradicted
 HEADING_TAIL = 0.008  # the same of a compass heading
-LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
 
 _CELL_SPREAD = 2.2  # deg, scale of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
 
 
-def contradictions(
+def consistency_warnings(
     prediction: Prediction,
     candidates: Floats,
     density: Floats,
@@ -35,13 +34,13 @@ def contradictions(
     `candidates` (K, 2) are suns with the pixels' density (K, 360) for each heading; K may be 0; `compass` is a heading
     and its spread [deg]; `subject` is what the sentences call the pixels' source.
     """
-    if len(candidates) and elevation_tail(prediction, candidates[:, 0]) < ELEVATION_TAIL:
+    if len(candidates) and _elevation_p_value(prediction, candidates[:, 0]) < ELEVATION_TAIL:
         yield CodedWarning(
             f"The sun's elevation at this time and place, {_range(candidates[:, 0])}, is very unlikely by the pixels: "
             "check the clock, the zone and the place.",
             WarningCode.ELEVATION_CONTRADICTED,
         )
-    if len(candidates) and compass is not None and heading_tail(density, *compass) < HEADING_TAIL:
+    if len(candidates) and compass is not None and _heading_tail(density, *compass) < HEADING_TAIL:
         sentence = f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
         yield CodedWarning(sentence, WarningCode.HEADING_CONTRADICTED)
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
@@ -54,7 +53,7 @@ def contradictions(
         )
 
 
-def elevation_tail(prediction: Prediction, elevation: Floats) -> float:
+def _elevation_p_value(prediction: Prediction, elevation: Floats) -> float:
     """Two-sided tail probability (0 to 1) of the likeliest of elevations (K,) [deg] under the pixels' distribution.
 
     A sun on the horizon stands for those of twilight: it is as likely as that the sun is there or below.
@@ -70,18 +69,12 @@ def _logistic(angle: Floats) -> Floats:
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(angle / _CELL_SPREAD, -50.0, 50.0))))
 
 
-def heading_tail(density: Floats, heading: float, spread: float) -> float:
+def _heading_tail(density: Floats, heading: float, spread: float) -> float:
     """Probability (0 to 1) of headings at most as likely as this one, by the pixels' density (K, 360) over HEADINGS."""
     total = density.sum(axis=0)
-    expected = blur(total / total.sum(), spread)
+    expected = blur_headings(total / total.sum(), spread)
     here = np.interp(heading % 360.0, [*HEADINGS, 360.0], [*expected, expected[0]])
     return float(expected[expected <= here].sum())
-
-
-def lens_ratio(a: float, b: float) -> float:
-    """Ratio (1 or more) of the focal lengths of two vertical fields of view [deg]."""
-    ratio = math.tan(math.radians(a) / 2) / math.tan(math.radians(b) / 2)
-    return max(ratio, 1.0 / ratio)
 
 
 def _range(elevation: Floats) -> str:
