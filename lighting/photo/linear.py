@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import SRGB_LINEAR, srgb_decode
+from lighting.color import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError, require_extra
-from lighting.photo.exif import PhotoFacts, read_exposure, read_facts, read_orientation
-from lighting.photo.pages import photo_page
-from lighting.photo.pixels import as_stored, check_bits, tags_of, upright, wide_grey
-from lighting.photo.profile import profile_to_rec709, says_gamma
+from lighting.photo.containers import photo_page
+from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
+from lighting.photo.pixels import as_stored, check_bits, profile_to_rec709, says_gamma, tags_of, upright, wide_grey
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -40,7 +39,7 @@ class LinearPhoto:
     white: float  # from which on a channel counts as clipped; infinite where nothing is
     step: float  # the least difference that the file can hold, near black
     exposure: float | None = None  # s x ISO / 100 / f-number^2, from EXIF
-    facts: PhotoFacts = field(default_factory=PhotoFacts)
+    facts: PhotoMetadata = field(default_factory=PhotoMetadata)
     warnings: tuple[str, ...] = ()
     grey: bool = False  # whether the file holds one channel, which the pixels repeat
     coded: bool = False  # whether a curve was taken off
@@ -78,7 +77,7 @@ def read_linear(path: str | Path, curve: Curve | None = None, *, turned: bool = 
         raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture.") from error
 
 
-def of_floats(pixels: Pixels) -> LinearPhoto:
+def linear_from_array(pixels: Pixels) -> LinearPhoto:
     """Linear values (H, W, 3) of a float picture, which count as clipped at their largest where several are just that.
 
     Raises PhotoError for values that are not finite.
@@ -104,7 +103,7 @@ def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
         white=float(srgb_decode(_HIGH_END)) if coded else _HIGH_END,
         step=1 / full / 12.92 if coded else 1 / full,
         exposure=read_exposure(stored.told),
-        facts=read_facts(stored.told, linear.shape[1], linear.shape[0]),
+        facts=read_metadata(stored.told, linear.shape[1], linear.shape[0]),
         warnings=_warnings(stored.header, full == 255 and curve is None, doubtful),
         grey=samples.shape[2] == 1,
         coded=coded,
@@ -218,13 +217,13 @@ def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint1
     return np.asarray(pixels), levels
 
 
-def facts_of(file: str | Path) -> tuple[PhotoFacts, float | None]:
+def facts_of(file: str | Path) -> tuple[PhotoMetadata, float | None]:
     """What the EXIF block of a photo says, and its exposure, without its pixels; nothing where none can be read.
 
     Most RAW files are TIFF files inside, of which Pillow reads the tags.
     """
     try:
         with Image.open(file) as image:
-            return read_facts(image, image.width, image.height), read_exposure(image)
+            return read_metadata(image, image.width, image.height), read_exposure(image)
     except Exception:  # an absent or strange block is no reason to refuse the pixels
-        return PhotoFacts(), None
+        return PhotoMetadata(), None

@@ -1,4 +1,4 @@
-"""Pictures that are told from a photo by their pixels alone: an empty frame, and a whole panorama.
+"""Padding to the network input; blank and panorama checks.
 
 A network sees neither: a frame without contrast is far from all that it learnt, and crops of panoramas are what it
 learnt from.
@@ -7,9 +7,15 @@ learnt from.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
-from lighting.geometry import Floats
+from lighting.geometry import Floats, fitting
 from lighting.photo.pixels import Pixels
+from lighting.photo.reader import Photo
+from lighting.records import ModelSpec
+
+# Pictures that are told from a photo by their pixels alone: an empty frame, and a whole panorama.
 
 _EMPTY = 40.0  # grey levels, of 255, between the darkest and the brightest hundredth; photos in fog have more
 _TWICE = 0.03  # share by which a panorama may differ from twice as wide as high
@@ -20,7 +26,7 @@ _POLE = 15.0  # grey levels, standard deviation along the first row, which shows
 _SAMPLED = 320  # rows or columns of the longer side that are looked at
 
 
-def is_empty(pixels: Pixels) -> bool:
+def is_blank(pixels: Pixels) -> bool:
     """Whether pixels (h, w, 3) hold next to no contrast: a black, blank or blown-out frame."""
     step = -(-max(pixels.shape[:2]) // _SAMPLED)
     red, green, blue = np.moveaxis(pixels[::step, ::step], 2, 0)
@@ -49,3 +55,39 @@ def is_panorama(pixels: Pixels) -> bool:
 def _difference(rows: Floats, first: Sequence[int], second: Sequence[int]) -> float:
     """The mean difference between columns of pixels (h, w, 3)."""
     return float(np.abs(rows[:, list(first)] - rows[:, list(second)]).mean())
+
+
+# Pixels to the network's input canvas.
+
+
+def fit_size(width: int, height: int, spec: ModelSpec) -> tuple[int, int]:
+    """The largest (width, height) of the photo's aspect ratio inside the network's canvas, at least 1 x 1."""
+    return fitting(width, height, spec.width, spec.height)
+
+
+def pad_to_input(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:
+    """Canvas (3, H, W) with the normalised sRGB pixels (h, w, 3) at its centre and 0, the mean colour, around them.
+
+    Raises ValueError where the pixels do not fit; an odd margin puts the extra row or column after the photo.
+    """
+    height, width = pixels.shape[:2]
+    if width > spec.width or height > spec.height:
+        raise ValueError(f"{width} x {height} pixels do not fit the canvas of {spec.width} x {spec.height}.")
+    top, left = (spec.height - height) // 2, (spec.width - width) // 2
+    canvas = np.zeros((3, spec.height, spec.width), dtype=np.float32)
+    inside = canvas[:, top : top + height, left : left + width]
+    mean, std = (np.asarray(value, dtype=np.float32)[:, None, None] for value in (spec.mean, spec.std))
+    np.multiply(pixels.transpose(2, 0, 1), 1 / (np.float32(255.0) * std), out=inside)
+    inside -= mean / std
+    return canvas
+
+
+def resize_to_input(photo: Photo, spec: ModelSpec) -> NDArray[np.uint8]:
+    """The photo's pixels (h, w, 3) resized without aliasing to `fit_size`."""
+    size = fit_size(photo.width, photo.height, spec)
+    return np.asarray(Image.fromarray(photo.pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
+
+
+def preprocess(photo: Photo, spec: ModelSpec) -> NDArray[np.float32]:
+    """The network's input (1, 3, H, W): the fitted photo on its canvas."""
+    return pad_to_input(resize_to_input(photo, spec), spec)[None]

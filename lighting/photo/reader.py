@@ -1,4 +1,4 @@
-"""Bytes to upright sRGB pixels.
+"""Photo, read_photo, photo_from_array, size and memory limits.
 
 What is read: JPEG, PNG, WebP, TIFF, AVIF where Pillow has it, HEIC where pillow-heif is installed (extra `heif`), and
 the preview in a RAW file. Everything ends as 8-bit sRGB: 16-bit samples are scaled, embedded colour profiles are
@@ -19,18 +19,66 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
 
+from lighting.color import checked_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
-from lighting.photo.exif import PhotoFacts, read_facts, read_orientation
-from lighting.photo.jpeg import check_scans
-from lighting.photo.memory import NAMES, admitted, most
-from lighting.photo.pages import photo_page
-from lighting.photo.pixels import check_bits, decode, upright_pixels
-from lighting.photo.png import check_chunks
-from lighting.photo.raw import KIND, described, is_raw, preview
-from lighting.photo.webp import canvas
+from lighting.photo.containers import (
+    RAW_FORMAT,
+    check_chunks,
+    check_scans,
+    coefficients,
+    described,
+    embedded_preview,
+    is_raw,
+    photo_page,
+    webp_size,
+)
+from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
+from lighting.photo.pixels import MOST_KEPT, check_bits, decode_image, upright_pixels
+
+# How many pixels of each kind of picture may be decoded, so that one photo takes a stated amount of memory.
+
+BYTES = 4  # that a photo may take for each of the `max_pixels`; a kind that needs more per pixel is given fewer pixels
+FIXED = 64_000_000  # bytes beside, of conversions in strips
+
+COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
+PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-23, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
+    "JPEG": 1.0,  # decoded row by row, and reduced on the way
+    "PNG": 4.0,  # Pillow's own picture
+    "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
+    "HEIF": 10.0,
+    "TIFF": 16.0,  # a strip as large as the picture, of up to twice the bytes per colour, beside Pillow's own
+    "AVIF": 14.0,
+}
+NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
+
+
+def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
+    """How many pixels a picture of this kind may have, and the kind's name for people."""
+    kind = "JPEG" if image.format == "MPO" else str(image.format)
+    held = coefficients(data) if kind == "JPEG" else 0.0
+    if not held:
+        return _most(kind, max_pixels), NAMES[kind]
+    return min(max_pixels, int(max_pixels * BYTES / (held * COEFFICIENT))), f"progressive {NAMES[kind]}"
+
+
+def _most(kind: str, max_pixels: int) -> int:
+    """How many pixels a picture of a kind of PER_PIXEL may have."""
+    return min(max_pixels, int(max_pixels * BYTES / PER_PIXEL[kind]))
+
+
+def memory_budget(size: int, max_pixels: int, target: int | None) -> int:
+    """Bytes of memory that reading a photo of `size` bytes may take, with its pixels that are kept and a turned copy.
+
+    `max_pixels` and `target` are those of `read_photo`.
+    """
+    kept = MOST_KEPT if target is None else min(4 * target * target, MOST_KEPT)
+    return BYTES * max_pixels + FIXED + 2 * size + 6 * kept
+
+
+# Bytes to upright sRGB pixels.
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 
@@ -59,7 +107,7 @@ class Photo:
     width: int  # of the upright photo in the file, pixels
     height: int
     format: str  # as Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", ...; "RAW", "PIXELS"
-    facts: PhotoFacts = field(default_factory=PhotoFacts)  # what its EXIF block and XMP packet say
+    facts: PhotoMetadata = field(default_factory=PhotoMetadata)  # what its EXIF block and XMP packet say
 
 
 def check_photo(thing: object) -> None:
@@ -89,11 +137,11 @@ def read_photo(
         with _no_warnings():
             raw = is_raw(data)
         page = None if raw else photo_page(data)
-        image = _open(page.as_first(data) if page else preview(data) if raw else data, max_pixels)
+        image = _open(page.as_first(data) if page else embedded_preview(data) if raw else data, max_pixels)
         width, height = image.size
         told = described(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
-        decode(image, side)
+        decode_image(image, side)
         with _no_warnings():
             orientation = read_orientation(image if page and page.has_orientation else told)
         pixels = upright_pixels(image, side, orientation)
@@ -105,8 +153,8 @@ def read_photo(
         raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     with _no_warnings():
-        facts = read_facts(told, width, height)
-    return Photo(pixels, width, height, KIND if raw else str(image.format), facts)
+        facts = read_metadata(told, width, height)
+    return Photo(pixels, width, height, RAW_FORMAT if raw else str(image.format), facts)
 
 
 def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
@@ -144,8 +192,8 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
         formats = [_heif_format()]
     check_scans(data)
     check_chunks(data)
-    if size := canvas(data):
-        check_size(*size, most("WEBP", max_pixels), NAMES["WEBP"])
+    if size := webp_size(data):
+        _check_size(*size, _most("WEBP", max_pixels), NAMES["WEBP"])
     try:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)
@@ -154,7 +202,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
     check_bits(image)
-    check_size(*image.size, *admitted(image, data, max_pixels))
+    _check_size(*image.size, *pixel_limit(image, data, max_pixels))
     return image
 
 
@@ -169,7 +217,7 @@ def _too_many(photo: str, limit: int) -> str:
     return f"{photo} has more than its limit of {limit / 1e6:g} million pixels."
 
 
-def check_size(width: int, height: int, limit: int, kind: str) -> None:
+def _check_size(width: int, height: int, limit: int, kind: str) -> None:
     """Raise PhotoTooLargeError over `limit` pixels, PhotoError for a photo too small or too long; `kind` names it."""
     if width * height > limit:
         raise PhotoTooLargeError(_too_many(f"The {kind} of {width} x {height} pixels", limit))
@@ -194,3 +242,22 @@ def _no_warnings() -> Iterator[None]:
     with _WARNING_FILTERS, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
+
+
+# Pixels that a program already holds, such as a camera's frame, as a Photo.
+
+PIXELS_FORMAT = "PIXELS"  # the Photo's `format`
+
+
+def photo_from_array(pixels: ArrayLike, facts: PhotoMetadata | None = None) -> Photo:
+    """The Photo of upright pixels (h, w, 3), 8-bit sRGB in the order red, green, blue.
+
+    An array, a PIL image in RGB or a tensor in the CPU's memory will do; the pixels are copied only where their rows
+    are not contiguous. `facts` is what is known of the photo, as its EXIF block would say it.
+    Raises PhotoError for another type or shape, and PhotoError or PhotoTooLargeError for a size that `read_photo`
+    refuses.
+    """
+    array = checked_pixels(pixels)
+    height, width = array.shape[:2]
+    _check_size(width, height, MAX_PIXELS, "photo")
+    return Photo(np.ascontiguousarray(array), width, height, PIXELS_FORMAT, facts or PhotoMetadata())

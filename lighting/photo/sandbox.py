@@ -1,7 +1,11 @@
-"""Photos read in a process of their own, which is killed and replaced when one takes too long or too much memory.
+"""Decoding in a killable worker process.
 
 Nothing in Python interrupts a decoder that runs, so only another process can be stopped. The processes are this one's,
 whoever asks: each reads one photo at a time, and there are as many as photos were ever read at once.
+
+Requests and answers are pickles on stdin and stdout, each followed by the bytes of a photo or of its pixels. The
+process ends with its stdin; where nobody waits any more, it does so at most a second after its photo took too long. It
+logs nothing: what decoders print about a photo is nobody's business.
 """
 
 import atexit
@@ -10,23 +14,96 @@ import pickle
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Timer
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from lighting.errors import PhotoError, PhotoTooLargeError
-from lighting.photo.decoder import READY, Reply, Request
-from lighting.photo.read import MAX_BYTES, MAX_PIXELS, TARGET, Photo, photo_data
-from lighting.processes import python
+from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, Source, memory_budget, photo_data, read_photo
+from lighting.runtime import bound, ending_after, held, leave_signals, own_stdout, python
 
 if TYPE_CHECKING:
     from subprocess import Popen
 
+# A process that decodes photos for another one: apart.py starts and stops it.
+
+READY = "ready"
+
+
+@dataclass(frozen=True)
+class Request:
+    """A photo to read: a path, or the number of bytes that follow; the limits of `read_photo`, and one of time."""
+
+    source: str | int
+    max_bytes: int
+    max_pixels: int
+    target: int | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class _Reply:
+    """A photo without its pixels, which follow, and their shape; or the error that reading it raised."""
+
+    photo: Photo | None = None
+    shape: tuple[int, ...] = ()
+    error: Exception | None = None
+
+
+def serve_decoder() -> None:
+    """Answer requests until stdin ends."""
+    leave_signals()
+    requests, answers = sys.stdin.buffer, own_stdout()
+    _one_thread()
+    own = held()
+    pickle.dump(READY, answers)
+    answers.flush()
+    while request := _next(requests):
+        with ending_after(request.seconds):
+            _answer(request, requests, answers, own)
+            answers.flush()
+
+
+def _next(requests: BinaryIO) -> Request | None:
+    try:
+        request: Request = pickle.load(requests)
+    except EOFError:
+        return None
+    return request
+
+
+def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
+    source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
+    try:
+        size = len(source) if isinstance(source, bytes) else request.max_bytes
+        bound(own + memory_budget(size, request.max_pixels, request.target))
+        photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
+    except Exception as error:
+        pickle.dump(_Reply(error=error), answers)
+        return
+    said = Photo(photo.pixels[:0], photo.width, photo.height, photo.format, photo.facts)
+    pickle.dump(_Reply(said, photo.pixels.shape), answers)
+    answers.write(photo.pixels.data)
+
+
+def _one_thread() -> None:
+    """One thread per photo, since there is a decoder for each photo that is processed at a time."""
+    from PIL import AvifImagePlugin
+
+    AvifImagePlugin.DEFAULT_MAX_THREADS = 1
+    try:
+        from pillow_heif import options
+    except ImportError:
+        return
+    options.DECODE_THREADS = 1
+
+
 SECONDS = 10.0  # for a request's photos: five times the slowest that `benchmarks.decoding` reads, on a busy CPU
 
-CODE = "from lighting.photo.decoder import main; main()"
+CODE = "from lighting.photo.sandbox import serve_decoder; serve_decoder()"
 
 _START_SECONDS = 300.0  # on a machine that is busy with other work
 _PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
@@ -38,7 +115,7 @@ _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more t
 }
 
 
-def read_apart(
+def read_photo_isolated(
     source: str | os.PathLike[str] | bytes,
     *,
     max_bytes: int = MAX_BYTES,
@@ -49,7 +126,7 @@ def read_apart(
     """What `read_photo` returns or raises, from another process.
 
     Raises PhotoTooLargeError also where reading takes longer than `seconds`, or, on Linux, more memory than
-    `memory.allowance`; and PhotoError where a decoder crashes.
+    `reader.memory_budget`; and PhotoError where a decoder crashes.
     """
     data = photo_data(source, max_bytes) if isinstance(source, bytes) else b""
     place = len(source) if isinstance(source, bytes) else str(Path(source).absolute())
@@ -57,7 +134,7 @@ def read_apart(
         return decoder.read(Request(place, max_bytes, max_pixels, target, seconds), data)
 
 
-def start_decoders(count: int) -> None:
+def start_decoder_pool(count: int) -> None:
     """Have this many processes ready, so that no photo waits for one to start; raises PhotoError where they do not."""
     started = [Decoder() for _ in range(count - len(_idle))]
     for decoder in started:
@@ -167,7 +244,7 @@ def _asked(process: "Popen[bytes]", request: Request, data: bytes) -> Photo | Ex
     pickle.dump(request, requests)
     requests.write(data)
     requests.flush()
-    answer: Reply = pickle.load(answers)
+    answer: _Reply = pickle.load(answers)
     if answer.photo is None:
         return answer.error or EOFError()
     pixels = np.empty(answer.shape, dtype=np.uint8)

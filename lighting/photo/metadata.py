@@ -1,22 +1,85 @@
-"""What a photo's EXIF block and XMP packet say of when, where, which way, how held and through which lens.
+"""EXIF and XMP -> PhotoMetadata; timestamps and UTC offsets parsed.
 
 Both are hostile input: whatever cannot be read, or cannot be true, counts as absent.
 """
 
 import math
 import re
+import reprlib
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from enum import StrEnum
 from functools import partial
 from typing import Any, TypeVar
+from xml.parsers import expat
 
 from PIL import ExifTags, Image
 
-from lighting.photo.clock import YEARS, in_utc, read_offset
-from lighting.photo.gravity import Held, by_accelerometer, by_elevation_angle, by_gimbal, gimbal_heading
+from lighting.errors import ErrorCode, ParameterError
+from lighting.photo.imu import Held, by_accelerometer, by_elevation_angle, by_gimbal, gimbal_heading
+
+# Times and offsets from UTC as people and cameras write them.
+
+YEARS = (1900, 2100)  # outside them no ephemeris is asked
+OFFSETS = (-12.0, 14.0)  # h from UTC of all zones
+
+_TIME = re.compile(r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?")  # Python's reader takes any character for T and space
+
+_OFFSET = re.compile(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", re.ASCII)
+
+
+def read_time(text: str) -> datetime:
+    """A moment in ISO 8601, "2024-06-01T14:30", with the offset from UTC if it has one; ParameterError otherwise."""
+    if not isinstance(text, str):
+        raise _no_time(text)
+    try:
+        time = datetime.fromisoformat(text.strip())
+        time.astimezone(UTC)
+    except (ValueError, OverflowError) as error:
+        raise _no_time(text) from error
+    if len(text.strip()) <= len("2024-06-01"):
+        raise ParameterError(f"{text!r} is a day without a time.", "time", ErrorCode.MALFORMED)
+    if not _TIME.fullmatch(text.strip()):
+        raise _no_time(text)
+    if (offset := time.utcoffset()) is not None:
+        _check_offset(offset / timedelta(hours=1))
+    return time
+
+
+def _no_time(text: object) -> ParameterError:
+    sentence = f"{reprlib.repr(text)} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00."
+    return ParameterError(sentence, "time", ErrorCode.MALFORMED)
+
+
+def read_offset(text: str) -> float:
+    """Hours from UTC in "+02:00", "-0330", "5.5" or "Z"; ParameterError otherwise."""
+    parts = _OFFSET.fullmatch(text.strip()) if isinstance(text, str) else None
+    if not parts:
+        sentence = f"{reprlib.repr(text)} is not an offset from UTC such as +02:00 or -3.5."
+        raise ParameterError(sentence, "utc_offset", ErrorCode.MALFORMED)
+    if parts[4]:
+        hours = float(parts[4])
+    else:
+        hours = 0.0 if parts[5] else (int(parts[2]) + int(parts[3]) / 60) * (-1 if parts[1] == "-" else 1)
+    _check_offset(hours)
+    return hours
+
+
+def _check_offset(hours: float) -> None:
+    """Raise ParameterError where no zone is so far from UTC."""
+    if not OFFSETS[0] <= hours <= OFFSETS[1]:
+        sentence = f"The offset from UTC is {hours:g} h; it must lie in {OFFSETS[0]:g} to {OFFSETS[1]:g}."
+        raise ParameterError(sentence, "utc_offset", ErrorCode.OUT_OF_RANGE)
+
+
+def in_utc(local_time: datetime, utc_offset: float) -> datetime:
+    """A naive local time as an aware one in UTC; the offset is in h."""
+    return local_time.replace(tzinfo=timezone(timedelta(hours=utc_offset))).astimezone(UTC)
+
+
+# What a photo's EXIF block and XMP packet say of when, where, which way, how held and through which lens.
 
 Tags = Mapping[int, Any]
 Fact = TypeVar("Fact")
@@ -40,7 +103,7 @@ class HeadingReference(StrEnum):
 
 
 @dataclass(frozen=True)
-class PhotoFacts:
+class PhotoMetadata:
     """What is known of how a photo was taken; None is unknown. The repr omits the place, so that no log shows it."""
 
     local_time: datetime | None = None  # naive
@@ -59,7 +122,7 @@ class PhotoFacts:
     exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
 
 
-def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
+def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     """The facts in an image's EXIF and XMP; `width` and `height` are those of the upright photo. Never raises."""
     camera, position = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
     xmp = _xmp(image.info.get("xmp"))
@@ -69,7 +132,7 @@ def read_facts(image: Image.Image, width: int, height: int) -> PhotoFacts:
     whole = _fact(lambda tags: _is_whole(tags, width / height), camera)
     compass, gimbal = _fact(_heading, position), gimbal_heading(xmp)
     held = _held(camera, xmp, read_orientation(image), (width, height)) if whole else None
-    return PhotoFacts(
+    return PhotoMetadata(
         local_time=local_time,
         utc_offset=utc_offset,
         utc_time=_fact(_gps_time, position)
@@ -130,9 +193,8 @@ def _xmp(packet: Any) -> dict[str, str]:
     """The properties of a picture's XMP packet; the parser is imported for pictures that have one."""
     if packet is None:
         return {}
-    from lighting.photo.xmp import properties
 
-    return properties(packet)
+    return _properties(packet)
 
 
 def _held(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> Held | None:
@@ -255,3 +317,52 @@ def _text(value: Any) -> str:
     if not isinstance(text, str):
         raise TypeError("not a text")
     return text.strip("\0 ")
+
+
+MOST_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
+
+
+def _properties(packet: Any) -> dict[str, str]:
+    """What attributes and elements hold by "namespace name", the first of each; empty for what is no XMP.
+
+    A namespace stands without the slash at its end, since writers disagree about it. Never raises.
+    """
+    if not isinstance(packet, bytes) or len(packet) > MOST_BYTES:
+        return {}
+    reader = _Reader()
+    try:
+        reader.parser.Parse(packet.rstrip(b"\0 \t\r\n"), True)
+    except (expat.ExpatError, ValueError, LookupError):  # LookupError: an encoding that nobody knows
+        return {}
+    return reader.found
+
+
+class _Reader:
+    """Collects the properties while expat reads; nothing of it nests, however deep the packet is."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, str] = {}
+        self._text: list[str] = []
+        self.parser = expat.ParserCreate(namespace_separator=" ")
+        self.parser.buffer_text = True
+        self.parser.StartDoctypeDeclHandler = self._refuse  # without a document type there are no entities to expand
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._text.append
+
+    def _refuse(self, *_: object) -> None:
+        raise ValueError("A packet has no document type.")
+
+    def _start(self, _: str, attributes: dict[str, str]) -> None:
+        self._text.clear()
+        for name, value in attributes.items():
+            self._keep(name, value)
+
+    def _end(self, name: str) -> None:
+        self._keep(name, "".join(self._text))
+        self._text.clear()
+
+    def _keep(self, name: str, value: str) -> None:
+        namespace, _, local = name.rpartition(" ")
+        if text := value.strip():
+            self.found.setdefault(f"{namespace.rstrip('/')} {local}", text)

@@ -63,7 +63,7 @@ def by_gimbal(said: Mapping[str, str], orientation: int | None) -> Held | None:
     for up_by, names in ((_up_by_dji, _names(_DJI)), (_up_by_pix4d, _names(_PIX4D))):
         angles = _angles(said, names)
         if angles is not None and (up := up_by(*angles)) is not None:
-            return _held(turned(up, orientation or 1), SENSOR_SPREAD, "gimbal")
+            return _held(_turned(up, orientation or 1), SENSOR_SPREAD, "gimbal")
     return None
 
 
@@ -89,7 +89,7 @@ def by_elevation_angle(tags: Mapping[int, Any]) -> Held | None:
     return Held(elevation, None, SENSOR_SPREAD, "elevation angle") if known else None
 
 
-def turned(up: Vector, orientation: int) -> Vector:
+def _turned(up: Vector, orientation: int) -> Vector:
     """The vector in the upright picture, of the one in the picture as it is stored."""
     right, top, into = up
     across, above = {
@@ -112,10 +112,10 @@ def _most_upright(up: Vector, orientation: int | None, size: tuple[int, int]) ->
     shape, theirs is then the one that brings up nearest to the upper edge.
     """
     if orientation is not None and 2 <= orientation <= 8:
-        return turned(up, orientation)
+        return _turned(up, orientation)
     width, height = size
     ways = _LYING if width > height else _STANDING if width < height else _LYING + _STANDING
-    return max((turned(up, way) for way in ways), key=lambda vector: vector[1])
+    return max((_turned(up, way) for way in ways), key=lambda vector: vector[1])
 
 
 def _held(up: Vector, spread: float, source: str) -> Held:
