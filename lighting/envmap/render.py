@@ -1,4 +1,4 @@
-"""Environment maps of a Lighting: the sky, a sun of the right power, and the ground that they light.
+"""Lighting -> lat-long map: clear, cloudy and overcast sky, ground.
 
 An environment map is a lat-long image (H, 2H, 3), float32, linear Rec.709, in the pixel layout of geometry.py. Its
 values are the photo's own linear values. A lighting that has `sky_irradiance` and `sun_irradiance` gets a map whose
@@ -7,18 +7,156 @@ integrals equal them; else they follow from `exposure` x the sky model's radianc
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from numbers import Integral
 
 import numpy as np
 
-from lighting.envmap.clear import clear_irradiance, lobe_table, paint_clear
-from lighting.envmap.disc import disc_power, paint_disc, sun_irradiance
-from lighting.envmap.maps import Image
-from lighting.envmap.mixture import add_sun_glow, paint_mixture
+from lighting.color import luminance
+from lighting.envmap.latlong import Image, f32, irradiance_of_rows, row_levels, scale
+from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats, latlong_directions
+from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
-from lighting.sky import SKY_MODEL, SKY_MODELS
+from lighting.sky import SKY_MODEL, SKY_MODELS, Weather, sky_shape
+from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL, sky_gradation, sky_lobe, sky_parameters
+
+# Clear skies by the model of Hosek and Wilkie, painted with tables along two axes.
+
+_LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
+_CHUNK = 1 << 17  # pixels painted at once, few enough for the processor's cache
+_IRRADIANCE_HEIGHT = 128  # rows of the sky that is integrated to light the ground; accurate to 2e-4
+
+
+def lobe_table(lighting: Lighting) -> Image:
+    """`sky_lobe` of each channel (3, steps + 1) at the angles to the sun that `paint_clear` looks up."""
+    return _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+
+
+@lru_cache(maxsize=1)  # a photo's sky is looked at before it is painted
+def _lobe_table(sun_elevation: float, turbidity: float, ground_albedo: float) -> Image:
+    angle, chord2 = _lobe_angles()
+    coefficients, _ = sky_parameters(sun_elevation, turbidity, ground_albedo)
+    table = np.stack([sky_lobe(row, chord2, angle) for row in coefficients])
+    table.setflags(write=False)  # since others get it as well
+    return table
+
+
+@lru_cache(maxsize=1)
+def _lobe_angles() -> tuple[Image, Image]:
+    """The table's angles to the sun [rad] (steps + 1,), and their squared chords."""
+    share = np.linspace(0.0, 1.0, _LOBE_STEPS + 1)
+    angle = f32(2 * np.arctan2(share, 1 - share))
+    return angle, np.square(2 * np.sin(angle / 2))
+
+
+def _render_clear_sky(image: Image, lighting: Lighting, lobe: Image) -> None:
+    """Fill the upper half (H / 2, 2H, 3) of a map: per row a factor and an offset, per pixel one look-up of the lobe.
+
+    The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
+    the row gives all but the last factor and the column that one; this keeps its precision next to the sun. The table
+    goes by sin(g / 2) / (sin(g / 2) + cos(g / 2)), which is as fine at both ends and needs no arcsine.
+    """
+    factor, offset = _row_terms(lighting, 2 * len(image))
+    azimuth, elevation = latlong_angles(2 * len(image))
+    sun = math.radians(lighting.sun_elevation)
+    vertical = f32(np.sin((np.radians(elevation) - sun) / 2) ** 2)
+    horizontal = f32(np.cos(np.radians(elevation)) * math.cos(sun))
+    column = f32(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2)
+    rows = max(1, _CHUNK // image.shape[1])
+    for start in range(0, len(image), rows):
+        part = slice(start, min(start + rows, len(image)))
+        # numpy clips at two ends in a third of the time that it takes at one
+        sine2 = np.clip(vertical[part, None] + horizontal[part, None] * column, 0, 1)
+        sine, cosine = np.sqrt(sine2), np.sqrt(1 - sine2)
+        index = (sine / (sine + cosine) * np.float32(_LOBE_STEPS) + np.float32(0.5)).astype(np.intp)
+        for channel in range(3):
+            value = lobe[channel].take(index)
+            value += offset[channel, part, None]
+            value *= factor[channel, part, None]
+            image[part, :, channel] = np.clip(value, 0, np.inf, out=value)
+
+
+def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
+    """Factor and offset (3, H / 2) of the rows above the horizon, exposure and mean radiance in the factor."""
+    up = np.sin(np.radians(latlong_angles(height)[1][: height // 2]))
+    coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    terms = [sky_gradation(row, up) for row in coefficients]
+    factor = np.stack([factor for factor, _ in terms]) * radiance[:, None] * lighting.exposure
+    return f32(factor), f32(np.stack([offset for _, offset in terms]))
+
+
+def clear_irradiance(lighting: Lighting, lobe: Image) -> Floats:
+    """Irradiance (3,) of a horizontal surface by the sky without the disc."""
+    half = _IRRADIANCE_HEIGHT // 2
+    sky = np.empty((half, 2 * _IRRADIANCE_HEIGHT, 3), dtype=np.float32)
+    _render_clear_sky(sky, lighting, lobe)
+    return np.asarray(row_levels(_IRRADIANCE_HEIGHT)[:half] @ sky.mean(axis=1, dtype=np.float64))
+
+
+# Skies between clear and overcast, scaled to a given irradiance: any model shapes the clear part.
+
+_LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
+_EFFICACY = 120.0  # lm / W of skylight
+_LEAST = 1e-12  # irradiance that stands for none
+
+
+def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
+    """Fill the upper half (H / 2, 2H, 3) of a map whose horizontal irradiance is then (3,), the sun's disc apart.
+
+    The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
+    """
+    cover = lighting.sky_cover or 0.0
+    if cover >= 1:
+        upper[:] = _overcast_rows(len(upper)) * f32(irradiance)
+        return
+    _paint_shape(upper, lighting)
+    level = irradiance_of_rows(row_levels(2 * len(upper))[: len(upper)], upper)
+    scale(upper, (1 - cover) * irradiance / np.maximum(level, _LEAST))
+    if cover > 0:
+        _add_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
+
+
+def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
+    """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,)."""
+    weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
+    total = max(float(weight @ glow.sum(axis=1)), _LEAST)
+    upper += f32(glow[..., None] * (power / total))
+
+
+def _overcast_rows(rows: int) -> Image:
+    """Radiance (rows, 1, 1) of the overcast sky of irradiance 1, row by row from the zenith."""
+    up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
+    radiance = (1 + 2 * up) / 3
+    return f32(radiance / (row_levels(2 * rows)[:rows] @ radiance))[:, None, None]
+
+
+def _add_rows(upper: Image, rows: Image, colour: Floats) -> None:
+    """Add rows (rows, 1, 1) of a colour (3,) to a map, by whole rows as `scale` multiplies."""
+    flat = upper.reshape(len(upper), -1)
+    flat += rows[:, 0] * np.tile(f32(colour), upper.shape[1])
+
+
+def _paint_shape(upper: Image, lighting: Lighting) -> None:
+    """Fill the upper half with the model's radiance at any scale."""
+    if lighting.sky_model == SKY_MODEL:
+        _render_clear_sky(upper, lighting, lobe_table(lighting))
+        return
+    directions = latlong_directions(2 * len(upper))[: len(upper)]
+    upper[:] = sky_shape(lighting.sky_model, directions, lighting.sun_direction, _weather(lighting))
+
+
+def _weather(lighting: Lighting) -> Weather:
+    """What shapes the sky. The strength of sun and sky is as given, else as Hosek and Wilkie's models have it."""
+    clear = clear_irradiance(lighting, lobe_table(lighting)) / lighting.exposure
+    sun = sun_irradiance(lighting)
+    sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
+    beam = float(luminance(sun)) / max(float(luminance(sky)), _LEAST)
+    diffuse = float(luminance(clear)) * _LUX / _EFFICACY
+    return Weather(lighting.turbidity, lighting.ground_albedo, beam, diffuse)
+
+
+# Environment maps of a Lighting: the sky, a sun of the right power, and the ground that they light.
 
 
 def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
@@ -46,10 +184,10 @@ def add_sun(image: Image, lighting: Lighting) -> None:
     """Add the sun to a map (H, 2H, 3) of that light which lacks it."""
     power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.sky_model].sun_glow
     if glow is None:
-        paint_disc(image, lighting, power)
+        splat_sun_disc(image, lighting, power)
     else:
         upper = image[: len(image) // 2]
-        add_sun_glow(upper, glow(latlong_directions(len(image))[: len(upper)], lighting.sun_direction), power)
+        _add_sun_glow(upper, glow(latlong_directions(len(image))[: len(upper)], lighting.sun_direction), power)
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:
@@ -102,7 +240,7 @@ def _paint_clear_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
     """Fill the upper half (H / 2, 2H, 3) by the model alone; the irradiance (3,) of the ground."""
     lobe = lobe_table(lighting)
     direct = disc_power(lighting)[1] if painted else np.zeros(3)
-    paint_clear(upper, lighting, lobe)
+    _render_clear_sky(upper, lighting, lobe)
     return np.asarray(direct + clear_irradiance(lighting, lobe))
 
 
@@ -110,7 +248,7 @@ def _paint_given_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
     """The same for a sky whose irradiance is given, or whose model has no unit of its own."""
     power = sun_irradiance(lighting) if painted else np.zeros(3)
     sky = sky_irradiance(lighting)
-    paint_mixture(upper, lighting, sky)
+    _render_mixed_sky(upper, lighting, sky)
     return np.asarray(sky + power * max(float(lighting.sun_direction[1]), 0.0))
 
 

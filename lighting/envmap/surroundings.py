@@ -1,4 +1,4 @@
-"""A map that shows the place: the photo's own pixels in its view, and around it what is known or likely.
+"""Map with the photo and extrapolated surroundings.
 
 Above the horizon the sky model fills what the photo does not show, dimmed and tinted as the network's coarse panorama
 has it, and beside the photo as the photo's edges: trees, walls and hills. Below it lies the ground's colour, varied in
@@ -15,15 +15,79 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import checked_pixels, luminance
-from lighting.envmap.changing import change
-from lighting.envmap.continued import RATIO, continued
-from lighting.envmap.maps import Image, f32, irradiance_of, row_levels, scale
-from lighting.envmap.photo_view import Shown, shown, shown_size
+from lighting.color import checked_pixels, luminance
+from lighting.envmap.latlong import Image, brightest, f32, irradiance_of_rows, row_levels, scale
+from lighting.envmap.projection import CLIPPED, ProjectedPhoto, project_photo, sample_photo, shown_size
+from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting
 from lighting.envmap.render import add_sun, check_height, render
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import angle_between, latlong_directions
+from lighting.geometry import angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.records import Estimate, Lighting, check_estimate, check_lighting
+
+# Beside a photo goes on what it shows at its edges: trees, walls, and the colours of its sky and its ground.
+
+RATIO = (0.05, 4.0)  # how far a cell of the bare map may be dimmed or lit
+
+_FEWEST = 8  # sampled pixels of the photo by which a cell is known
+_NEAR = 5.0  # deg within which the photo's cells count alike; with
+_UPRIGHT = 3.0  # how much farther off a cell is above another than beside it, and
+_FALL = 2.5  # the power of the squared distance by which they count less, tried on panoramas of `train`
+_FADES = 60.0  # deg from the photo at which a third of its difference is left, tried there as well
+_DARKEST = 1e-9  # radiance that stands for none
+
+
+def _extrapolate_edges(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float = 1.0) -> Image:
+    """Factors (R, 2R, 3) on the cells of a coarse map (R, 2R, 3) that continue a photo (h, w, 3, sRGB) beside its view.
+
+    A cell that the photo shows becomes the mean of its pixels there. Others follow the nearest of these on their side
+    of the horizon, by their ratio, those at the same height first, and the less the farther off they are.
+    """
+    ratio, known = _ratios(cells, pixels, lighting, gain)
+    factors = np.ones_like(cells)
+    half = len(cells) // 2
+    for part in (slice(0, half), slice(half, None)):
+        if known[part].any():
+            factors[part] = np.exp(_spread(np.log(ratio[part]), known[part], len(cells), part))
+    return factors
+
+
+def _ratios(
+    cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float
+) -> tuple[Image, NDArray[np.bool_]]:
+    """The photo, times its gain, over the map in each cell (R, 2R, 3), and which cells it shows (R, 2R).
+
+    Where the photo is clipped and the map is brighter, the map stands.
+    """
+    photo, directions = sample_photo(pixels, lighting)
+    azimuth, elevation = angles(directions.reshape(-1, 3))
+    rows, columns = cells.shape[:2]
+    row = np.minimum((90.0 - elevation) / 180.0 * rows, rows - 1).astype(np.intp)
+    cell = row * columns + np.minimum((azimuth + 180.0) / 360.0 * columns, columns - 1).astype(np.intp)
+    seen, there = photo.reshape(-1, 3), cells.reshape(-1, 3)
+    clipped = brightest(seen) > CLIPPED
+    seen = seen * np.float32(gain)
+    seen = np.where(clipped[:, None], np.maximum(seen, there[cell]), seen)
+    count = np.bincount(cell, minlength=rows * columns)
+    total = np.stack([np.bincount(cell, channel, rows * columns) for channel in seen.T], axis=-1)
+    mean = total / np.maximum(count, 1)[:, None]
+    ratio = np.clip(mean / np.maximum(there, _DARKEST), *RATIO).astype(np.float32)
+    return ratio.reshape(cells.shape), (count >= _FEWEST).reshape(rows, columns)
+
+
+def _spread(values: Image, known: NDArray[np.bool_], rows: int, part: slice) -> Image:
+    """Values (P, 2R, 3) of a part of a map's rows, drawn from the cells (P, 2R) where they are known to all others."""
+    azimuth, elevation = (f32(angle) for angle in latlong_angles(rows))
+    row, column = np.nonzero(known)
+    level = np.cos(np.radians(elevation[part]))[:, None, None]
+    beside2 = (level * f32(wrap_azimuth(azimuth[:, None] - azimuth[column]))) ** 2  # (P, 2R, K)
+    above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
+    weight = (np.float32(_NEAR**2) + beside2 + np.float32(_UPRIGHT**2) * above2) ** np.float32(-_FALL)
+    mean = weight @ values[known] / weight.sum(axis=2, keepdims=True)
+    fading = np.exp(-np.sqrt((beside2 + 4 * above2).min(axis=2)) / np.float32(_FADES))
+    return np.where(known[..., None], values, fading[..., None] * mean).astype(np.float32)
+
+
+# A map that shows the place: the photo's own pixels in its view, and around it what is known or likely.
 
 _FINER = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _REST = (0.1, 4.0)  # how far what the photo does not show is scaled; beyond it the photo is scaled as well
@@ -38,7 +102,7 @@ _LEAST = 1e-9  # irradiance, radiance or exposure that stands for none
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class PhotoContext:
     """What is known of the place where a photo was taken. PhotoError for what is no photo's pixels."""
 
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
@@ -55,12 +119,12 @@ class Place:
 
     def shown_light(self, lighting: Lighting) -> Lighting:
         """A light that may have been changed since, at the exposure at which the photo is as it is."""
-        return lighting if self.exposure is None else change(lighting, {"exposure": self.exposure})
+        return lighting if self.exposure is None else edit_lighting(lighting, {"exposure": self.exposure})
 
 
-def known_place(
+def photo_context(
     estimate: Estimate, photo: NDArray[np.uint8], *, wanted: bool | None = None, exposure: float | None = None
-) -> Place | None:
+) -> PhotoContext | None:
     """The place as a photo (h, w, 3) shows it: as wanted, by default where the network predicted what lies around.
 
     `exposure` is that of the light which the photo shows, by default the estimate's. Raises ParameterError for what is
@@ -70,11 +134,11 @@ def known_place(
     if not (estimate.around is not None if wanted is None else wanted):
         return None
     if exposure is not None:
-        return Place(photo, estimate.around, exposure)
-    return Place(photo, estimate.around, estimate.lighting.exposure, estimate.lighting)
+        return PhotoContext(photo, estimate.around, exposure)
+    return PhotoContext(photo, estimate.around, estimate.lighting.exposure, estimate.lighting)
 
 
-def place_of(
+def photo_context_for_height(
     estimate: Estimate,
     photo: NDArray[np.uint8],
     height: int,
@@ -82,21 +146,21 @@ def place_of(
     *,
     wanted: bool | None = None,
     exposure: float | None = None,
-) -> Place | None:
+) -> PhotoContext | None:
     """`known_place` for a map of `height` rows.
 
     `photo` (h, w, 3) is what the estimate was made from. Only where the map shows more pixels than those,
     `finer(side)` reads it again with `side` pixels along its longer side, for decoding costs as much as the network.
     """
     check_height(height)
-    place = known_place(estimate, photo, wanted=wanted, exposure=exposure)
+    place = photo_context(estimate, photo, wanted=wanted, exposure=exposure)
     if place is None or max(shown_size(photo, estimate.lighting.vertical_fov, height)) <= max(photo.shape[:2]):
         return place
     return replace(place, photo=finer(_FINER))
 
 
-def surround(
-    lighting: Lighting, place: Place, height: int = 512, *, sun: bool | None = None, disc: bool = True
+def render_with_surroundings(
+    lighting: Lighting, place: PhotoContext, height: int = 512, *, sun: bool | None = None, disc: bool = True
 ) -> Image:
     """Environment map (H, 2H, 3) of the lighting of a photo, with the place.
 
@@ -107,7 +171,7 @@ def surround(
     _check_place(place)
     halves = slice(0, height // 2), slice(height // 2, height)
     with ThreadPoolExecutor(1) as beside:  # the photo is laid out while the sky is painted, and each half has a thread
-        laid = beside.submit(shown, lighting, place.photo, height)
+        laid = beside.submit(project_photo, lighting, place.photo, height)
         image = render(lighting, height, sun=sun, disc=False)
         factors, seen = _there(image, lighting, place), laid.result()
         gain = place.gain(lighting)
@@ -123,7 +187,7 @@ def surround(
     return image
 
 
-def place_factors(lighting: Lighting, place: Place) -> Image:
+def surroundings_gain(lighting: Lighting, place: PhotoContext) -> Image:
     """Factors (24, 48, 3) on the cells of the bare map beside the photo's view, before its halves are scaled.
 
     With them and the photo a program that renders the bare sky itself shows the place as `surround` does.
@@ -133,21 +197,21 @@ def place_factors(lighting: Lighting, place: Place) -> Image:
 
 
 def _check_place(thing: object) -> None:
-    if not isinstance(thing, Place):
+    if not isinstance(thing, PhotoContext):
         raise ParameterError(
             f"A Place is needed, not {type(thing).__name__}; known_place makes one of an estimate.",
             code=ErrorCode.WRONG_TYPE,
         )
 
 
-def _there(image: Image, lighting: Lighting, place: Place) -> Image:
+def _there(image: Image, lighting: Lighting, place: PhotoContext) -> Image:
     """What the light of the place makes of the cells (_ROWS, 2 _ROWS, 3) of the bare map; what is finer stays."""
     if place.light is None or _sky(place.light) == _sky(lighting):
         return _factors(_pooled(image), lighting, place)
-    return without_glow(place_factors(place.light, place), place.light, lighting)
+    return _without_glow(surroundings_gain(place.light, place), place.light, lighting)
 
 
-def without_glow(factors: Image, before: Lighting, now: Lighting) -> Image:
+def _without_glow(factors: Image, before: Lighting, now: Lighting) -> Image:
     """The factors (R, 2R, 3) of a place for a sun that was moved: around where it was they become those of their row.
 
     There they say how bright the sky is near the sun, and that moves with it.
@@ -167,12 +231,12 @@ def _sky(lighting: Lighting) -> tuple[object, ...]:
     return lighting.sun_azimuth, lighting.sun_elevation, lighting.turbidity, lighting.sky_model
 
 
-def _factors(bare: Image, lighting: Lighting, place: Place) -> Image:
+def _factors(bare: Image, lighting: Lighting, place: PhotoContext) -> Image:
     """What the place makes of the cells (_ROWS, 2 _ROWS, 3) of the bare map."""
     ratio, gain = np.ones_like(bare), place.gain(lighting)
     if place.around is not None:
         _multiply(ratio, _ratio(np.float32(gain) * place.around, bare))
-    return np.asarray(ratio * continued(ratio * bare, place.photo, lighting, gain))
+    return np.asarray(ratio * _extrapolate_edges(ratio * bare, place.photo, lighting, gain))
 
 
 def _pooled(image: Image) -> Image:
@@ -233,23 +297,48 @@ def _between(pixels: int, cells: int, inside: Callable[[NDArray[np.intp]], NDArr
     return shares
 
 
-def _lay(image: Image, half: slice, cells: Image, photo: Shown | None, gain: float) -> None:
+def _lay(image: Image, half: slice, cells: Image, photo: ProjectedPhoto | None, gain: float) -> None:
     """Give one half of the bare map the place: its cells, and the photo times a gain. Its irradiance stays."""
     levels = row_levels(len(image))
-    target = irradiance_of(levels[half], image[half])
+    target = irradiance_of_rows(levels[half], image[half])
     _multiply_half(image[half], cells)
-    total = irradiance_of(levels[half], image[half])
+    total = irradiance_of_rows(levels[half], image[half])
     if photo is None:
         scale(image[half], target / np.maximum(total, _LEAST))
         return
     seen = photo.over(image, gain)
     there, weight = image[seen.rows, seen.columns], seen.weight[..., None].repeat(3, axis=2)
     share = there.shape[1] / image.shape[1]  # of the columns
-    shown_light = irradiance_of(levels[seen.rows], weight * seen.linear) * share
-    hidden = irradiance_of(levels[seen.rows], weight * there) * share
+    shown_light = irradiance_of_rows(levels[seen.rows], weight * seen.linear) * share
+    hidden = irradiance_of_rows(levels[seen.rows], weight * there) * share
     rest = np.clip((target - shown_light) / np.maximum(total - hidden, _LEAST), *_REST)
     scale(image[half], rest)
     there += weight * (seen.linear - there)
     reached = rest * (total - hidden) + shown_light
     if np.any(np.abs(reached - target) > _EXACT * target):
         scale(image[half], target / np.maximum(reached, _LEAST))
+
+
+# The map that a caller asks for: of which sky, with the place or without, turned or not.
+
+
+def render_view(
+    lighting: Lighting,
+    height: int = 512,
+    *,
+    sun: bool | None = None,
+    yaw: float = 0.0,
+    sky: str | None = None,
+    place: PhotoContext | None = None,
+) -> tuple[Image, Lighting]:
+    """The rendered map turned by `yaw` [deg], and the lighting turned with it; other parameters as in `render`.
+
+    `sky` is another model of SKY_MODELS than the record's. With a `place`, the map shows it as `surround` does.
+    """
+    lighting = lighting if sky is None else replace(lighting, sky_model=sky)
+    image = (
+        render(lighting, height, sun=sun)
+        if place is None
+        else render_with_surroundings(lighting, place, height, sun=sun)
+    )
+    return (rotate_envmap(image, yaw), rotate_lighting(lighting, yaw)) if yaw else (image, lighting)

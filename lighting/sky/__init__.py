@@ -60,13 +60,13 @@ def _perez(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather)
 
 
 def _lalonde_matthews(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
-    from lighting.sky.lalonde_matthews import lalonde_matthews_sky
+    from lighting.sky.preetham import lalonde_matthews_sky
 
     return lalonde_matthews_sky(direction, sun_direction, weather.turbidity)
 
 
 def _lalonde_matthews_sun(direction: "ArrayLike", sun_direction: "ArrayLike") -> "Floats":
-    from lighting.sky.lalonde_matthews import lalonde_matthews_sun
+    from lighting.sky.preetham import lalonde_matthews_sun
 
     return lalonde_matthews_sun(direction, sun_direction)
 

@@ -56,19 +56,19 @@ def general_luminance(direction: ArrayLike, sun_direction: ArrayLike, kind: int)
             "The sun is below the horizon; the general sky needs it above.", "sun_direction", ErrorCode.NIGHT
         )
     away, from_zenith = np.radians(angle_between(d, sun)), np.radians(angle_between(sun, [0.0, 1.0, 0.0]))
-    value = indicatrix(away, kind) * gradation(d[..., 1], kind)
-    zenith = indicatrix(from_zenith, kind) * gradation(np.asarray(1.0), kind)
+    value = _indicatrix(away, kind) * _gradation(d[..., 1], kind)
+    zenith = _indicatrix(from_zenith, kind) * _gradation(np.asarray(1.0), kind)
     return np.asarray(np.where(d[..., 1] >= 0, value / zenith, 0.0))
 
 
-def gradation(up: ArrayLike, kind: int) -> Floats:
+def _gradation(up: ArrayLike, kind: int) -> Floats:
     """1 + a exp(b / up) (...), which depends on the cosine from the zenith (...) alone; 1 at and below the horizon."""
     a, b = _GRADATION[_type(kind)[0]]
     cosine = np.maximum(np.asarray(up, dtype=np.float64), _LOWEST)
     return np.asarray(1 + a * np.exp(b / cosine))
 
 
-def indicatrix(away: ArrayLike, kind: int) -> Floats:
+def _indicatrix(away: ArrayLike, kind: int) -> Floats:
     """1 + c (exp(d away) - exp(d pi / 2)) + e cos^2 away (...), of the angle from the sun (...) [rad].
 
     It is 1 at a right angle to the sun.

@@ -20,7 +20,7 @@ SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to 
 SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
 _DATA = Path(__file__).parent.parent / "data" / "hosek_wilkie.f32"
-_SHAPES = {  # of the arrays in the file, one behind the other; export/data/sky_table.py names their axes
+_SHAPES = {  # of the arrays in the file, one behind the other; export/data/hosek_wilkie_table.py names their axes
     "sky": (10, 2, 6, 3, 9),
     "sky_radiance": (10, 2, 6, 3),
     "sun": (10, 45, 3, 4, 6),
@@ -148,7 +148,7 @@ def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
 
 @lru_cache(maxsize=1)
 def _table() -> dict[str, Floats]:
-    """The published coefficients; export/data/sky_table.py made the file."""
+    """The published coefficients; export/data/hosek_wilkie_table.py made the file."""
     values = np.fromfile(_DATA, "<f4").astype(np.float64)
     ends = np.cumsum([math.prod(shape) for shape in _SHAPES.values()])
     parts = np.split(values, ends[:-1])

@@ -50,13 +50,13 @@ def perez_luminance(direction: ArrayLike, sun_direction: ArrayLike, clearness: f
     """
     d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
     zenith_angle = float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    coefficients = perez_coefficients(clearness, brightness, zenith_angle)
+    coefficients = _perez_coefficients(clearness, brightness, zenith_angle)
     value = _luminance(coefficients, d[..., 1], np.radians(angle_between(d, sun)))
     zenith = _luminance(coefficients, np.asarray(1.0), np.asarray(zenith_angle))
     return np.asarray(np.where(d[..., 1] >= 0, np.maximum(value / zenith, 0), 0.0))
 
 
-def perez_coefficients(clearness: float, brightness: float, sun_zenith: float) -> Floats:
+def _perez_coefficients(clearness: float, brightness: float, sun_zenith: float) -> Floats:
     """a, b, c, d, e (5,) of luminance = (1 + a exp(b / cos theta)) (1 + c exp(d gamma) + e cos^2 gamma).
 
     `sun_zenith` [rad] is the sun's angle from the zenith, theta the direction's and gamma its angle from the sun.
@@ -74,14 +74,14 @@ def perez_coefficients(clearness: float, brightness: float, sun_zenith: float) -
     return np.asarray(coefficients)
 
 
-def sky_clearness(diffuse: ArrayLike, direct: ArrayLike, sun_zenith: ArrayLike) -> Floats:
+def _sky_clearness(diffuse: ArrayLike, direct: ArrayLike, sun_zenith: ArrayLike) -> Floats:
     """Clearness (...) from diffuse horizontal and direct normal irradiance (...), in one unit, and the angle [rad]."""
     cubed = 1.041 * np.asarray(sun_zenith, dtype=np.float64) ** 3
     diffuse = np.asarray(diffuse, dtype=np.float64)
     return np.asarray(((diffuse + direct) / diffuse + cubed) / (1 + cubed))
 
 
-def sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike, extraterrestrial: float = SOLAR_CONSTANT) -> Floats:
+def _sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike, extraterrestrial: float = SOLAR_CONSTANT) -> Floats:
     """Brightness (...): diffuse horizontal irradiance (...) [W m^-2] x relative air mass / that outside the atmosphere.
 
     The air mass is Kasten and Young's (1989).
@@ -118,6 +118,6 @@ def _check(clearness: float, brightness: float, sun_zenith: float) -> None:
 def perez_weather(weather: Weather, sun_direction: ArrayLike) -> tuple[float, float]:
     """The clearness and brightness that the all-weather model takes, within its range."""
     zenith = np.radians(90.0 - max(float(angles(sun_direction)[1]), 0.0))
-    clearness = float(sky_clearness(1.0, weather.beam, zenith))
-    brightness = float(np.clip(sky_brightness(weather.diffuse, zenith), *BRIGHTNESS_RANGE))
+    clearness = float(_sky_clearness(1.0, weather.beam, zenith))
+    brightness = float(np.clip(_sky_brightness(weather.diffuse, zenith), *BRIGHTNESS_RANGE))
     return clearness, brightness

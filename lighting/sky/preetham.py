@@ -1,8 +1,13 @@
-"""The clear sky of Preetham, Shirley and Smits: luminance and chromaticity by turbidity.
+"""Preetham sky; Lalonde-Matthews built on it.
 
 Source: A. J. Preetham, P. Shirley, B. Smits, A Practical Analytic Model for Daylight, SIGGRAPH 1999, appendix A.2.
 Luminance is absolute, in kcd m^-2. Directions are unit vectors in the frame of geometry.py (+Y up), colours are linear
 Rec.709 whose luminance is that of the model.
+
+Source: J.-F. Lalonde, I. Matthews, Lighting Estimation in Outdoor Image Collections, 3DV 2014, section 3: the sky is
+the luminance of Preetham's model times one colour, the sun w exp(-beta exp(-kappa / gamma)) with gamma the angle from
+it. The ranges of beta, kappa and turbidity are those of their later learning papers (Zhang et al., CVPR 2019). Colours
+are linear Rec.709 in any unit; directions are unit vectors in the frame of geometry.py (+Y up).
 """
 
 import numpy as np
@@ -10,6 +15,8 @@ from numpy.typing import ArrayLike
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between
+
+# The clear sky of Preetham, Shirley and Smits: luminance and chromaticity by turbidity.
 
 TURBIDITY = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
 
@@ -47,22 +54,22 @@ def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
     """
     d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
     away, from_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    parts = preetham_distribution(d[..., 1], away, from_zenith, turbidity)
-    zenith = preetham_zenith(from_zenith, turbidity)
+    parts = _preetham_distribution(d[..., 1], away, from_zenith, turbidity)
+    zenith = _preetham_zenith(from_zenith, turbidity)
     luminance, x, y = (parts[i] * zenith[i] for i in range(3))
     xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
     return np.asarray(np.where(d[..., 1:2] >= 0, np.maximum(xyz @ _TO_REC709.T, 0.0), 0.0))
 
 
-def preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
+def _preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
     """Luminance / zenith's (...) along unit vectors (..., 3); 0 below the horizon. Raises as `preetham_radiance`."""
     d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
     away, from_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    parts = preetham_distribution(d[..., 1], away, from_zenith, turbidity)
+    parts = _preetham_distribution(d[..., 1], away, from_zenith, turbidity)
     return np.where(d[..., 1] >= 0, np.maximum(parts[0], 0.0), 0.0)
 
 
-def preetham_distribution(up: Floats, away: Floats, sun_zenith: float, turbidity: float) -> Floats:
+def _preetham_distribution(up: Floats, away: Floats, sun_zenith: float, turbidity: float) -> Floats:
     """Luminance, x and y (3, ...) by the zenith's, of the cosine from the zenith and the angle from the sun [rad]."""
     _check(turbidity, sun_zenith)
     table = _DISTRIBUTION @ [turbidity, 1.0]
@@ -75,7 +82,7 @@ def preetham_distribution(up: Floats, away: Floats, sun_zenith: float, turbidity
     return np.stack([part(row, there, away) / part(row, one, from_sun) for row in table])
 
 
-def preetham_zenith(sun_zenith: float, turbidity: float) -> Floats:
+def _preetham_zenith(sun_zenith: float, turbidity: float) -> Floats:
     """The zenith's luminance [kcd m^-2], x and y (3,) by the sun's angle from it [rad]."""
     _check(turbidity, sun_zenith)
     chi = (4 / 9 - turbidity / 120) * (np.pi - 2 * sun_zenith)
@@ -96,3 +103,36 @@ def _check(turbidity: float, sun_zenith: float) -> None:
         raise ParameterError(
             "The sun is below the horizon; the sky of Preetham needs it above.", "sun_zenith", ErrorCode.NIGHT
         )
+
+
+# The sky and sun of Lalonde and Matthews, which covers weather by the colours and widths of two terms.
+
+BETA, KAPPA = 20.0, 0.1  # of a clear sun: half of its light lies within about two degrees
+_RANGES = {"beta": (1.0, 50.0), "kappa": (0.0, 1.0)}
+
+
+def lalonde_matthews_sky(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
+    """Radiance / the zenith's (...) along unit vectors (..., 3), to be multiplied with the sky's colour.
+
+    0 below the horizon. Turbidities outside the range of Preetham's model count as its ends. Raises ParameterError for
+    a sun below the horizon.
+    """
+    return _preetham_luminance(direction, sun_direction, float(np.clip(turbidity, *TURBIDITY)))
+
+
+def lalonde_matthews_sun(
+    direction: ArrayLike, sun_direction: ArrayLike, beta: float = BETA, kappa: float = KAPPA
+) -> Floats:
+    """Radiance / the sun's own (...) along unit vectors (..., 3), times its colour; 0 below the horizon.
+
+    `beta` (1 to 50) narrows the glow around the sun, `kappa` (0 to 1) widens the sun itself. Raises ParameterError out
+    of range.
+    """
+    for name, value in (("beta", beta), ("kappa", kappa)):
+        low, high = _RANGES[name]
+        if not low <= value <= high:
+            sentence = f"The sun's {name} is {value:g}; it must lie in {low:g} to {high:g}."
+            raise ParameterError(sentence, name, ErrorCode.OUT_OF_RANGE)
+    d = np.asarray(direction, dtype=np.float64)
+    away = np.maximum(np.radians(angle_between(d, sun_direction)), 1e-9)
+    return np.where(d[..., 1] >= 0, np.exp(-beta * np.exp(-kappa / away)), 0.0)

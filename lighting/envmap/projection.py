@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import SRGB_LINEAR
-from lighting.envmap.maps import Image, brightest
+from lighting.color import SRGB_LINEAR
+from lighting.envmap.latlong import Image, brightest
 from lighting.geometry import (
     Floats,
     Pinhole,
@@ -15,10 +15,10 @@ from lighting.geometry import (
     camera_pixel,
     latlong_angles,
     latlong_directions,
+    scaled,
     window_of,
 )
 from lighting.records import Lighting
-from lighting.sizes import scaled
 
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into what lies around
 CLIPPED = 0.95  # linear value from which a pixel may have been brighter
@@ -29,7 +29,7 @@ _LARGEST = 2048  # pixels of the photo's longer side
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ProjectedPhoto:
     """A photo in a window of a map."""
 
     rows: slice
@@ -37,20 +37,20 @@ class Shown:
     linear: Image  # (R, C, 3)
     weight: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 outside it
 
-    def over(self, image: Image, gain: float) -> "Shown":
+    def over(self, image: Image, gain: float) -> "ProjectedPhoto":
         """The same times a gain. Where the photo is clipped and the map (H, 2H, 3) brighter, the map's value stands."""
         clipped = brightest(self.linear) > CLIPPED
         linear = self.linear * np.float32(gain)
         np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
-        return Shown(self.rows, self.columns, linear, self.weight)
+        return ProjectedPhoto(self.rows, self.columns, linear, self.weight)
 
-    def within(self, rows: slice) -> "Shown | None":
+    def within(self, rows: slice) -> "ProjectedPhoto | None":
         """The part of it in those rows of the map; None where there is none."""
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
         if top >= bottom:
             return None
         own = slice(top - self.rows.start, bottom - self.rows.start)
-        return Shown(slice(top, bottom), self.columns, self.linear[own], self.weight[own])
+        return ProjectedPhoto(slice(top, bottom), self.columns, self.linear[own], self.weight[own])
 
 
 def camera_of(lighting: Lighting, width: int, height: int) -> Pinhole:
@@ -58,7 +58,7 @@ def camera_of(lighting: Lighting, width: int, height: int) -> Pinhole:
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
-def shown(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> Shown | None:
+def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> ProjectedPhoto | None:
     """A photo (h, w, 3, sRGB) as a map of `height` rows sees it; None where it is under a few degrees wide."""
     picture = _fitted(photo, lighting.vertical_fov, height)
     camera = camera_of(lighting, picture.shape[1], picture.shape[0])
@@ -72,10 +72,10 @@ def shown(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> Shown | 
     weight = ramp * ramp * (3 - 2 * ramp)
     index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
-    return Shown(rows, columns, linear, weight)
+    return ProjectedPhoto(rows, columns, linear, weight)
 
 
-def sampled(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
+def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
     """Linear values (h, w, 3) of a few of a photo's pixels (H, W, 3, sRGB), and the directions in which they lie."""
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.maps import Image, f32
+from lighting.envmap.latlong import Image, f32
 from lighting.geometry import SUN_RADIUS, Floats, angles, direction, latlong_solid_angle
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sun_disc_points, sun_disc_radiance
@@ -19,7 +19,7 @@ def _exposed_disc(directions: Floats, lighting: Lighting) -> Floats:
     return sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
 
 
-def paint_disc(image: Image, lighting: Lighting, power: Floats) -> None:
+def splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
     """Add the disc: the mean over each pixel of its radiance on a finer grid, scaled to the disc's exact power."""
     height, width = image.shape[:2]
     row, column, directions = _fine_grid(lighting, height)

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import SRGB_LINEAR, checked_pixels, luminance
-from lighting.envmap.disc import sun_irradiance
-from lighting.envmap.photo_view import camera_of
+from lighting.color import SRGB_LINEAR, checked_pixels, luminance
+from lighting.envmap.projection import camera_of
 from lighting.envmap.render import sky_irradiance
-from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, slice_around
+from lighting.envmap.sun_disc import sun_irradiance
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, shrunk, slice_around
 from lighting.records import Lighting, check_lighting
-from lighting.sizes import shrunk
 
 _SIDE = 256  # pixels of the answer's longer side, at most
 _GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade
@@ -33,7 +32,7 @@ _NEAR = 1.0  # stops from the threshold of ordinary ground, within which the pic
 
 
 @dataclass(frozen=True)
-class Kinds:
+class _OtsuClasses:
     """Dark and bright ground, in log2 of luminance."""
 
     dark: float  # means
@@ -50,7 +49,7 @@ class Kinds:
         return self.bright - self.dark
 
 
-def lit_ground(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None) -> NDArray[np.float32]:
+def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None) -> NDArray[np.float32]:
     """How much of the sun reaches what each pixel of a photo (h, w, 3, sRGB) shows: (H, W), 0 in shade, 1 in sunlight.
 
     It has the photo's aspect and at most 256 pixels on its longer side. It is 1 above the horizon, and everywhere where
@@ -65,18 +64,18 @@ def lit_ground(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None
     small = _reduced(checked_pixels(photo))
     height, width = small.shape[:2]
     shines = lighting.sun_painted if sun is None else sun
-    step = predicted_step(lighting) if shines else 0.0
+    step = _predicted_step(lighting) if shines else 0.0
     grey = _blocks(luminance(SRGB_LINEAR[small].astype(np.float64)))
     ground = _below_horizon(grey.shape, lighting)
     if step < _LEAST_STEP or ground.mean() < _LEAST:
         return np.ones((height, width), dtype=np.float32)
     stops = np.log2(np.clip(grey, *np.exp2(_STOPS)))[ground]
     lit = np.ones(grey.shape, dtype=np.float32)
-    lit[ground] = _lit(stops, lit_level(lighting), step, lighting.sun_visibility)
+    lit[ground] = _lit(stops, _lit_level(lighting), step, lighting.sun_visibility)
     return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
 
 
-def lit_around(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:
+def mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:
     """How far the ground around things lies in sunlight, 0 to 1, by a picture's `lit_ground` (H, W).
 
     `feet` (N, 3) are where they stand, from the camera; the rectangle up to `reach` [camera's pixels] around them is
@@ -93,13 +92,13 @@ def lit_around(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: f
     return float(around.mean()) if around.size else 1.0
 
 
-def predicted_step(lighting: Lighting) -> float:
+def _predicted_step(lighting: Lighting) -> float:
     """Stops between level ground in the sun and in shade."""
     sky, direct = _levels(lighting)
     return float(np.log2(1 + direct / max(sky, 1e-9)))
 
 
-def lit_level(lighting: Lighting) -> float:
+def _lit_level(lighting: Lighting) -> float:
     """Log2 of the luminance of a level white surface in the sun."""
     return float(np.log2(max(sum(_levels(lighting)), 1e-9) / np.pi))
 
@@ -115,22 +114,22 @@ def _lit(stops: Floats, level: float, step: float, visibility: float) -> Floats:
     middle = level + _ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
     kinds = _kinds(stops, middle, max(_LEAST_STEP, _OF_PREDICTED * step))
     if kinds is None:
-        return np.full(len(stops), float(np.median(stops) >= level + darkest_lit(step, visibility)))
+        return np.full(len(stops), float(np.median(stops) >= level + _darkest_lit(step, visibility)))
     return np.asarray(np.clip((stops - kinds.threshold) / (0.5 * kinds.step) + 0.5, 0, 1))
 
 
-def _kinds(stops: Floats, middle: float, least: float) -> Kinds | None:
+def _kinds(stops: Floats, middle: float, least: float) -> _OtsuClasses | None:
     """Ground in the sun and in shade, a `least` step apart: by a threshold near the middle or by any.
 
     One farther off counts only if the dark kind is not bright: it splits light paving, not lit ground from walls.
     """
-    near, any_ = (two_kinds(stops, middle, reach) for reach in (_NEAR, np.inf))
+    near, any_ = (_two_kinds(stops, middle, reach) for reach in (_NEAR, np.inf))
     if near is not None and near.step >= least:
         return near
     return any_ if any_ is not None and any_.step >= least and any_.dark < middle + _NEAR else None
 
 
-def darkest_lit(step: float, visibility: float) -> float:
+def _darkest_lit(step: float, visibility: float) -> float:
     """Log2 of the reflectance, if it were lit, of ground that is as likely to lie in shade.
 
     By Bayes' rule with a normal distribution of log2 reflectance: in shade it would be a `step` more than it seems.
@@ -161,7 +160,7 @@ def _below_horizon(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bo
     return np.asarray(rays[..., 1] < -_BELOW)
 
 
-def two_kinds(stops: Floats, middle: float, reach: float) -> Kinds | None:
+def _two_kinds(stops: Floats, middle: float, reach: float) -> _OtsuClasses | None:
     """The two kinds into which log2 luminances (N,) fall by a threshold near the middle; None if one is rare."""
     counts, edges = np.histogram(stops, _BINS, _STOPS)
     values = (edges[:-1] + edges[1:]) / 2
@@ -175,4 +174,4 @@ def two_kinds(stops: Floats, middle: float, reach: float) -> Kinds | None:
     best = int(np.argmax(spread))
     if spread[best] < 0 or min(below[best], above[best]) < _LEAST_PART * len(stops):
         return None
-    return Kinds(float(dark[best]), float(bright[best]))
+    return _OtsuClasses(float(dark[best]), float(bright[best]))

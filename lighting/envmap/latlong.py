@@ -1,0 +1,104 @@
+"""Operations on lat-long images: row weights, irradiance, resize, blur, remove sun."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directions, latlong_solid_angle
+
+# Environment maps prepared for shading: without the sun's disc, reduced, blurred, integrated to irradiance.
+
+
+def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:
+    """The map (H, 2H, 3) with the sky around the sun painted over its disc, and the disc's irradiance (3,).
+
+    `sun` (3,) is the unit vector towards the sun. With no pixel near it above the horizon, the map is returned as it is
+    and the irradiance is 0.
+    """
+    height = len(envmap)
+    row = int((0.5 - np.degrees(np.arcsin(sun[1])) / 180.0) * height)
+    reach = SUN_RADIUS + 3 * 180.0 / height
+    rows = slice(max(0, row - int(reach / 180 * height) - 2), row + int(reach / 180 * height) + 3)
+    above = latlong_directions(height)[rows]
+    distance = np.where(above[..., 1] > 0, angle_between(above, sun), 180.0)
+    disc, around = distance < reach - 180.0 / height, (distance >= reach - 180.0 / height) & (distance < 2 * reach)
+    if not (disc.any() and around.any()):
+        return envmap, np.zeros(3)
+    sky = envmap.copy()
+    background = np.median(sky[rows][around], axis=0)
+    weight = np.broadcast_to(latlong_solid_angle(height)[rows, None], distance.shape)[disc]
+    power = weight @ np.maximum(sky[rows][disc] - background, 0.0)
+    sky[rows][disc] = background
+    return sky, np.asarray(power, dtype=np.float64)
+
+
+def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+    """A map (H, 2H, C) reduced to `rows` rows by area averages; unchanged if it has no more rows."""
+    height = len(image)
+    if rows >= height:
+        return image
+    wide = np.tensordot(_shares(rows, height), image, 1)  # (rows, 2H, C)
+    return np.asarray(np.einsum("xw,ywc->yxc", _shares(2 * rows, 2 * height), wide, optimize=True))
+
+
+def _shares(fewer: int, pixels: int) -> NDArray[np.float32]:
+    """How much (fewer, pixels) of each of the larger pixels each of the smaller ones fills; rows sum to 1."""
+    edges = np.arange(fewer + 1) * (pixels / fewer)
+    low, high = edges[:-1, None], edges[1:, None]
+    at = np.arange(pixels)
+    filled = np.clip(np.minimum(high, at + 1) - np.maximum(low, at), 0.0, None)
+    return np.asarray(filled * (fewer / pixels), dtype=np.float32)
+
+
+def irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:
+    """Irradiance (..., 3) under a map (H, 2H, 3) on surfaces of these normals (..., 3)."""
+    cosine = np.maximum(normals @ latlong_directions(len(image)).reshape(-1, 3).T, 0)
+    weight = cosine * np.repeat(latlong_solid_angle(len(image)), 2 * len(image))
+    return np.asarray(weight @ image.reshape(-1, 3) * np.pi / weight.sum(axis=-1, keepdims=True))
+
+
+def blur_envmap(image: NDArray[np.float32], concentration: float) -> NDArray[np.float32]:
+    """The map (H, 2H, 3) seen through a lobe exp(concentration (cos - 1)) around each direction."""
+    height = len(image)
+    d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
+    weight = np.exp(np.float32(concentration) * (d @ d.T - 1)) * np.repeat(latlong_solid_angle(height), 2 * height)
+    blurred = weight.astype(np.float32) @ image.reshape(-1, 3) / weight.sum(axis=1, keepdims=True)
+    return np.asarray(blurred.reshape(image.shape), dtype=np.float32)
+
+
+# What all maps share: their type, what their rows light, and arithmetic on their pixels that is quick in numpy.
+
+Image = NDArray[np.float32]
+
+
+def row_levels(height: int) -> Floats:
+    """Irradiance (H,) of level ground, facing up or down, by radiance 1 in each row of a map of that many rows."""
+    edges = np.sin(np.linspace(-math.pi / 2, math.pi / 2, height + 1)) ** 2
+    return np.abs(np.diff(edges)) * math.pi
+
+
+def irradiance_of_rows(levels: Floats, rows: Image) -> Floats:
+    """Irradiance (3,) by rows (R, W, 3) of a map with these `row_levels` (R,)."""
+    count, width = rows.shape[:2]
+    columns = np.einsum("r,rx->x", f32(levels), rows.reshape(count, 3 * width))
+    return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
+
+
+def scale(image: Image, gain: Floats) -> None:
+    """Multiply an image (R, W, 3), contiguous in memory, by a colour (3,) in place.
+
+    Whole rows are multiplied, since numpy takes ten times as long with an innermost axis of 3.
+    """
+    rows = image.reshape(len(image), -1)
+    rows *= np.tile(f32(gain), image.shape[1])
+
+
+def brightest(image: Image) -> Image:
+    """The largest channel (...) of colours (..., 3); numpy's maximum along so short an axis is ten times as slow."""
+    return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
+
+
+def f32(values: Floats) -> Image:
+    """The values as float32."""
+    return np.asarray(values, dtype=np.float32)
