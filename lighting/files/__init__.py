@@ -1,66 +1,23 @@
-"""What is written and read again: environment maps, pictures and records. A file appears only when it is whole.
+"""Environment maps as files: .exr with everything, .hdr for older tools, tone-mapped .png for looking at.
 
-The formats of maps are entries of MAP_FORMATS, which the command line and the service read.
+The formats are entries of MAP_FORMATS, which the command line and the service read. What needs numpy is imported by the
+functions, so that the command line's help stays quick.
 """
 
+import io
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lighting.lazy import from_homes
+from lighting.errors import EnvironmentMapError
 
 if TYPE_CHECKING:
-    from lighting.files.atomic import leftovers, replacing
-    from lighting.files.compression import COMPRESSIONS, check_packing, pack_in_threads
-    from lighting.files.exr import (
-        MAGIC,
-        SOFTWARE,
-        Image,
-        Target,
-        checked_map,
-        read_attributes,
-        read_exr,
-        read_map,
-        write_exr,
-    )
-    from lighting.files.folders import objection_to
-    from lighting.files.formats import encode_envmap, write_envmap
-    from lighting.files.pictures import encode_jpeg, encode_png
-    from lighting.files.record import MAX_RECORD_BYTES, full_record, json_line, named_once, one_record
-    from lighting.files.rgbe import MAGIC_HDR, decode_hdr, read_hdr
+    from lighting.files.exr import Image, Target
     from lighting.geometry import Floats
     from lighting.records import Lighting
-
-__all__ = [
-    "COMPRESSIONS",
-    "MAGIC",
-    "MAGIC_HDR",
-    "MAP_FORMATS",
-    "MAX_RECORD_BYTES",
-    "SOFTWARE",
-    "MapFormat",
-    "Target",
-    "check_packing",
-    "checked_map",
-    "decode_hdr",
-    "encode_envmap",
-    "encode_jpeg",
-    "encode_png",
-    "full_record",
-    "json_line",
-    "leftovers",
-    "named_once",
-    "objection_to",
-    "one_record",
-    "pack_in_threads",
-    "read_attributes",
-    "read_exr",
-    "read_hdr",
-    "read_map",
-    "replacing",
-    "write_envmap",
-    "write_exr",
-]
 
 
 @dataclass(frozen=True)
@@ -80,29 +37,33 @@ def _write_exr(target: "Target", image: "Floats", lighting: "Lighting | None", *
 
 
 def _read_exr(data: bytes) -> "Image":
-    from io import BytesIO
-
     from lighting.files.exr import read_exr
 
-    return read_exr(BytesIO(data))[0]
+    return read_exr(io.BytesIO(data))[0]
 
 
 def _write_hdr(target: "Target", image: "Floats", lighting: "Lighting | None") -> None:
-    from lighting.files.rgbe import write_hdr
+    from lighting.files.radiance_hdr import write_hdr
 
     write_hdr(target, image, lighting)
 
 
 def _read_hdr(data: bytes) -> "Image":
-    from lighting.files.rgbe import decode_hdr
+    from lighting.files.radiance_hdr import decode_hdr
 
     return decode_hdr(data)
 
 
 def _write_png(target: "Target", image: "Floats", _lighting: "Lighting | None") -> None:
-    from lighting.files.formats import write_png_map
+    """The map as the photo's exposure shows it, clipped at white."""
+    from PIL import Image
 
-    write_png_map(target, image)
+    from lighting.color import tone_map
+    from lighting.files.exr import checked_map, opened
+
+    picture = Image.fromarray(tone_map(checked_map(image)))
+    with opened(target) as stream:
+        picture.save(stream, format="png")
 
 
 MAP_FORMATS: dict[str, MapFormat] = {  # by the suffix of a file, without its dot
@@ -111,33 +72,50 @@ MAP_FORMATS: dict[str, MapFormat] = {  # by the suffix of a file, without its do
     "png": MapFormat(_write_png, "image/png"),
 }
 
-_HOME = {
-    "COMPRESSIONS": "compression",
-    "MAGIC": "exr",
-    "MAGIC_HDR": "rgbe",
-    "MAX_RECORD_BYTES": "record",
-    "SOFTWARE": "exr",
-    "Target": "exr",
-    "check_packing": "compression",
-    "checked_map": "exr",
-    "decode_hdr": "rgbe",
-    "encode_envmap": "formats",
-    "encode_jpeg": "pictures",
-    "encode_png": "pictures",
-    "full_record": "record",
-    "json_line": "record",
-    "leftovers": "atomic",
-    "named_once": "record",
-    "objection_to": "folders",
-    "one_record": "record",
-    "pack_in_threads": "compression",
-    "read_attributes": "exr",
-    "read_exr": "exr",
-    "read_hdr": "rgbe",
-    "read_map": "exr",
-    "replacing": "atomic",
-    "write_envmap": "formats",
-    "write_exr": "exr",
-}
 
-__getattr__ = from_homes(__name__, _HOME)  # what needs numpy, so that the command line's help stays quick
+def write_envmap(
+    target: str | os.PathLike[str],
+    image: "Floats",
+    lighting: "Lighting | None" = None,
+    *,
+    compression: str = "zip",
+) -> None:
+    """Write a map (H, 2H, 3) to a path in the format of its suffix, one of MAP_FORMATS.
+
+    `compression` is how an EXR is packed; the others know none. The path appears only when the file is whole.
+    Raises EnvironmentMapError for another suffix or shape and for a path that cannot be written.
+    """
+    _writer(_format_of(target), compression)(target, image, lighting)
+
+
+def encode_envmap(
+    image: "Floats", lighting: "Lighting | None" = None, format: str = "exr", *, compression: str = "zip"
+) -> bytes:
+    """The bytes of such a file; `format` is one of MAP_FORMATS."""
+    buffer = io.BytesIO()
+    _writer(format, compression)(buffer, image, lighting)
+    return buffer.getvalue()
+
+
+def _format_of(path: str | os.PathLike[str]) -> str:
+    """The format that a path's suffix names; EnvironmentMapError for one that is not an environment map's."""
+    if not isinstance(path, str | os.PathLike):
+        raise EnvironmentMapError(f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.")
+    suffix = Path(path).suffix.lower().removeprefix(".")
+    if suffix not in MAP_FORMATS:
+        known = _either([f".{name}" for name in MAP_FORMATS])
+        raise EnvironmentMapError(f"The name {os.fspath(path)!r} must end in {known}.")
+    return suffix
+
+
+def _writer(name: str, compression: str) -> Callable[..., None]:
+    if name not in MAP_FORMATS:
+        raise EnvironmentMapError(
+            f"The format {name!r} is not known; an environment map is {_either(list(MAP_FORMATS))}."
+        )
+    entry = MAP_FORMATS[name]
+    return partial(entry.write, compression=compression) if entry.takes_compression else entry.write
+
+
+def _either(names: list[str]) -> str:
+    return f"{', '.join(names[:-1])} or {names[-1]}"

@@ -1,6 +1,7 @@
-"""Files that appear under their final name only when they are whole."""
+"""Atomic replacement, output folders, PNG and JPEG bytes."""
 
 import errno
+import io
 import os
 import re
 import stat
@@ -8,11 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+# Files that appear under their final name only when they are whole.
+
 _RANDOM = 8  # bytes in a temporary name
 
 
 @contextmanager
-def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(target: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `target` that takes its place if the block ends well and vanishes if it does not.
 
     The suffix is kept, since writers read the format from it. A link stays, and what it leads to is replaced; a file
@@ -36,7 +42,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def leftovers(target: str | os.PathLike[str]) -> list[Path]:
+def stale_temporaries(target: str | os.PathLike[str]) -> list[Path]:
     """Temporary files of `replacing` with the suffix of `target` in its folder.
 
     While nobody writes there, they are what killed processes left.
@@ -54,3 +60,45 @@ def _empty(final: Path, suffix: str) -> Path:
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(final)) from error
     return path
+
+
+# Pixels as the bytes of pictures that everybody opens.
+
+
+def encode_png(pixels: NDArray[np.uint8], compress_level: int = 6) -> bytes:
+    """The bytes of a PNG of pixels (H, W, 3 or 4), or of one channel (H, W)."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG", compress_level=compress_level)
+    return buffer.getvalue()
+
+
+def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
+    """The bytes of a JPEG of pixels (H, W, 3), without metadata."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()
+
+
+# Folders that results go to.
+
+RESULTS = "the results need a folder"
+
+
+def output_folder_error(folder: Path, *, overwrite: bool, what: str = "the results", need: str = RESULTS) -> str | None:
+    """Why something cannot or must not be written to a folder, in a sentence; None where nothing is in the way.
+
+    `what` is its name in the sentence, `need` says that it takes a folder.
+    """
+    parent = folder.absolute().parent
+    if folder.exists() and not folder.is_dir():
+        return f"{folder} is a file; {need}."
+    if not overwrite and folder.is_dir() and any(folder.iterdir()):
+        return f"{folder} is not empty; --overwrite replaces {what} in it."
+    if not parent.is_dir():
+        return f"There is no folder {parent}."
+    closed = (place for place in (parent, folder) if place.exists() and not os.access(place, os.W_OK | os.X_OK))
+    return next((f"The folder {place} cannot be written to." for place in closed), None)

@@ -4,62 +4,66 @@
 service and the checks that no file of the user is replaced read the entries.
 """
 
-from collections.abc import Collection
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
 
-from lighting.lazy import from_homes
-from lighting.scene.tools import SHARED_FILES, Exporter, ExporterOption, import_function
+# What an entry of EXPORTERS says about a tool; light enough for the command line's help.
 
-if TYPE_CHECKING:
-    from lighting.scene.common import PLATE_SIDE, CameraMotion, Scene, make_scene
-    from lighting.scene.files import check_target, write_scene, zip_scene
+PLATE, ENVIRONMENT, RECORD, LIT_GROUND = "plate.png", "environment.exr", "lighting.json", "lit_ground.png"
+SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND)  # the same for every tool that has them
 
-__all__ = [
-    "EXPORTERS",
-    "PLATE_SIDE",
-    "CameraMotion",
-    "Exporter",
-    "ExporterOption",
-    "Scene",
-    "animated_tools",
-    "check_target",
-    "make_scene",
-    "unsupported_options",
-    "write_scene",
-    "zip_scene",
-]
+
+@dataclass(frozen=True)
+class ExporterOption:
+    """An option that a tool's writer takes by name."""
+
+    choices: tuple[str, ...]
+    default: str
+
+
+@dataclass(frozen=True)
+class Exporter:
+    """How scenes are written for one tool."""
+
+    write: Callable[..., None]  # (scene, folder, **options)
+    files: tuple[str, ...]  # all that `write` may make; the tool opens the first
+    options: dict[str, ExporterOption] = field(default_factory=dict)
+    has_map: bool = True  # whether the scene holds the environment map
+    animate: Callable[..., dict[str, str]] | None = None  # (CameraMotion) to the texts of files beside the scene's
+
+
+def import_function(module: str, name: str) -> Callable[..., Any]:
+    """A function of a module, which is imported when it is first called."""
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        return getattr(import_module(module), name)(*arguments, **options)
+
+    return call
+
+
+# A photo's light as a scene for other tools: an entry of EXPORTERS and a module each.
 
 EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
-        import_function("lighting.scene.blender", "write"),
+        import_function("lighting.scene.blender", "write_blender"),
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
-        animate=import_function("lighting.scene.blender", "animate"),
+        animate=import_function("lighting.scene.blender", "animate_blender"),
     ),
     "usd": Exporter(
-        import_function("lighting.scene.usd", "write"),
+        import_function("lighting.scene.usd", "write_usd"),
         files=("scene.usda", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
-        animate=import_function("lighting.scene.usd", "animate"),
+        animate=import_function("lighting.scene.usd", "animate_usd"),
     ),
-    "gltf": Exporter(import_function("lighting.scene.gltf", "write"), files=("scene.glb",), has_map=False),
-    "threejs": Exporter(import_function("lighting.scene.threejs", "write"), files=("scene.html",)),
+    "gltf": Exporter(import_function("lighting.scene.gltf", "write_gltf"), files=("scene.glb",), has_map=False),
+    "threejs": Exporter(import_function("lighting.scene.threejs", "write_threejs"), files=("scene.html",)),
     "mitsuba": Exporter(
-        import_function("lighting.scene.mitsuba", "write"),
+        import_function("lighting.scene.mitsuba", "write_mitsuba"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),
     ),
 }
-
-_HOME = {
-    "CameraMotion": "common",
-    "PLATE_SIDE": "common",
-    "Scene": "common",
-    "check_target": "files",
-    "make_scene": "common",
-    "write_scene": "files",
-    "zip_scene": "files",
-}
-
-__getattr__ = from_homes(__name__, _HOME)  # what needs numpy, so that the command line's help stays quick
 
 
 def unsupported_options(options: Collection[str], tool: str) -> dict[str, str]:

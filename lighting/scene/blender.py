@@ -15,11 +15,21 @@ from typing import Any
 import numpy as np
 
 from lighting.errors import ErrorCode, SceneError
-from lighting.scene.axes import colour_and_strength, to_z_up
-from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SENSOR_HEIGHT, SUN_ANGLE, CameraMotion, Scene
-from lighting.scene.parts import Folder, data_text, write_shared_files
-from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from lighting.scene.tools import ENVIRONMENT, LIT_GROUND, PLATE
+from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE
+from lighting.scene.records import (
+    FAR,
+    GROUND_RADIUS,
+    NEAR,
+    PLACEHOLDER_ALBEDO,
+    SENSOR_HEIGHT,
+    SUN_ANGLE,
+    CameraMotion,
+    Scene,
+    color_and_intensity,
+    placeholder_of,
+    to_z_up,
+)
+from lighting.scene.writer import Folder, data_text, write_shared_files
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
@@ -28,16 +38,16 @@ SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
-def write(scene: Scene, folder: Folder) -> None:
+def write_blender(scene: Scene, folder: Folder) -> None:
     """Write SCRIPT, the NUMBERS that it reads and the shared files; in a folder on disk also FILE where bpy is."""
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
-    (folder / SCRIPT).write_text(data_text("blender.py"), encoding="utf-8")
+    (folder / SCRIPT).write_text(data_text("blender_scene.py"), encoding="utf-8")
     if isinstance(folder, Path) and find_spec("bpy") is not None:
         _save(folder)
 
 
-def animate(motion: CameraMotion) -> dict[str, str]:
+def animate_blender(motion: CameraMotion) -> dict[str, str]:
     """SHOT_SCRIPT, which builds the scene and sets key frames, and the SHOT_NUMBERS that it reads."""
     matrices = motion.matrices.copy()
     matrices[:, :3] = np.swapaxes(to_z_up(np.swapaxes(matrices[:, :3], 1, 2)), 1, 2)
@@ -49,7 +59,7 @@ def animate(motion: CameraMotion) -> dict[str, str]:
         "matrices": np.round(matrices, 7).tolist(),
         "focal_lengths": np.round(motion.focal_lengths, 4).tolist(),
     }
-    script = files("lighting") / "video" / "data" / "blender_shot.py"
+    script = files("lighting") / "data" / "blender_shot.py"
     return {SHOT_NUMBERS: json.dumps(numbers) + "\n", SHOT_SCRIPT: script.read_text(encoding="utf-8")}
 
 
@@ -66,7 +76,7 @@ def _description(scene: Scene) -> dict[str, Any]:
     """The values that data/blender.py reads, in metres, degrees and millimetres; +Z up, the camera looks along +Y."""
     matrix = scene.camera_matrix
     matrix[:3] = to_z_up(matrix[:3].T).T
-    colour, strength = colour_and_strength(scene.sun_irradiance)
+    colour, strength = color_and_intensity(scene.sun_irradiance)
     sun = to_z_up(scene.sun_direction).tolist()
     return {
         "plate": PLATE,

@@ -1,4 +1,4 @@
-"""A scene as one binary glTF 2.0 file, `scene.glb`.
+"""GlTF exporter and its meshes.
 
 The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its
 angular size has no place there. glTF knows neither backgrounds nor shadow catchers: the plate is an unlit picture
@@ -8,17 +8,83 @@ no place for it that viewers read.
 
 import json
 import struct
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.files import SOFTWARE, full_record
-from lighting.scene import meshes
-from lighting.scene.axes import colour_and_strength
-from lighting.scene.common import FAR, NEAR, Scene
-from lighting.scene.parts import Folder, plate_png
-from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
+from lighting.files.exr import SOFTWARE
+from lighting.geometry import Floats
+from lighting.records import record_with_coefficients
+from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, color_and_intensity, placeholder_of
+from lighting.scene.writer import Folder, plate_png
+
+# Triangle meshes for formats without spheres and cylinders.
+
+_SEGMENTS = 64  # around the axis
+_RINGS = 32  # of the ball, from pole to pole
+_SMALLEST = 1e-4  # area relative to the largest; smaller triangles are degenerate ones at a pole
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """Triangles, counter-clockwise seen from outside."""
+
+    positions: NDArray[np.float32]  # (V, 3), metres, +Y up
+    normals: NDArray[np.float32]  # (V, 3)
+    triangles: NDArray[np.uint16]  # (T, 3)
+    coordinates: NDArray[np.float32] | None = None  # (V, 2) of a picture, (0, 0) is its upper left corner
+
+
+def _ball(radius: float) -> _Mesh:
+    """A sphere around the origin."""
+    slope = np.linspace(-np.pi / 2, np.pi / 2, _RINGS + 1)
+    normals = np.stack([np.cos(slope), np.sin(slope)], axis=-1)
+    return _turned(radius * normals, normals)
+
+
+def _stick(radius: float, height: float) -> _Mesh:
+    """An upright cylinder that stands on the origin."""
+    profile = np.array([[0, 0], [radius, 0], [radius, 0], [radius, height], [radius, height], [0, height]])
+    normals = np.array([[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]])
+    return _turned(profile, normals)
+
+
+def _disc(radius: float) -> _Mesh:
+    """A level disc around the origin, facing up."""
+    return _turned(np.array([[radius, 0.0], [0.0, 0.0]]), np.array([[0.0, 1.0], [0.0, 1.0]]))
+
+
+def _picture(width: float, height: float) -> _Mesh:
+    """An upright rectangle around the origin, facing +Z, with texture coordinates."""
+    corners = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=np.float32)
+    across, down = (corners - 0.5).T
+    positions = np.stack([across * width, -down * height, np.zeros(4)], axis=-1).astype(np.float32)
+    normals = np.tile(np.array([0, 0, 1], dtype=np.float32), (4, 1))
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint16)
+    return _Mesh(positions, normals, triangles, corners)
+
+
+def _turned(profile: Floats, normals: Floats) -> _Mesh:
+    """The surface of revolution of a profile (P, 2) of (radius, height) around the Y axis; outside is on its right."""
+    angle = np.linspace(0.0, 2 * np.pi, _SEGMENTS + 1)
+    around = np.stack([np.cos(angle), np.ones_like(angle), -np.sin(angle)], axis=-1)
+    points, outward = (around * values[:, None, [0, 1, 0]] for values in (profile, normals))
+    first = np.arange(_SEGMENTS) + (_SEGMENTS + 1) * np.arange(len(profile) - 1)[:, None]
+    above = first + _SEGMENTS + 1
+    triangles = np.stack([first, first + 1, above + 1, first, above + 1, above], axis=-1).reshape(-1, 3)
+    corners = _flat(points)[triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
+    kept = triangles[area > _SMALLEST * area.max()]
+    return _Mesh(_flat(points), _flat(outward), kept.astype(np.uint16))
+
+
+def _flat(values: Floats) -> NDArray[np.float32]:
+    return values.reshape(-1, 3).astype(np.float32)
+
+
+# A scene as one binary glTF 2.0 file, `scene.glb`.
 
 FILE = "scene.glb"
 
@@ -32,11 +98,15 @@ _BEHIND = 1.2  # the plate's distance / that of the disc's far edge
 _PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
 
 
-def write(scene: Scene, folder: Folder) -> None:
+def write_gltf(scene: Scene, folder: Folder) -> None:
     """Write FILE, which holds everything but the map."""
     binary = _Binary()
     document = {
-        "asset": {"version": "2.0", "generator": SOFTWARE, "extras": {"lighting": full_record(scene.lighting)}},
+        "asset": {
+            "version": "2.0",
+            "generator": SOFTWARE,
+            "extras": {"lighting": record_with_coefficients(scene.lighting)},
+        },
         "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
         "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},
         "scene": 0,
@@ -82,7 +152,7 @@ def _plate_distance(scene: Scene) -> float:
 
 
 def _sun(scene: Scene) -> dict[str, Any]:
-    colour, intensity = colour_and_strength(scene.sun_irradiance)
+    colour, intensity = color_and_intensity(scene.sun_irradiance)
     return {"name": "Sun", "type": "directional", "color": colour.tolist(), "intensity": intensity}
 
 
@@ -117,10 +187,10 @@ def _meshes(scene: Scene, binary: "_Binary") -> list[dict[str, Any]]:
     placeholder = placeholder_of(scene)
     height = 2 * _plate_distance(scene) * float(np.tan(np.radians(scene.vertical_fov) / 2))
     parts = [
-        ("Ball", meshes.ball(placeholder.ball_radius), _PLACEHOLDER),
-        ("Stick", meshes.stick(placeholder.stick_radius, placeholder.stick_height), _PLACEHOLDER),
-        ("Ground", meshes.disc(_GROUND_IN_BALLS * placeholder.ball_radius), _GROUND),
-        ("Plate", meshes.picture(height * scene.width / scene.height, height), _PLATE),
+        ("Ball", _ball(placeholder.ball_radius), _PLACEHOLDER),
+        ("Stick", _stick(placeholder.stick_radius, placeholder.stick_height), _PLACEHOLDER),
+        ("Ground", _disc(_GROUND_IN_BALLS * placeholder.ball_radius), _GROUND),
+        ("Plate", _picture(height * scene.width / scene.height, height), _PLATE),
     ]
     return [{"name": name, "primitives": [binary.primitive(mesh, material)]} for name, mesh, material in parts]
 
@@ -136,7 +206,7 @@ class _Binary:
     def png(self, data: bytes) -> dict[str, Any]:
         return {"mimeType": "image/png", "bufferView": self._view(data)}
 
-    def primitive(self, mesh: meshes.Mesh, material: int) -> dict[str, Any]:
+    def primitive(self, mesh: _Mesh, material: int) -> dict[str, Any]:
         attributes = {"POSITION": self._vectors(mesh.positions), "NORMAL": self._vectors(mesh.normals)}
         if mesh.coordinates is not None:
             attributes["TEXCOORD_0"] = self._vectors(mesh.coordinates)

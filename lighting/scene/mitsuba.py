@@ -7,10 +7,9 @@ sun is a disc of the right angle far away, since a `directional` emitter casts s
 import numpy as np
 
 from lighting.geometry import Floats, direction
-from lighting.scene.common import GROUND_RADIUS, SUN_ANGLE, Scene
-from lighting.scene.parts import Folder, data_text, filled, write_shared_files
-from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from lighting.scene.tools import ENVIRONMENT
+from lighting.scene import ENVIRONMENT
+from lighting.scene.records import GROUND_RADIUS, PLACEHOLDER_ALBEDO, SUN_ANGLE, Scene, placeholder_of
+from lighting.scene.writer import Folder, data_text, filled, write_shared_files
 
 SCENE, CAMERA, LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
 
@@ -19,7 +18,7 @@ SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction diffe
 _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 
 
-def write(scene: Scene, folder: Folder) -> None:
+def write_mitsuba(scene: Scene, folder: Folder) -> None:
     """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files."""
     write_shared_files(scene, folder)
     for name, values in (

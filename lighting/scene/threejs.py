@@ -8,19 +8,26 @@ import json
 from base64 import b64encode
 from typing import Any
 
-from lighting.envmap import rotate
-from lighting.files import encode_envmap, full_record
-from lighting.scene.axes import colour_and_strength
-from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, Scene
-from lighting.scene.parts import Folder, data_text, filled, lit_ground_png, plate_png
-from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
+from lighting.envmap.relighting import rotate_envmap
+from lighting.files import encode_envmap
+from lighting.records import record_with_coefficients
+from lighting.scene.records import (
+    FAR,
+    GROUND_RADIUS,
+    NEAR,
+    PLACEHOLDER_ALBEDO,
+    Scene,
+    color_and_intensity,
+    placeholder_of,
+)
+from lighting.scene.writer import Folder, data_text, filled, lit_ground_png, plate_png
 
 PAGE = "scene.html"
 
 _YAW = -90.0  # deg, turns the map so that three.js finds -Z where our maps have it
 
 
-def write(scene: Scene, folder: Folder) -> None:
+def write_threejs(scene: Scene, folder: Folder) -> None:
     """Write PAGE."""
     parts = {
         "scene": json.dumps(_description(scene)).replace("<", "\\u003c"),  # no text in it ends the script
@@ -33,7 +40,7 @@ def write(scene: Scene, folder: Folder) -> None:
 def _description(scene: Scene) -> dict[str, Any]:
     """The values that viewer.js reads, in metres and degrees; three.js has the frame of geometry.py."""
     placeholder = placeholder_of(scene)
-    colour, intensity = colour_and_strength(scene.sun_irradiance)
+    colour, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "width": scene.width,
         "height": scene.height,
@@ -54,8 +61,8 @@ def _description(scene: Scene) -> dict[str, Any]:
         "albedo": PLACEHOLDER_ALBEDO,
         "plate": _png_url(plate_png(scene)),
         "litGround": _png_url(lit_ground_png(scene)),
-        "environment": b64encode(encode_envmap(rotate(scene.environment, _YAW), format="hdr")).decode(),
-        "lighting": full_record(scene.lighting),
+        "environment": b64encode(encode_envmap(rotate_envmap(scene.environment, _YAW), format="hdr")).decode(),
+        "lighting": record_with_coefficients(scene.lighting),
     }
 
 

@@ -15,11 +15,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import Floats
-from lighting.scene.axes import colour_and_strength, to_z_up
-from lighting.scene.common import FAR, GROUND_RADIUS, NEAR, SUN_ANGLE, CameraMotion, Scene
-from lighting.scene.parts import Folder, filled, write_shared_files
-from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from lighting.scene.tools import ENVIRONMENT, PLATE
+from lighting.scene import ENVIRONMENT, PLATE
+from lighting.scene.records import (
+    FAR,
+    GROUND_RADIUS,
+    NEAR,
+    PLACEHOLDER_ALBEDO,
+    SUN_ANGLE,
+    CameraMotion,
+    Scene,
+    color_and_intensity,
+    placeholder_of,
+    to_z_up,
+)
+from lighting.scene.writer import Folder, filled, write_shared_files
 
 STAGE, SHOT_STAGE = "scene.usda", "shot.usda"
 
@@ -29,7 +38,7 @@ APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the st
 _UP = np.array([0.0, 1.0, 0.0])
 
 
-def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
+def write_usd(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     """Write STAGE and the files it refers to. Raises SceneError if `up_axis` is neither Y nor Z.
 
     Where Z is up the camera looks along +Y at azimuth 0.
@@ -40,7 +49,7 @@ def write(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     (folder / STAGE).write_text(filled("scene.usda", _values(scene, up_axis)), encoding="utf-8")
 
 
-def animate(motion: CameraMotion) -> dict[str, str]:
+def animate_usd(motion: CameraMotion) -> dict[str, str]:
     """SHOT_STAGE, which lays time samples over STAGE."""
     samples = _samples(motion.frames, map(_rows, motion.matrices))
     lens = _samples(motion.frames, (f"{length:.6g}" for length in motion.focal_lengths / APERTURE_UNIT))
@@ -117,7 +126,7 @@ def _camera_values(scene: Scene, placed: Placed) -> dict[str, str]:
 
 
 def _light_values(scene: Scene, placed: Placed) -> dict[str, Any]:
-    colour, intensity = colour_and_strength(scene.sun_irradiance)
+    colour, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "sky_matrix": _matrix(placed([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
         "sun_matrix": _matrix(placed(scene.sun_matrix[:3].T)),

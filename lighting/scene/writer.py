@@ -1,5 +1,6 @@
-"""Scenes as folders and archives that appear only when they are whole."""
+"""Folder or ZIP, atomically; shared files; collision checks."""
 
+import json
 import os
 import shutil
 import tempfile
@@ -7,16 +8,69 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from string import Template
+from typing import Any, Protocol
+
+import numpy as np
 
 from lighting.errors import ErrorCode, SceneError
-from lighting.files import objection_to
-from lighting.scene import EXPORTERS
-from lighting.scene.common import Scene
-from lighting.scene.parts import Folder
-from lighting.scene.tools import RECORD
+from lighting.files import encode_envmap
+from lighting.files.atomic import encode_png, output_folder_error
+from lighting.records import record_with_coefficients
+from lighting.scene import ENVIRONMENT, EXPORTERS, LIT_GROUND, PLATE, RECORD
+from lighting.scene.records import Scene
+
+# Files and conversions that several writers share.
+
+
+class _File(Protocol):
+    """A file to be written, in a folder or an archive."""
+
+    def write_bytes(self, data: bytes, /) -> object: ...
+
+    def write_text(self, text: str, /, encoding: str) -> object: ...
+
+
+class Folder(Protocol):
+    """Where a tool's files go: a Path, or an archive in memory."""
+
+    def __truediv__(self, name: str, /) -> _File: ...
+
+
+def write_shared_files(scene: Scene, folder: Folder) -> None:
+    """Write SHARED_FILES."""
+    (folder / PLATE).write_bytes(plate_png(scene))
+    (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
+    (folder / RECORD).write_text(
+        json.dumps(record_with_coefficients(scene.lighting), indent=2) + "\n", encoding="utf-8"
+    )
+    (folder / LIT_GROUND).write_bytes(lit_ground_png(scene))
+
+
+def plate_png(scene: Scene) -> bytes:
+    """The plate as PNG."""
+    return encode_png(scene.plate, compress_level=3)
+
+
+def lit_ground_png(scene: Scene) -> bytes:
+    """Where the plate's ground lies in sunlight, as PNG of one channel: 0 in shade, 255 in sunlight or above ground."""
+    return encode_png(np.round(255 * scene.lit_ground).astype(np.uint8))
+
+
+def data_text(name: str) -> str:
+    """The text of a file in lighting/data/."""
+    return (files("lighting") / "data" / name).read_text(encoding="utf-8")
+
+
+def filled(name: str, values: dict[str, Any]) -> str:
+    """The same with its $placeholders replaced."""
+    return Template(data_text(name)).substitute(values)
+
+
+# Scenes as folders and archives that appear only when they are whole.
 
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
 
@@ -90,7 +144,7 @@ class _Member:
 
 def check_target(target: Path, *, overwrite: bool) -> None:
     """Raise SceneError if the folder of a scene cannot be written, or is not empty and `overwrite` is false."""
-    if objection := objection_to(target, overwrite=overwrite, what="the scene", need="a scene is a folder"):
+    if objection := output_folder_error(target, overwrite=overwrite, what="the scene", need="a scene is a folder"):
         raise SceneError(objection)
 
 

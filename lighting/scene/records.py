@@ -1,4 +1,4 @@
-"""The parts of a scene, computed once and in one frame for every tool.
+"""Scene: camera, sun, map, ground, placeholder.
 
 The frame is that of geometry.py in metres: +Y up, the camera looks along -Z at azimuth 0, the ground is y = 0 and the
 camera stands over its origin at EYE_HEIGHT. Light is in the map's units, `exposure` x the sky model's radiance, which
@@ -15,20 +15,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap import (
-    Place,
-    camera_of,
-    ground_reflectance,
-    lit_around,
-    lit_ground,
-    render,
-    sky_irradiance,
-    sun_irradiance,
-    surround,
-)
+from lighting.envmap.projection import camera_of
+from lighting.envmap.render import ground_reflectance, render, sky_irradiance
+from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
+from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, Pinhole, camera_axes, camera_pixel, focal_length
-from lighting.photo import Photo, check_photo
+from lighting.photo.reader import Photo, check_photo
+from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, check_lighting
+
+# The parts of a scene, computed once and in one frame for every tool.
 
 SUN_ANGLE = 2 * SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
@@ -145,7 +142,7 @@ class Scene:
     @cached_property
     def spot_lit(self) -> float:
         """How much of the sun reaches what stands on the spot, 0 to 1: as far as the plate's ground there is lit."""
-        return lit_around(self.lit_ground, self._camera, self._sight[None], BALL * self.height)
+        return mean_sunlit(self.lit_ground, self._camera, self._sight[None], BALL * self.height)
 
     @property
     def spot_in_shade(self) -> bool:
@@ -188,7 +185,7 @@ def make_scene(
     *,
     map_height: int = MAP_HEIGHT,
     sun: bool | None = None,
-    place: Place | None = None,
+    place: PhotoContext | None = None,
 ) -> Scene:
     """The scene of a photo under its lighting.
 
@@ -202,7 +199,58 @@ def make_scene(
     if place is None:
         environment = render(lighting, map_height, sun=shines, disc=False)
     else:
-        environment = surround(lighting, place, map_height, sun=shines, disc=False)
+        environment = render_with_surroundings(lighting, place, map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
-    lit = lit_ground(photo.pixels, place.shown_light(lighting) if place else lighting, sun=shines)
+    lit = ground_shadow_mask(photo.pixels, place.shown_light(lighting) if place else lighting, sun=shines)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)
+
+
+# What stands on a scene's spot until the user puts an object there: a ball and, to its right, an upright stick.
+
+PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' grey ball
+
+
+@dataclass(frozen=True, eq=False)
+class _Placeholder:
+    """Lengths in metres, points (3,) from the scene's spot, +Y up."""
+
+    ball_radius: float
+
+    @property
+    def ball_centre(self) -> Floats:
+        """The ball rests on the spot."""
+        return np.array([0.0, self.ball_radius, 0.0])
+
+    @property
+    def stick_foot(self) -> Floats:
+        """The middle of the stick's lower end."""
+        return np.array([2.5 * self.ball_radius, 0.0, 0.0])
+
+    @property
+    def stick_height(self) -> float:
+        return 2.5 * self.ball_radius
+
+    @property
+    def stick_radius(self) -> float:
+        return 0.06 * self.ball_radius
+
+
+def placeholder_of(scene: Scene) -> _Placeholder:
+    """The placeholder of a scene, which always takes up the same part of the picture."""
+    distance = float(np.linalg.norm(scene.spot - scene.camera_position))
+    return _Placeholder(2 * BALL * distance * float(np.tan(np.radians(scene.vertical_fov) / 2)))
+
+
+# Conversions to the frames and lamps of other tools; numpy alone is needed.
+
+
+def to_z_up(vector: Floats) -> Floats:
+    """Vectors (..., 3) of our frame where +Z is up and the camera looks along +Y."""
+    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
+    return np.stack([x, -z, y], axis=-1)
+
+
+def color_and_intensity(irradiance: Floats) -> tuple[Floats, float]:
+    """An irradiance (3,) as a colour (3,) whose largest channel is 1, and its strength; white and 0 for no light."""
+    strength = float(irradiance.max())
+    return (irradiance / strength if strength > 0 else np.ones(3)), strength

@@ -17,12 +17,12 @@ import bpy
 from mathutils import Matrix
 
 
-def main() -> None:
+def _main() -> None:
     folder = Path(__file__).resolve().parent
     still = load(folder / "scene.py")
     if "--save" in sys.argv:
         bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = still.build(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
+    scene = still.build_scene(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
     move(scene, json.loads((folder / "shot.json").read_text(encoding="utf-8")), folder)
     if "--save" in sys.argv:
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"), relative_remap=True)
@@ -67,10 +67,10 @@ def hang_clip(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
     clip.frame_start = 1 - numbers["first_frame"]
     for background in scene.camera.data.background_images:
         background.source, background.clip = "MOVIE_CLIP", clip
-    composite_over(scene, clip)
+    composite_clip_over(scene, clip)
 
 
-def composite_over(scene: Any, clip: Any) -> None:
+def composite_clip_over(scene: Any, clip: Any) -> None:
     """The clip in place of the still plate in what is rendered, too."""
     tree = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.node_tree
     plate = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeImage")
@@ -82,4 +82,4 @@ def composite_over(scene: Any, clip: Any) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    _main()

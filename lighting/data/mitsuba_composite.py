@@ -19,7 +19,7 @@ mi: Any = mitsuba
 FOLDER = Path(__file__).resolve().parent
 
 
-def main(samples: str = "64", variant: str = "scalar_rgb") -> None:
+def _main(samples: str = "64", variant: str = "scalar_rgb") -> None:
     mi.set_variant(variant)
     plate = linear(mi.Bitmap(str(FOLDER / "plate.png")))
     lit = lit_ground(plate.shape[1], plate.shape[0])
@@ -62,4 +62,4 @@ def rendered(samples: int, *parts: str, **values: str) -> Any:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    _main(*sys.argv[1:])

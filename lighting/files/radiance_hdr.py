@@ -62,7 +62,7 @@ def _row_start(width: int) -> bytes:
     return bytes((2, 2, width >> 8, width & 255))
 
 
-def read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
+def _read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
     """The pixels (H, W, 3) of a Radiance RGBE file, see `decode_hdr`; EnvironmentMapError, which names the file."""
     try:
         return decode_hdr(Path(source).read_bytes())

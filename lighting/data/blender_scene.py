@@ -21,12 +21,12 @@ from mathutils import Matrix, Vector
 LIT_BY_THE_SUN = "Lit by the Sun"  # what its collection is called where it leaves out the object
 
 
-def main() -> None:
+def _main() -> None:
     arguments = {"--save", "--render"} & set(sys.argv)
     if arguments:  # nothing of an open file is at stake
         bpy.ops.wm.read_factory_settings(use_empty=True)
     folder = own_folder()
-    scene = build(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
+    scene = build_scene(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
     if arguments:
         for other in [other for other in bpy.data.scenes if other != scene]:
             bpy.data.scenes.remove(other)
@@ -44,7 +44,7 @@ def own_folder() -> Path:
     return Path(bpy.path.abspath(text.filepath) if text and text.filepath else __file__).resolve().parent
 
 
-def build(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any:
+def build_scene(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any:
     """The scene given, or a new one that is made the current one; a compositor that it has stays as it is."""
     if scene is None:
         scene = bpy.data.scenes.new("Photo")
@@ -54,7 +54,7 @@ def build(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any:
     environment = load_image(folder / numbers["environment"], "Linear Rec.709")
     set_up_render(scene, numbers)
     add_camera(scene, numbers["camera"], plate)
-    sun = add_sun(scene, numbers["sun"])
+    sun = add_sun_lamp(scene, numbers["sun"])
     scene.world = make_world(numbers["sky"], environment)
     ground = add_ground(scene, numbers["ground"])
     if numbers["spot_in_shade"]:
@@ -108,7 +108,7 @@ def add_camera(scene: Any, numbers: dict[str, Any], plate: Any) -> None:
     scene.camera = camera
 
 
-def add_sun(scene: Any, numbers: dict[str, Any]) -> Any:
+def add_sun_lamp(scene: Any, numbers: dict[str, Any]) -> Any:
     data = bpy.data.lights.new("Sun", "SUN")
     data.angle = math.radians(numbers["angle"])
     sun = add_object(scene, "Sun", data)
@@ -341,4 +341,4 @@ def fit_to_render(node: Any) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    _main()
