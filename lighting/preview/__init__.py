@@ -1,5 +1,1 @@
-"""A picture of a photo's light for people."""
-
-from lighting.preview.picture import PHOTO_SIDE, draw_preview, preview_png
-
-__all__ = ["PHOTO_SIDE", "draw_preview", "preview_png"]
+"""Pictures for people: the photo with its light drawn in, and three spheres lit by it."""

@@ -1,20 +1,113 @@
-"""One picture of a photo's light: photo with horizon, sun compass, environment map, three spheres, numbers in words."""
+"""The preview picture."""
+
+from textwrap import wrap
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import checked_pixels
-from lighting.drawing import BACKGROUND, MUTED, TEXT, Style, display, rounded, write
-from lighting.envmap import camera_of, known_place, render, surround
-from lighting.files import checked_map, encode_png
-from lighting.preview.compass import compass_panel
-from lighting.preview.layout import CAPTION, LETTERS, WIDTH, Box, lay_out
-from lighting.preview.map_panel import map_panel
-from lighting.preview.photo_panel import photo_caption, photo_panel
-from lighting.preview.words import draw_headline, numbers_of, warning_lines
-from lighting.records import Estimate, Lighting, check_estimate
-from lighting.spheres import Stage, lit_stage, pitch_of, render_stage, sphere_centres
+from lighting.color import checked_pixels
+from lighting.envmap.projection import camera_of
+from lighting.envmap.render import render
+from lighting.envmap.surroundings import photo_context, render_with_surroundings
+from lighting.files.atomic import encode_png
+from lighting.files.exr import checked_map
+from lighting.formatting import aside, azimuth_in_words, tilt_in_words
+from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, Style, display, rounded, text_width, write
+from lighting.preview.panels import (
+    CAPTION,
+    GAP,
+    LETTERS,
+    MARGIN,
+    WARNING,
+    WIDTH,
+    Box,
+    compass_panel,
+    lay_out,
+    map_panel,
+    photo_caption,
+    photo_panel,
+)
+from lighting.preview.spheres import Stage, lit_stage, pitch_of, render_stage, sphere_centres
+from lighting.records import SUITABLE, Estimate, Lighting, check_estimate
+
+# The preview's headline, warnings and numbers.
+
+ANYWHERE = 90.0  # deg: where a tenth of the probability lies farther off than this, the sun may as well be opposite
+DOUBTED = 0.25  # probability of direct sunlight from which on its absence is not certain
+_LETTERS = 160  # of a line of warnings
+
+
+def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
+    """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
+    visible, hedge = lighting.sun_shines, _hedge(lighting)
+    where = f"{azimuth_in_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
+    none = "No direct sun" if lighting.sun_visibility < DOUBTED else "Probably no direct sun"
+    title = f"Sun {hedge}{where}" if visible else none
+    doubtful = lighting.suitable is not None and lighting.suitable < SUITABLE
+    title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
+    sources = _sources(lighting)
+    size = _fitting(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
+    write(canvas, (MARGIN, MARGIN - 6), title, Style(size, TEXT if doubtful or not visible else SUN))
+    if visible:
+        half, most = _short(lighting.radius_50), _short(lighting.radius_90)
+        spread = f"half of the probability lies within {half}°, 90 % within {most}°"
+    else:
+        spread = f"an overcast or shaded scene; if the sun shone, it would {hedge}stand {where}"
+    write(canvas, (MARGIN, MARGIN + 40), spread, Style(20, MUTED))
+    model = f"{lighting.model_name} {lighting.model_version}"
+    write(canvas, (WIDTH - MARGIN, MARGIN + 40), model, Style(18, MUTED, anchor="ra"))
+    write(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, Style(18, MUTED, anchor="ra"))
+    for number, line in enumerate(_warning_lines(lighting)):
+        write(canvas, (MARGIN, MARGIN + 70 + number * WARNING), line, Style(18, TEXT))
+
+
+def _fitting(text: str, size: int, width: float) -> int:
+    """The size of a text's letters, smaller where the text would be wider than that."""
+    return min(size, int(size * width / text_width(text, size)))
+
+
+def _hedge(lighting: Lighting) -> str:
+    """What makes the sun's direction sound no surer than it is."""
+    return "perhaps " if lighting.radius_90 > ANYWHERE else ""
+
+
+def _warning_lines(lighting: Lighting) -> list[str]:
+    """The record's warnings, in lines as wide as the picture."""
+    return [line for warning in lighting.warnings for line in wrap(f"Warning: {warning}", _LETTERS)]
+
+
+def _sources(lighting: Lighting) -> str:
+    """The evidence if it is more than the pixels, and the camera's heading if it is known."""
+    sources = [f"from {', '.join(lighting.evidence)}"] if len(lighting.evidence) > 1 else []
+    heading = [] if lighting.camera_heading is None else [f"camera heading {round(lighting.camera_heading) % 360}°"]
+    return "; ".join(sources + heading)
+
+
+def _short(value: float) -> str:
+    """One decimal below 10."""
+    return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
+
+
+def _short_azimuth(azimuth: float) -> str:
+    """An azimuth [deg] for a column of numbers: "ahead", "behind" or "41° left"."""
+    return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), aside(azimuth))
+
+
+def _numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
+    """Names and values of the record, in words."""
+    return [
+        ("Sun azimuth", _short_azimuth(lighting.sun_azimuth)),
+        ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
+        ("50 % / 90 % within", f"{_short(lighting.radius_50)}° / {_short(lighting.radius_90)}°"),
+        ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
+        ("Turbidity", f"{lighting.turbidity:.1f}"),
+        ("Exposure", f"{lighting.exposure:.3g}"),
+        ("Camera elevation", tilt_in_words(lighting.camera_elevation, 1)),
+        ("Camera roll", f"{round(lighting.camera_roll, 1) + 0.0:.1f}°"),
+        ("Vertical field of view", f"{lighting.vertical_fov:.1f}°"),
+    ]
+
 
 MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
@@ -26,10 +119,10 @@ def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: b
     `surroundings` says whether the map shows the place; by default it does where the network predicted it. Raises
     ParameterError for what is no Estimate, and PhotoError for what is no photo's pixels.
     """
-    return encode_png(draw_preview(photo, estimate, _map(photo, estimate, surroundings)))
+    return encode_png(_draw_preview(photo, estimate, _map(photo, estimate, surroundings)))
 
 
-def draw_preview(
+def _draw_preview(
     photo: NDArray[np.uint8], estimate: Estimate, envmap: NDArray[np.float32] | None = None
 ) -> NDArray[np.uint8]:
     """The same as sRGB pixels (H, 1600, 3).
@@ -41,8 +134,8 @@ def draw_preview(
     photo = checked_pixels(photo)
     lighting = estimate.lighting
     envmap = _map(photo, estimate, None) if envmap is None else checked_map(envmap)
-    aspect, numbers = photo.shape[1] / photo.shape[0], numbers_of(lighting)
-    plan = lay_out(aspect, len(numbers), len(warning_lines(lighting)))
+    aspect, numbers = photo.shape[1] / photo.shape[0], _numbers_of(lighting)
+    plan = lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
     compass = compass_panel(estimate, aspect, plan.compass.width)
     centres = sphere_centres(plan.spheres.width / plan.spheres.height, pitch_of(lighting))
     stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
@@ -50,7 +143,7 @@ def draw_preview(
     camera = camera_of(lighting, photo.shape[1], photo.shape[0])
     seen = photo_caption(camera, plan.photo.width, balls=placed is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
-    draw_headline(canvas, lighting)
+    _draw_headline(canvas, lighting)
     for box, caption, panel in (
         (plan.photo, seen, photo_panel(photo, lighting, plan.photo, placed)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
@@ -71,8 +164,12 @@ def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> N
 
 
 def _map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
-    place = known_place(estimate, photo, wanted=surroundings)
-    return surround(estimate.lighting, place, MAP_HEIGHT) if place else render(estimate.lighting, MAP_HEIGHT)
+    place = photo_context(estimate, photo, wanted=surroundings)
+    return (
+        render_with_surroundings(estimate.lighting, place, MAP_HEIGHT)
+        if place
+        else render(estimate.lighting, MAP_HEIGHT)
+    )
 
 
 def _spheres_panel(stage: Stage, lighting: Lighting, box: Box) -> Image.Image:

@@ -1,4 +1,4 @@
-"""The three balls on the photo's own ground, in its light, with their shadows and bounced light.
+"""Balls composited into the photo.
 
 A ball replaces the photo's pixels. The ground keeps them, times the share of its light that the balls leave: where the
 picture's ground already lies in shade, only the sky's light is left to take, so no shadow darkens it twice. Balls that
@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import srgb_decode, tone_map
-from lighting.envmap import camera_of, lit_around, lit_ground
+from lighting.color import srgb_decode, tone_map
+from lighting.envmap.projection import camera_of
+from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
 from lighting.geometry import (
     EYE_HEIGHT,
+    SPOT,
     Floats,
     Pinhole,
     camera_directions,
@@ -23,11 +25,80 @@ from lighting.geometry import (
     slice_around,
     window_of,
 )
+from lighting.preview.spheres import SPACING, Stage, ground, in_shade, shade_sphere, sunlit
 from lighting.records import Lighting
-from lighting.spheres.bounces import in_shade
-from lighting.spheres.render import SPACING
-from lighting.spheres.room import has_room, plain_spot
-from lighting.spheres.shading import Stage, ground, shade, sunlit
+
+# Where a photo has room for the balls: on plain ground, off people and things.
+
+_ROWS = 150  # of the picture in which unrest is counted: paving and grass are plain in it, people and bollards are not
+_LOWEST = 0.95  # of the picture's height, where a foot may stand
+_ABOVE, _BELOW = 2.0, 0.5  # ball radii that must be free over the feet and under them
+_AWAY = 100.0  # grey levels of unrest that one is ready to bear to stay in the lower middle
+
+
+def _has_room(camera: Pinhole, radius: float, row: float) -> bool:
+    """Whether the picture of a camera shows ground for balls as `plain_spot` has them."""
+    return bool(_feet(_coarse(camera), row * radius / camera.height, radius / camera.focal_length).any())
+
+
+def _plain_spot(picture: Image.Image, camera: Pinhole, radius: float, row: float) -> tuple[float, float] | None:
+    """The pixel (x, y) where balls side by side disturb a picture least; None where it shows no ground for them.
+
+    `radius` [pixels] is a ball's, and they are `row` radii wide to either side; none is as high as the camera. The box
+    around them holds the least unrest, which is the mean difference between neighbours; the nearer to the lower middle,
+    the better.
+    """
+    small = _coarse(camera)
+    tall = radius / camera.height
+    feet = _feet(small, row * tall, radius / camera.focal_length)
+    if not feet.any():
+        return None
+    grey = picture.convert("L").resize((small.width, small.height), Image.Resampling.BOX)
+    y, x = np.mgrid[: small.height, : small.width] + 0.5
+    away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + SPOT) / 2)
+    aside, above, below = (radii * tall * small.height for radii in (row, _ABOVE, _BELOW))
+    unrest = _boxed(_unrest(np.asarray(grey, dtype=np.float32)), aside, above, below)
+    down, across = np.unravel_index(np.argmin(np.where(feet, unrest + _AWAY * away, np.inf)), feet.shape)
+    return (float(across) + 0.5) * camera.width / small.width, (float(down) + 0.5) * camera.height / small.height
+
+
+def _coarse(camera: Pinhole) -> Pinhole:
+    """The camera with a picture of at most _ROWS rows."""
+    rows = min(camera.height, _ROWS)
+    return replace(camera, width=max(1, round(camera.width * rows / camera.height)), height=rows)
+
+
+def _feet(camera: Pinhole, half: float, radius: float) -> NDArray[np.bool_]:
+    """Which pixels (h, w) show ground where balls stand wholly in the picture and lower than the camera.
+
+    `half` is the half width of all [picture heights], `radius` a ball's [focal lengths].
+    """
+    rays = camera_directions(camera)
+    below = rays[..., 1] < -2 * radius * (rays @ camera.axes[2])
+    below[int(_LOWEST * camera.height) :] = False
+    aside = np.abs(np.arange(camera.width) + 0.5 - camera.width / 2) / camera.height
+    return np.asarray(below & (aside <= max(camera.width / 2 / camera.height - half, 0.5 / camera.height)))
+
+
+def _unrest(grey: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Differences (h, w) of a picture's pixels from their neighbours to the right and below."""
+    across, down = (np.abs(np.diff(grey, axis=axis)) for axis in (1, 0))
+    return np.asarray(np.pad(across, ((0, 0), (0, 1))) + np.pad(down, ((0, 1), (0, 0))))
+
+
+def _boxed(values: NDArray[np.float32], aside: float, above: float, below: float) -> Floats:
+    """The mean (h, w) of values (h, w) within the boxes around each pixel that reach so far [pixels]."""
+    rows, columns = values.shape
+    sums = np.pad(values.astype(np.float64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    y, x = np.arange(rows) + 0.5, np.arange(columns) + 0.5
+    top, bottom = (np.clip(np.round(edge), 0, rows).astype(int) for edge in (y - above, y + below))
+    left, right = (np.clip(np.round(edge), 0, columns).astype(int) for edge in (x - aside, x + aside))
+    held = sums[bottom] - sums[top]
+    area = np.maximum(np.outer(bottom - top, right - left), 1)
+    return np.asarray((held[:, right] - held[:, left]) / area)
+
+
+# The three balls on the photo's own ground, in its light, with their shadows and bounced light.
 
 BALL = 0.055  # largest radius of a ball in the picture, in picture heights
 
@@ -44,14 +115,14 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
     `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
     """
     camera = camera_of(lighting, picture.width, picture.height)
-    spot = plain_spot(picture, camera, ball_radius(camera), _ROW)
+    spot = _plain_spot(picture, camera, _ball_radius(camera), _ROW)
     if spot is None:
         return picture
-    centres = ball_centres(camera, spot)
+    centres = _ball_centres(camera, spot)
     there = replace(stage, centres=centres)
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
-    lit = lit_ground(np.asarray(picture), lighting)
-    share = lit_around(lit, camera, centres - [0.0, 1.0, 0.0], ball_radius(camera))
+    lit = ground_shadow_mask(np.asarray(picture), lighting)
+    share = mean_sunlit(lit, camera, centres - [0.0, 1.0, 0.0], _ball_radius(camera))
     standing = in_shade(there, share) if share < 1.0 else there
     shaded = linear * _left_light(lit, camera, replace(there, exchange=standing.exchange))
     return Image.fromarray(tone_map(_over(shaded, camera, standing)))
@@ -59,21 +130,21 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
 
 def has_ground(camera: Pinhole) -> bool:
     """Whether `with_balls` puts balls into a picture of this camera."""
-    return has_room(camera, ball_radius(camera), _ROW)
+    return _has_room(camera, _ball_radius(camera), _ROW)
 
 
-def ball_radius(camera: Pinhole) -> float:
+def _ball_radius(camera: Pinhole) -> float:
     """Radius [pixels] of the balls in a picture, so small that three side by side fit."""
     return min(BALL * camera.height, _FILLED * camera.width / (2 * _ROW))
 
 
-def ball_centres(camera: Pinhole, spot: tuple[float, float]) -> Floats:
+def _ball_centres(camera: Pinhole, spot: tuple[float, float]) -> Floats:
     """The balls' centres (3, 3) as the camera at the origin has them, in radii; the middle one stands on a pixel."""
     right, up, forward = camera.axes
     x, y = (np.array(spot) - [camera.width / 2, camera.height / 2]) / camera.focal_length
     sight = forward + x * right - y * up
     depth = EYE_HEIGHT / -sight[1]
-    radius = ball_radius(camera) / camera.focal_length * depth
+    radius = _ball_radius(camera) / camera.focal_length * depth
     middle = sight * depth / radius + [0.0, 1.0, 0.0]
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
 
@@ -167,7 +238,7 @@ def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, stage: Stag
     distance = ray_sphere(np.zeros(3), flat, stage.centres[kind])
     hit = np.isfinite(distance)
     colour = np.zeros_like(flat)
-    colour[hit] = shade(kind, flat[hit] * distance[hit, None], flat[hit], stage, mirrored=False)
+    colour[hit] = shade_sphere(kind, flat[hit] * distance[hit, None], flat[hit], stage, mirrored=False)
     height, width = window.shape[:2]
     blocks = (height, _FINE, width, _FINE)
     cover = hit.reshape(blocks).mean(axis=(1, 3))[..., None]

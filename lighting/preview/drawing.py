@@ -1,15 +1,48 @@
-"""Antialiased lines, marks and text: Pillow draws them as an enlarged mask, which is then reduced."""
+"""Lines, text, palette, horizon and sun markers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from lighting.drawing.palette import BLACK, Colour
-from lighting.geometry import Floats
+from lighting.color import tone_map
+from lighting.envmap.projection import camera_of
+from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
+from lighting.records import Lighting
+
+# Colours of pictures for people, and how linear light is shown in them.
+
+Colour = tuple[int, int, int]  # 8-bit sRGB
+
+BLACK: Colour = (0, 0, 0)
+BACKGROUND: Colour = (21, 24, 30)
+PANEL: Colour = (30, 34, 42)
+TEXT: Colour = (235, 237, 240)
+MUTED: Colour = (150, 157, 168)
+LINE: Colour = (96, 104, 118)
+WHITE: Colour = (255, 255, 255)
+SUN: Colour = (255, 196, 70)
+PALE: Colour = (208, 213, 221)  # the sun where it does not shine
+HEAT = np.array([[30, 34, 42], [54, 56, 92], [132, 70, 104], [222, 116, 72], [255, 212, 116]])  # low to high density
+
+_SHOULDER = 0.6  # linear value above which the display curve bends instead of clipping
+
+
+def sun_colour(lighting: Lighting) -> Colour:
+    """The colour of the sun's marks."""
+    return SUN if lighting.sun_shines else PALE
+
+
+def display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """8-bit sRGB of the photo's linear values, with a shoulder in place of a hard clip."""
+    over = np.maximum(linear - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
+    return tone_map(np.minimum(linear, _SHOULDER) + (1 - _SHOULDER) * (1 - np.exp(-over)))
+
+
+# Antialiased lines, marks and text: Pillow draws them as an enlarged mask, which is then reduced.
 
 Point = tuple[float, float]
 
@@ -17,7 +50,7 @@ _FINE = 3  # supersampling
 _SHADE = 0.45  # opacity of the dark background of marks and outlined text
 
 
-def ink(
+def _ink(
     picture: Image.Image, colour: Colour, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]
 ) -> None:
     """Colour `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
@@ -34,7 +67,7 @@ def stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width:
         for line in filter(len, lines):
             draw.line(_scaled(line, scale), fill=255, width=round(width * scale), joint="curve")
 
-    ink(picture, colour, opacity, paint)
+    _ink(picture, colour, opacity, paint)
 
 
 def shaded_stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float) -> None:
@@ -45,7 +78,7 @@ def shaded_stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour,
 
 def polygon(picture: Image.Image, corners: ArrayLike, colour: Colour, opacity: float = 1.0) -> None:
     """Fill the polygon with these corners (N, 2)."""
-    ink(picture, colour, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
+    _ink(picture, colour, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
 
 
 def sun_marks(picture: Image.Image, spots: ArrayLike, colour: Colour, size: float) -> None:
@@ -62,8 +95,8 @@ def sun_marks(picture: Image.Image, spots: ArrayLike, colour: Colour, size: floa
 
         return suns
 
-    ink(picture, BLACK, _SHADE, paint(2.0))
-    ink(picture, colour, 1.0, paint(0.0))
+    _ink(picture, BLACK, _SHADE, paint(2.0))
+    _ink(picture, colour, 1.0, paint(0.0))
 
 
 def arrow_head(picture: Image.Image, tip: Floats, towards: Floats, colour: Colour) -> None:
@@ -126,3 +159,54 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     font = ImageFont.load_default(size)
     assert isinstance(font, ImageFont.FreeTypeFont)  # Pillow's wheels bring FreeType
     return font
+
+
+# The photo's horizon and its sun, marked on the photo.
+
+_NEAR = 52  # pixels within which the horizon may cross the words beside an arrow
+
+
+def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
+    """Draw the horizon as a thin line with a soft shadow, if it is in view; its name is on the side without the sun."""
+    line = horizon_pixels(camera_of(lighting, *picture.size))
+    shaded_stroke(picture, [line], WHITE, 2)
+    inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
+    if len(inside):
+        left = lighting.sun_direction[0] >= 0.0
+        x, y = (12, float(inside[0, 1])) if left else (picture.width - 12, float(inside[-1, 1]))
+        if 30 < y < picture.height:
+            write(picture, (x, y - 8), "horizon", Style(17, WHITE, anchor="ls" if left else "rs", shaded=True))
+
+
+def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
+    """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
+    colour, camera = sun_colour(lighting), camera_of(lighting, *picture.size)
+    seen = _camera_pixels(lighting.sun_direction[None], camera)
+    if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
+        sun_marks(picture, seen, colour, 9)
+        return
+    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll) @ lighting.sun_direction
+    away = np.array([right, -up] if forward > 0 else [1.0 if right > 0 else -1.0, 0.0])
+    away /= max(float(np.hypot(*away)), 1e-9)
+    middle = np.array([picture.width, picture.height]) / 2
+    tip = middle + away * np.min((middle - 14) / np.maximum(np.abs(away), 1e-9))
+    arrow_head(picture, tip, away, colour)
+    label = tip - away * 16 + [0, 30 if _is_free_below(tip, horizon_pixels(camera), picture.height) else -30]
+    write_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, colour)
+
+
+def horizon_pixels(camera: Pinhole) -> Floats:
+    """Pixels (N, 2) of the horizon, from left to right where the camera does not stand on its head."""
+    return _camera_pixels(direction(np.linspace(-80.0, 80.0, 65), 0.0), camera)
+
+
+def _camera_pixels(directions: Floats, camera: Pinhole) -> Floats:
+    pixels = camera_pixel(directions, camera)
+    return pixels[~np.isnan(pixels[:, 0])]
+
+
+def _is_free_below(tip: Floats, horizon: Floats, height: int) -> bool:
+    """Whether an arrow's words go below its tip (2,): on the side that a horizon (N, 2) near it does not cross."""
+    order = np.argsort(horizon[:, 0])
+    drop = float(np.interp(tip[0], *horizon[order].T)) - tip[1] if len(horizon) else np.inf
+    return bool(drop < 0 if abs(drop) < _NEAR else tip[1] < height / 2)

@@ -1,0 +1,302 @@
+"""Sky compass, map and photo panels, layout."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fitting, latlong_pixel
+from lighting.preview.drawing import (
+    HEAT,
+    LINE,
+    MUTED,
+    PANEL,
+    TEXT,
+    WHITE,
+    Style,
+    display,
+    draw_horizon,
+    draw_sun,
+    horizon_pixels,
+    polygon,
+    rounded,
+    shaded_stroke,
+    stroke,
+    sun_colour,
+    sun_marks,
+    text_width,
+    write,
+    write_inside,
+)
+from lighting.preview.object_insertion import has_ground, with_balls
+from lighting.preview.spheres import Stage
+from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.sun_grid import grid_directions
+
+# Lines on the sphere of directions: the sun's regions and the photo's frame.
+
+_LETTERS = 15  # pixels, size of a share
+
+
+def _regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
+    """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
+    colour = sun_colour(lighting)
+    labels: list[tuple[str, Floats]] = []
+    for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
+        rim = _rim(lighting, radius)
+        if radius <= 0 or rim[180, 1] <= 0:
+            continue
+        line = pixels(rim[rim[:, 1] > -0.02])
+        shaded_stroke(picture, list(_pieces(line, picture.width)), colour, width)
+        outwards = pixels(rim[180]) - pixels(_rim(lighting, 0.98 * radius)[180])
+        outwards = outwards / np.hypot(*outwards)
+        spot = pixels(rim[180]) + 14 * outwards
+        labels.append((share, _clear_of([other for _, other in labels], spot, outwards)))
+    for share, spot in labels:
+        write_inside(picture, spot, share, _LETTERS, colour)
+
+
+def _clear_of(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
+    """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
+    room = np.array([text_width("90 %", _LETTERS) + 6, _LETTERS + 4])
+    for other in others:
+        lacking = room - (spot - other) * np.sign(outwards)
+        if np.all(np.abs(spot - other) < room):
+            spot = spot + outwards * float(np.min(lacking / np.maximum(np.abs(outwards), 1e-6)))
+    return spot
+
+
+def _rim(lighting: Lighting, radius: float) -> Floats:
+    """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
+    right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
+    turn = np.linspace(0.0, 2 * np.pi, 361)[:, None]
+    return np.asarray(
+        np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * (np.sin(turn) * right - np.cos(turn) * up)
+    )
+
+
+def _frame_directions(lighting: Lighting, aspect: float) -> Floats:
+    """Directions (N, 3) through the photo's border, a closed loop."""
+    y = np.tan(np.radians(lighting.vertical_fov) / 2)
+    x, side = aspect * y, np.linspace(-1.0, 1.0, 48)
+    one = np.ones_like(side)
+    border = np.concatenate([np.stack(p, axis=-1) for p in ((side, one), (one, -side), (-side, -one), (-one, side))])
+    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll)
+    return np.asarray(x * border[:, :1] * right + y * border[:, 1:] * up + forward)
+
+
+def _pieces(line: Floats, width: float) -> Iterator[Floats]:
+    """A line (N, 2) cut where it jumps by more than half the picture's width, as it does at the seam."""
+    jumps = np.flatnonzero(np.abs(np.diff(line[:, 0])) > width / 2) + 1
+    yield from (piece for piece in np.split(line, jumps) if len(piece) > 1)
+
+
+# The panel that shows the sky from above, with the sun's probability.
+
+_RINGS = (30, 60)  # degrees of elevation
+_HEAT_SIZE = 112  # pixels of the density before enlargement
+
+
+def compass_panel(estimate: Estimate, aspect: float, size: int) -> Image.Image:
+    """The sky seen from above: zenith at the centre, the camera's heading at the top, its right on the right."""
+    lighting = estimate.lighting
+    panel = Image.new("RGB", (size, size), PANEL)
+    radius = size / 2 - 44
+    heat = _heat(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
+    corner = (round(size / 2 - radius),) * 2
+    panel.paste(heat, corner, rounded(heat.size, heat.width // 2))
+    sideways, _, along = np.abs(lighting.sun_direction)
+    _rings(panel, radius)
+    view = _on_dome(_frame_directions(lighting, aspect), size, radius)
+    polygon(panel, view, WHITE, 0.10)
+    stroke(panel, [view], WHITE, 1.5, 0.6)
+    _regions(panel, lighting, lambda d: _on_dome(d, size, radius))
+    _write_degrees(panel, radius, across=bool(sideways < along))
+    sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), sun_colour(lighting), 8)
+    return panel
+
+
+def _heat(distribution: SunDistribution) -> Image.Image:
+    """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
+    side = (np.arange(_HEAT_SIZE) + 0.5) / _HEAT_SIZE * 2 - 1
+    x, y = np.meshgrid(side, side)
+    elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
+    dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
+    density = _density(dome, distribution)
+    level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_HEAT_SIZE, _HEAT_SIZE)
+    steps = np.linspace(0.0, 1.0, len(HEAT))
+    return Image.fromarray(np.stack([np.interp(level, steps, HEAT[:, c]) for c in range(3)], axis=-1).astype(np.uint8))
+
+
+def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
+    """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighbourhood."""
+    probability = np.asarray(distribution.probability, dtype=np.float32)
+    cells = grid_directions(distribution.grid).astype(np.float32)
+    concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
+    likely = probability > 1e-4 * probability.max()
+    kernel = np.exp(concentration * (dome @ cells[likely].T - 1))
+    return np.asarray(kernel @ probability[likely] * concentration / np.float32(2 * np.pi))
+
+
+def _rings(panel: Image.Image, radius: float) -> None:
+    """Draw elevation rings and a cross labelled front, right, behind and left, clear of a sun on the horizon."""
+    centre = panel.width / 2
+    spokes = [np.array([[centre - radius, centre], [centre + radius, centre]])]
+    spokes.append(spokes[0][:, ::-1])
+    rings = [_circle(centre, radius * (90 - elevation) / 90) for elevation in _RINGS]
+    stroke(panel, spokes + rings, WHITE, 1, 0.22)
+    stroke(panel, [_circle(centre, radius)], LINE, 2, 1.0)
+    write(panel, (centre, 16), "front", Style(18, TEXT, anchor="mm"))
+    write(panel, (centre, panel.height - 16), "behind", Style(18, MUTED, anchor="mm"))
+    for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
+        write(panel, (x, centre), word, Style(18, MUTED, anchor="mm"))
+
+
+def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
+    """Write the rings' degrees, on what is drawn: behind the zenith, or on its right where `across`.
+
+    The regions' shares stand in line with the sun.
+    """
+    centre = panel.width / 2
+    for elevation in _RINGS:
+        out = centre + radius * (90 - elevation) / 90
+        spot = (out + 6, centre - 3) if across else (centre + 6, out - 3)
+        write(panel, spot, f"{elevation}°", Style(15, TEXT, anchor="ls", shaded=True))
+
+
+def _circle(centre: float, radius: float) -> Floats:
+    turn = np.linspace(0.0, 2 * np.pi, 181)
+    return np.stack([centre + radius * np.cos(turn), centre + radius * np.sin(turn)], axis=-1)
+
+
+def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
+    """Pixels (N, 2) on a compass of that size; directions below the horizon are drawn on the rim."""
+    azimuth, elevation = angles(directions)
+    reach = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0
+    turn = np.radians(azimuth)
+    return np.stack([size / 2 + reach * np.sin(turn), size / 2 - reach * np.cos(turn)], axis=-1)
+
+
+# Where the parts of the preview lie, in pixels.
+
+WIDTH = 1600  # of the whole picture
+MARGIN = 40  # around all
+GAP = 24  # between panels
+HEADER = 78  # height of the headline above the panels
+WARNING = 26  # height of a line of warnings, which stand below the headline
+CAPTION = 32  # height of the line above each panel
+LETTERS = 18  # size of a caption's letters
+CELL = 76  # height of one number with its name
+UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
+UPRIGHT_MAP_HEIGHT = 440  # of the map below it
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle by its upper left corner and its size."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where everything goes."""
+
+    height: int  # of the whole picture
+    photo: Box
+    compass: Box
+    envmap: Box
+    spheres: Box
+    cells: list[tuple[int, int]]  # upper left corners of the numbers
+
+
+def lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
+    """The layout for a photo's width / height, `count` numbers and so many lines of warnings.
+
+    Photo and compass above, map and spheres below; the numbers beside an upright photo, else at the foot.
+    """
+    inner, top = WIDTH - 2 * MARGIN, MARGIN + HEADER + warnings * WARNING + CAPTION
+    aspect = min(max(aspect, 0.5), 2.0)
+    upright = aspect < 0.9
+    upper = UPRIGHT_HEIGHT if upright else int((inner - GAP) / (1 + aspect))
+    photo = Box(MARGIN, top, round(upper * aspect), upper)
+    compass = Box(MARGIN + photo.width + GAP if upright else WIDTH - MARGIN - upper, top, upper, upper)
+    below = top + upper + GAP + CAPTION
+    lower = UPRIGHT_MAP_HEIGHT if upright else photo.width // 2
+    envmap = Box(MARGIN, below, 2 * lower, lower)
+    left = MARGIN + envmap.width + GAP if upright else compass.x
+    spheres = Box(left, below, WIDTH - MARGIN - left, lower)
+    foot = below + lower + GAP
+    if upright:
+        column = compass.x + compass.width + GAP + 8
+        return _Layout(
+            foot - GAP + MARGIN, photo, compass, envmap, spheres, [(column, top + CELL * i) for i in range(count)]
+        )
+    cells = [(MARGIN + i * inner // count, foot) for i in range(count)]
+    return _Layout(foot + CELL - 10 + MARGIN // 2, photo, compass, envmap, spheres, cells)
+
+
+# The panel that shows the photo, with its horizon and the sun.
+
+
+def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: Stage | None = None) -> Image.Image:
+    """The photo with its horizon and the sun, and with the balls of a stage on its ground if one is given."""
+    panel = Image.new("RGB", (box.width, box.height), PANEL)
+    height, width = photo.shape[:2]
+    size = fitting(width, height, box.width, box.height)
+    picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
+    picture = picture if stage is None else with_balls(picture, lighting, stage)
+    draw_horizon(picture, lighting)
+    draw_sun(picture, lighting)
+    panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
+    return panel
+
+
+def photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
+    """What the panel shows in a photo of this camera, in words that fit its width.
+
+    `balls` says whether it draws them where there is ground.
+    """
+    horizon = ["its horizon"] if _shows_horizon(camera) else []
+    if not (balls and has_ground(camera)):
+        return _caption(horizon)
+    long, short = (_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
+    return long if text_width(long, LETTERS) <= width else short
+
+
+def _caption(shown: list[str]) -> str:
+    return f"Photo, with {' and '.join(shown)}" if shown else "Photo"
+
+
+def _shows_horizon(camera: Pinhole) -> bool:
+    x, y = horizon_pixels(camera).T
+    order = np.argsort(x)
+    edges = np.interp([0.0, camera.width], x[order], y[order]) if len(x) else np.array([np.inf])
+    return bool(edges.min() < camera.height and edges.max() > 0)
+
+
+# The panel that shows the environment map.
+
+
+def map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: Box) -> Image.Image:
+    """A map (H, 2H, 3) with the sun, its regions and the outline of a photo of this aspect (width / height)."""
+    picture = Image.fromarray(display(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
+
+    def pixels(directions: Floats) -> Floats:
+        return latlong_pixel(directions, box.height)
+
+    frame = list(_pieces(pixels(_frame_directions(lighting, aspect)), box.width))
+    shaded_stroke(picture, frame, WHITE, 1.5)
+    _regions(picture, lighting, pixels)
+    spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
+    sun_marks(picture, spots, sun_colour(lighting), 6.5)
+    for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
+        write(picture, (box.width * share, box.height - 12), word, Style(16, WHITE, anchor="ms", shaded=True))
+    for share, anchor in ((0.008, "ls"), (0.992, "rs")):
+        write(picture, (box.width * share, box.height - 12), "behind", Style(16, WHITE, anchor=anchor, shaded=True))
+    return picture
