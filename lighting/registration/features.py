@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import sizes
+from lighting import geometry
 from lighting.errors import require_extra
 from lighting.geometry import Floats
 
@@ -60,10 +60,10 @@ def has_opencv() -> bool:
     return find_spec("cv2") is not None
 
 
-def features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
+def detect_features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
     """The features of a photo (H, W, 3) sRGB, or (H, W) grey, upright."""
     cv2 = opencv()
-    grey = shrunk(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
+    grey = resize_to(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
     height, width = grey.shape
     even = cv2.createCLAHE(CONTRAST, (8, 8)).apply(grey)  # shade has features too
     found, described = cv2.SIFT_create(max_features, contrastThreshold=FAINTEST).detectAndCompute(even, None)
@@ -73,11 +73,11 @@ def features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: 
     return Features(centred(corner, width, height), _rooted(described), width, height)
 
 
-def shrunk(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
+def resize_to(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
     """A grey picture (H, W) with `max_side` pixels along its longer side, if it has more."""
     cv2 = opencv()
     height, width = grey.shape
-    size = sizes.shrunk(width, height, max_side)
+    size = geometry.shrunk(width, height, max_side)
     if size == (width, height):
         return np.ascontiguousarray(grey)
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA))
