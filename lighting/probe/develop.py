@@ -1,25 +1,142 @@
-"""From the exposures of a bracket, a time and a place to a sky in the world's axes."""
+"""Bracket -> aligned probe -> EXR; sun filled in."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.envmap.render import render
+from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ErrorCode, ProbeError
-from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions
-from lighting.probe.align import Alignment, align_one, align_series, yaw_rotation
-from lighting.probe.exposures import Bracket
-from lighting.probe.fill import fill_sun
-from lighting.probe.lens import Lens, lens_of, lens_pixels, pixels_per_degree
-from lighting.probe.mapping import to_latlong
-from lighting.probe.merge import Merged, merge
-from lighting.probe.ratios import Exposed, exposed
-from lighting.probe.regions import Mask
-from lighting.probe.rounding import REACH, unrounded
-from lighting.probe.settings import Moment, Settings, check_day
-from lighting.probe.sky_fit import SkyFit
-from lighting.probe.sun_spot import SunSpot, find_spot
+from lighting.files.exr import write_exr
+from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
+from lighting.photo.linear import Curve
+from lighting.probe.alignment import Alignment, align_one, align_series, yaw_rotation
+from lighting.probe.bracket import TIME, Bracket, probe_path
+from lighting.probe.fisheye import Kind, Lens, check_circle, fisheye_lens, lens_pixels, pixels_per_degree, to_latlong
+from lighting.probe.hdr_merge import REACH, ExposureRatios, MergedHdr, dequantize, measure_ratios, merge_exposures
+from lighting.probe.sky_fit import SkyFit, fit_sky
+from lighting.probe.sun_detection import Mask, SunBlob, find_spot
+from lighting.records import Lighting
+from lighting.solar_position import sun_position
+
+# How and when the exposures of a probe were taken.
+
+MOST_STOPS = 40.0  # of a filter; one for the sun has 17
+
+
+@dataclass(frozen=True)
+class BracketSettings:
+    """How the pictures were taken, and what is wanted of them; None is the usual, as `lens_of` has it.
+
+    Raises ProbeError for numbers that no picture is taken by.
+    """
+
+    kind: Kind = "equidistant"
+    fov: float | None = None  # deg
+    centre: tuple[float, float] | None = None  # pixels
+    radius: float | None = None  # pixels
+    pitch: float | None = None  # deg
+    mirrored: bool = False
+    nd: float = 0.0  # stops of a filter before the lens
+    yaw: float | None = None  # deg clockwise from north of the camera's azimuth 0; None finds it by the sun
+    height: int = 512  # rows of the map
+    curve: Curve | None = None
+    fill: bool = False  # a clipped sun is taken from the model
+
+    def __post_init__(self) -> None:
+        _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
+        check_circle(self.kind, self.fov, self.radius)
+        if not 0.0 <= self.nd <= MOST_STOPS:
+            raise ProbeError(
+                f"The filter has {self.nd:g} stops; it must have 0 to {MOST_STOPS:g}.", "nd", ErrorCode.OUT_OF_RANGE
+            )
+        if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:
+            raise ProbeError(
+                f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90.", "pitch", ErrorCode.OUT_OF_RANGE
+            )
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When and where a bracket was taken."""
+
+    time: datetime  # aware
+    latitude: float  # deg, positive north
+    longitude: float  # deg, positive east
+
+    def __post_init__(self) -> None:
+        _check_finite("The place", self.latitude, self.longitude)
+
+    @property
+    def sun(self) -> tuple[float, float]:
+        """Azimuth in (-180, 180] and elevation [deg] by the ephemeris."""
+        azimuth, elevation = sun_position(self.time, self.latitude, self.longitude)
+        return float(wrap_azimuth(azimuth)), float(elevation)
+
+
+def _check_day(moment: Moment) -> None:
+    """Raise ProbeError where the sun is below the horizon."""
+    if moment.sun[1] < 0:
+        time = moment.time.isoformat(timespec="minutes")
+        raise ProbeError(
+            f"At {time} the sun is {-moment.sun[1]:.0f} deg below the horizon: it is night.", code=ErrorCode.NIGHT
+        )
+
+
+def _check_finite(what: str, *numbers: float | None) -> None:
+    if not all(number is None or math.isfinite(number) for number in numbers):
+        raise ProbeError(f"{what} is told by a number that is not finite.", code=ErrorCode.WRONG_TYPE)
+
+
+# A sun that no exposure could measure, taken from the model of the sky around it.
+
+
+def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple[NDArray[np.float32], SunBlob, SkyFit]:
+    """The map (H, 2H, 3) with the model's disc in place of the clipped sun, the sun it gives, and the sky fitted.
+
+    Turbidity and exposure are fitted to the clear sky that is seen; the clipped pixels become what is beside them.
+    Raises ProbeError where too little clear sky is seen.
+    """
+    fit = fit_sky(image, spot.direction)
+    if fit is None:
+        raise ProbeError("The sun cannot be filled in: too little clear sky is seen to fit the model to.")
+    lighting = _lighting_of(spot, fit)
+    filled = _without_clipped(image, clipped, spot)
+    upper = len(image) // 2
+    with_disc, without = (render(lighting, len(image), sun=shines)[:upper] for shines in (True, False))
+    filled[:upper] += with_disc - without
+    return filled, replace(spot, irradiance=sun_irradiance(lighting)), fit
+
+
+def _lighting_of(spot: SunBlob, fit: SkyFit) -> Lighting:
+    """The model's sky of a fit, as a record that can be rendered."""
+    return Lighting(
+        sun_azimuth=spot.azimuth,
+        sun_elevation=max(spot.elevation, 0.0),
+        turbidity=fit.turbidity,
+        exposure=fit.exposure,
+    )
+
+
+def _without_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> NDArray[np.float32]:
+    """A copy whose clipped pixels around the sun have the median colour of the ring beside them."""
+    away = angle_between(latlong_directions(len(image)), spot.direction)
+    reach = max(spot.radius, 1.5 * 180.0 / len(image)) + 1.0
+    region = (away < reach) & (clipped | (away < 0.6 * reach))
+    ring = (away >= reach) & (away < 2 * reach) & ~clipped
+    filled = image.copy()
+    if ring.any():
+        filled[region] = np.median(image[ring], axis=0)
+    return filled
+
+
+# From the exposures of a bracket, a time and a place to a sky in the world's axes.
 
 SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
 OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
@@ -28,13 +145,13 @@ _MOST_CLIPPED = 0.001  # share of the sky that may be clipped beside the sun bef
 
 
 @dataclass(frozen=True, eq=False)
-class Developed:
+class _MergedBracket:
     """A bracket merged, before it is turned to the world."""
 
-    merged: Merged
+    merged: MergedHdr
     lens: Lens
-    exposed: Exposed
-    spot: SunSpot | None  # in the camera's frame, by the lens as told
+    exposed: ExposureRatios
+    spot: SunBlob | None  # in the camera's frame, by the lens as told
     warnings: tuple[str, ...]
 
 
@@ -45,11 +162,11 @@ class Probe:
     image: NDArray[np.float32]  # (H, 2H, 3), linear Rec.709, in units of full scale / relative exposure
     clipped: Mask  # (H, 2H), brighter than could be measured
     moment: Moment
-    spot: SunSpot | None
+    spot: SunBlob | None
     estimated: bool  # the sun's light is the model's
     fit: SkyFit | None  # the model, where it was asked for
     alignment: Alignment | None  # None where the caller told the yaw
-    exposed: Exposed
+    exposed: ExposureRatios
     warnings: tuple[str, ...]
 
     @property
@@ -58,10 +175,10 @@ class Probe:
         return None if self.spot is None else float(angle_between(self.spot.direction, direction(*self.moment.sun)))
 
 
-def make_probe(bracket: Bracket, moment: Moment, settings: Settings) -> Probe:
+def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> Probe:
     """One probe, aligned by the yaw of its sun. Raises ProbeError by night, without a sun, and for bad exposures."""
-    check_day(moment)
-    developed = develop(bracket, settings)
+    _check_day(moment)
+    developed = _merge_bracket(bracket, settings)
     if settings.yaw is not None:
         return _finish(developed, yaw_rotation(settings.yaw), None, moment, settings)
     if developed.spot is None:
@@ -76,28 +193,28 @@ def make_probe(bracket: Bracket, moment: Moment, settings: Settings) -> Probe:
 
 
 def make_series(
-    brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: Settings
+    brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: BracketSettings
 ) -> Iterator[Probe]:
     """The probes of one camera that stood still, one after the other, all aligned by all their suns.
 
     `brackets` are read when they are needed, twice each. Raises ProbeError by night and where too few suns are found.
     """
     for moment in moments:
-        check_day(moment)
+        _check_day(moment)
     alignment = _series_alignment(brackets, moments, settings)
     told = replace(settings, fov=alignment.lens.fov, mirrored=alignment.lens.mirrored)
     for read, moment in zip(brackets, moments, strict=True):
-        developed = develop(read(), told)
+        developed = _merge_bracket(read(), told)
         yield _finish(developed, alignment.rotation, alignment, moment, told)
 
 
 def _series_alignment(
-    brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: Settings
+    brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: BracketSettings
 ) -> Alignment:
     """How the camera of a series stood, by the suns that its probes show; ProbeError where they are too few."""
     pixels, truth, lens = [], [], None
     for read, moment in zip(brackets, moments, strict=True):
-        developed = develop(read(), settings)
+        developed = _merge_bracket(read(), settings)
         lens = developed.lens
         if developed.spot is not None:
             pixels.append(lens_pixels(lens, developed.spot.direction))
@@ -107,13 +224,13 @@ def _series_alignment(
     return align_series(lens, np.array(pixels), np.array(truth))
 
 
-def develop(bracket: Bracket, settings: Settings) -> Developed:
+def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracket:
     """The bracket merged, and its sun in the camera's frame."""
-    lengths = exposed(bracket)
+    lengths = measure_ratios(bracket)
     relative = lengths.relative / 2.0**settings.nd
-    merged = merge(bracket, relative)
+    merged = merge_exposures(bracket, relative)
     height, width = merged.clipped.shape
-    lens = lens_of(
+    lens = fisheye_lens(
         settings.kind,
         width,
         height,
@@ -123,13 +240,13 @@ def develop(bracket: Bracket, settings: Settings) -> Developed:
         pitch=settings.pitch,
         mirrored=settings.mirrored,
     )
-    merged = unrounded(merged, bracket, relative, REACH * pixels_per_degree(lens))
+    merged = dequantize(merged, bracket, relative, REACH * pixels_per_degree(lens))
     spot = find_spot(*to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
-    return Developed(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
+    return _MergedBracket(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
 
 
 def _finish(
-    developed: Developed, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: Settings
+    developed: _MergedBracket, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: BracketSettings
 ) -> Probe:
     """The probe of a merged bracket by the rotation (3, 3) from its camera to the world."""
     merged = developed.merged
@@ -137,12 +254,12 @@ def _finish(
     spot = None if developed.spot is None else _turned(developed.spot, rotation)
     probe = Probe(image, clipped, moment, spot, False, None, alignment, developed.exposed, developed.warnings)
     if settings.fill and spot is not None and spot.clipped:
-        filled, sun, fit = fill_sun(image, clipped, spot)
+        filled, sun, fit = _fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
     return replace(probe, warnings=(*probe.warnings, *_said(probe)))
 
 
-def _turned(spot: SunSpot, rotation: Floats) -> SunSpot:
+def _turned(spot: SunBlob, rotation: Floats) -> SunBlob:
     """The sun of a camera's frame in the world's, by the rotation (3, 3) between them."""
     azimuth, elevation = angles(rotation @ spot.direction)
     return replace(spot, azimuth=float(azimuth), elevation=float(elevation))
@@ -178,3 +295,51 @@ def _clipped_sky(probe: Probe) -> float:
         return float(upper.mean())
     towards = latlong_directions(len(probe.clipped))[: len(upper)]
     return float((upper & (angle_between(towards, probe.spot.direction) > probe.spot.radius + 2)).mean())
+
+
+# A probe as an OpenEXR map with what is known of it in the header.
+
+
+def target_of(output: str | Path, time: datetime) -> Path:
+    """Where a probe of an aware time goes: the file that ends in .exr, or below a folder in the SkyDB's layout."""
+    path = Path(output)
+    return path if path.suffix.lower() == ".exr" and not path.is_dir() else probe_path(path, time)
+
+
+def write_probe(probe: Probe, output: str | Path) -> Path:
+    """Write to a file that ends in .exr, or below a folder in the SkyDB's layout; the path that was written.
+
+    Raises EnvironmentMapError or ProbeError where it cannot be written.
+    """
+    path = target_of(output, probe.moment.time)
+    if path != Path(output):
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ProbeError(
+                f"{path.parent} cannot be made: {error.strerror or error}.", code=ErrorCode.UNWRITABLE
+            ) from error
+    write_exr(path, probe.image, attributes=_attributes(probe))
+    return path
+
+
+def _attributes(probe: Probe) -> dict[str, Any]:
+    """The header's entries: time, the ephemeris's sun, and what the sun's light rests on."""
+    utc = probe.moment.time.astimezone(UTC)
+    azimuth, elevation = probe.moment.sun
+    known: dict[str, Any] = {
+        TIME: utc.isoformat(timespec="seconds"),
+        "capDate": utc.strftime("%Y:%m:%d %H:%M:%S"),
+        "utcOffset": 0.0,
+        "lighting.sun_azimuth": azimuth,
+        "lighting.sun_elevation": elevation,
+        "lighting.sun_found": int(probe.spot is not None),
+        "lighting.sun_clipped": int(probe.spot is not None and probe.spot.clipped),
+        "lighting.sun_estimated": int(probe.estimated),
+        "comments": " ".join(probe.warnings),
+    }
+    if probe.spot is not None:
+        known["lighting.sun_irradiance"] = np.asarray(probe.spot.irradiance, dtype=np.float32)
+    if probe.fit is not None:
+        known |= {"lighting.turbidity": probe.fit.turbidity, "lighting.exposure": probe.fit.exposure}
+    return known

@@ -1,19 +1,26 @@
-"""Turning a probe to the world: by one sun, which tells the yaw, or by several, which tell tilt and lens as well.
+"""Camera orientation from suns and scans.
 
 One sun leaves the mirror image of a picture as likely as the picture, and a wrong lens shows in the elevation alone.
 Suns of several hours are points on the sphere that the camera and the ephemeris both name; the rotation between them is
 the one of least squares (Kabsch 1976), for each of the lenses tried.
+
+A clear sky is brightest around the sun, and the ephemeris says where that is. One moment leaves two answers, clockwise
+from one direction or counter-clockwise from another, for a clear sky is the same left and right of the sun; as the sun
+moves on, the right answer stays and the wrong one turns at twice the sun's pace. So all moments are fitted together.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.color import luminance
 from lighting.errors import ProbeError
-from lighting.geometry import Floats, angle_between, wrap_azimuth
-from lighting.probe.lens import Lens, lens_directions
+from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
+from lighting.probe.fisheye import Lens, lens_directions
+from lighting.records import GROUND_ALBEDO
+from lighting.sky.hosek_wilkie import sky_radiance
 
 LEAST_SUNS = 3  # that a series needs
 LEAST_ARC = 15.0  # deg, that the suns of a series must span
@@ -115,3 +122,84 @@ def _kabsch(seen: Floats, truth: Floats) -> Floats:
     u, _, v = np.linalg.svd(seen.T @ truth)
     turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
     return np.asarray((u @ turn @ v).T)
+
+
+TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
+SUN_CLEARANCE = 10.0  # deg around the sun left out
+LIMIT = 0.5  # of |log(measured / model)|: from here on an error counts no more
+_STEP = 2.0  # deg, between the offsets tried
+_LEAST_DIFFERENCE = 1.05  # the other sense's error / the better one's, from which on the sense is known
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """One sky in a few directions, and where the sun truly was."""
+
+    azimuth: Floats  # (N,) deg, as filed
+    elevation: Floats  # (N,) deg
+    luminance: Floats  # (N,), any unit
+    sun: tuple[float, float]  # azimuth clockwise from true north, elevation, deg
+
+    def directions(self, sense: int, offset: float) -> Floats:
+        """Unit vectors (N, 3) in the world."""
+        return direction(sense * self.azimuth + offset, self.elevation)
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeOrientation:
+    """True azimuth = sense x filed azimuth + offset."""
+
+    sense: int  # 1 clockwise, -1 counter-clockwise
+    offset: float  # deg, in (-180, 180]
+    error: float  # root mean square of log(measured / model), cut at LIMIT
+    other: float  # the same for the other sense at its best
+    offsets: Floats  # (S,) deg, what each scan alone would say
+
+    @property
+    def sure(self) -> bool:
+        return self.other > _LEAST_DIFFERENCE * self.error
+
+
+def orient(scans: Sequence[Scan]) -> ProbeOrientation:
+    """Sense and offset of scans by one instrument that stood still; ProbeError for none or with the sun down."""
+    if not scans:
+        raise ProbeError("There is no scan to orient.")
+    if any(scan.sun[1] < 0 for scan in scans):
+        raise ProbeError("The sun is below the horizon in a scan; there is no sky to fit.")
+    offsets = np.arange(0.0, 360.0, _STEP)
+    errors = {sense: np.array([_errors(scan, sense, offsets) for scan in scans]) for sense in (1, -1)}
+    joint = {sense: np.sqrt((each**2).mean(axis=0)) for sense, each in errors.items()}
+    sense = min(joint, key=lambda s: float(joint[s].min()))
+    best = float(_lowest(offsets, joint[sense]))
+    alone = np.array([_lowest(offsets, each) for each in errors[sense]])
+    return ProbeOrientation(sense, best, float(joint[sense].min()), float(joint[-sense].min()), alone)
+
+
+def log_errors(measured: Floats, model: Floats) -> Floats:
+    """log(measured / model) (N,) less its median: what is left when the model has the best scale."""
+    error = np.log(np.maximum(measured, 1e-12)) - np.log(np.maximum(model, 1e-12))
+    return np.asarray(error - np.median(error))
+
+
+def _errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
+    """The least error over turbidities at each offset (M,): root mean square of the logarithm, cut at LIMIT."""
+    sun = direction(*scan.sun)
+    towards = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
+    far = angle_between(towards, sun) > SUN_CLEARANCE
+    squares = []
+    for turbidity in TURBIDITIES:
+        model = luminance(sky_radiance(towards, sun, turbidity, GROUND_ALBEDO))
+        error = np.log(np.maximum(scan.luminance, 1e-12)) - np.log(np.maximum(model, 1e-12))
+        error = np.where(far, error, np.nan)
+        error -= np.nanmedian(error, axis=1, keepdims=True)
+        squares.append(np.nanmean(np.minimum(error**2, LIMIT**2), axis=1))
+    return np.asarray(np.sqrt(np.min(squares, axis=0)))
+
+
+def _lowest(offsets: Floats, errors: Floats) -> float:
+    """The offset of the least error, between the steps by a parabola, in (-180, 180]."""
+    index = int(errors.argmin())
+    before, at, after = errors[index - 1], errors[index], errors[(index + 1) % len(errors)]
+    bend = before - 2 * at + after
+    shift = 0.5 * (before - after) / bend if bend > 0 else 0.0
+    return float(wrap_azimuth(offsets[index] + shift * _STEP))

@@ -1,0 +1,244 @@
+"""Files of a bracket, times, probe folders."""
+
+import re
+import reprlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, tzinfo
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
+from lighting.files import MAP_FORMATS
+from lighting.files.exr import read_attributes
+from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, facts_of, linear_from_array, read_linear
+from lighting.photo.metadata import PhotoMetadata, in_utc
+
+# The exposures of one bracket, as files and as arrays.
+
+_FLOAT_SUFFIXES = tuple(f".{name}" for name, entry in MAP_FORMATS.items() if entry.read)
+PICTURES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """Two exposures or more of one view, the shortest first."""
+
+    photos: tuple[LinearPhoto, ...]
+    names: tuple[str, ...]  # of the files, for messages
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Each warning about the files once."""
+        return tuple(dict.fromkeys(warning for photo in self.photos for warning in photo.warnings))
+
+
+def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bracket:
+    """The exposures in files, in any order.
+
+    Raises ProbeError for fewer than two, one given twice and sizes that differ, PhotoError and OSError for unreadable
+    files.
+    """
+    if len(paths) < 2:
+        raise ProbeError(f"A probe needs two exposures or more; there {'is only one' if paths else 'are none'}.")
+    files: set[Path] = set()
+    for path in paths:
+        if (file := Path(path).resolve()) in files:
+            raise ProbeError(f"{path} is given twice.", code=ErrorCode.DUPLICATE)
+        files.add(file)
+    photos = [_read(Path(path), curve) for path in paths]
+    return bracket_of(photos, [Path(path).name for path in paths])
+
+
+def bracket_of(photos: Sequence[LinearPhoto], names: Sequence[str] | None = None) -> Bracket:
+    """The exposures in order: by EXIF where all have it, else by how bright they are.
+
+    Raises ProbeError where there is none, and for sizes that differ.
+    """
+    if not photos:
+        raise ProbeError("A bracket needs at least one exposure.")
+    sizes = {photo.pixels.shape[:2] for photo in photos}
+    if len(sizes) > 1:
+        listed = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
+        raise ProbeError(f"The exposures differ in size: {listed} pixels.")
+    told = [photo.exposure for photo in photos]
+    length = [value for value in told if value is not None]
+    if len(length) < len(photos):
+        length = [_brightness(photo.pixels) for photo in photos]
+    order = sorted(range(len(photos)), key=length.__getitem__)
+    called = names or [f"exposure {number}" for number in range(1, len(photos) + 1)]
+    return Bracket(tuple(photos[i] for i in order), tuple(called[i] for i in order))
+
+
+def _brightness(pixels: NDArray[np.float32]) -> float:
+    """Mean of the values, each counted up to full scale."""
+    return float(np.minimum(pixels[::4, ::4], 1.0).mean())
+
+
+def _read(path: Path, curve: Curve | None) -> LinearPhoto:
+    if path.suffix.lower() not in _FLOAT_SUFFIXES:
+        return read_linear(path, curve)
+    if curve == "srgb":
+        raise PhotoError(f"{path.name} holds floats, which are linear; --curve srgb is for integers.")
+    try:
+        return linear_from_array(_floats(path))
+    except (PhotoError, EnvironmentMapError) as error:
+        raise PhotoError(f"{path}: {error}") from error
+
+
+def _floats(path: Path) -> NDArray[np.float32]:
+    read = MAP_FORMATS[path.suffix.lower().removeprefix(".")].read
+    assert read is not None
+    return read(path.read_bytes())
+
+
+# Which files make a bracket, and when it was taken.
+
+GAP = timedelta(seconds=20)  # between the starts of two exposures from which on another bracket begins
+
+_STAMP = re.compile(r"(20\d{2})(\d{2})(\d{2})\D?(\d{2})(\d{2})(\d{2})")
+
+
+@dataclass(frozen=True)
+class BracketFiles:
+    """The files of one bracket and what they say of when and where."""
+
+    files: tuple[Path, ...]
+    time: datetime | None  # naive where the zone is not known
+    latitude: float | None
+    longitude: float | None
+
+    def aware(self, utc_offset: float | None) -> datetime:
+        """The time with its zone, which `utc_offset` [h] tells if the files do not; ProbeError without either."""
+        if self.time is None:
+            raise ProbeError(
+                f"{self.files[0]} does not say when it was taken; tell the time.", "time", ErrorCode.MISSING
+            )
+        if self.time.tzinfo is None and utc_offset is None:
+            raise ProbeError(
+                f"{self.files[0]} has a local time of no known zone; tell its offset from UTC.",
+                "utc_offset",
+                ErrorCode.MISSING,
+            )
+        return self.time if self.time.tzinfo else in_utc(self.time, utc_offset or 0.0)
+
+
+def shot_of(files: Sequence[Path]) -> BracketFiles:
+    """A bracket's files, with the first time and place that one of them or their folder's name says."""
+    facts = [facts_of(file)[0] for file in files]
+    times = [time for fact in facts if (time := _time(fact)) is not None]
+    named = _named(files[0].parent)
+    placed = next((fact for fact in facts if fact.latitude is not None), PhotoMetadata())
+    return BracketFiles(tuple(files), times[0] if times else named, placed.latitude, placed.longitude)
+
+
+def group_brackets(inputs: Sequence[Path]) -> list[BracketFiles]:
+    """The brackets of a series: each folder given is one, and files are split where their EXIF times leave a gap.
+
+    Raises ProbeError for a folder without pictures and for files without times.
+    """
+    folders, files = ([path for path in inputs if path.is_dir() is kind] for kind in (True, False))
+    shots = [shot_of(pictures_in(folder)) for folder in folders]
+    return shots + [shot_of(group) for group in _by_time(files)]
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The pictures directly in a folder, by name; ProbeError where there is none."""
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (*PICTURES, *RAW_SUFFIXES))
+    if not files:
+        raise ProbeError(f"{folder} holds no pictures.")
+    return files
+
+
+def _by_time(files: Sequence[Path]) -> list[list[Path]]:
+    timed = []
+    for file in files:
+        time = _time(facts_of(file)[0])
+        if time is None:
+            raise ProbeError(f"{file} has no time in EXIF; give each bracket of a series as a folder of its own.")
+        timed.append((time, file))
+    timed.sort(key=lambda pair: (pair[0].replace(tzinfo=None), pair[1]))
+    groups = [[timed[0][1]]] if timed else []
+    for (before, _), (time, file) in pairwise(timed):
+        if time.replace(tzinfo=None) - before.replace(tzinfo=None) > GAP:
+            groups.append([])
+        groups[-1].append(file)
+    return groups
+
+
+def _time(facts: PhotoMetadata) -> datetime | None:
+    return facts.utc_time or facts.local_time
+
+
+def _named(folder: Path) -> datetime | None:
+    """The naive time in the names of a folder and its parent, such as 20240601/143000 or 2024060114_3000."""
+    stamp = _STAMP.search("".join(folder.absolute().parts[-2:]))
+    try:
+        return datetime(*(int(part) for part in stamp.groups())) if stamp else None  # type: ignore[arg-type]
+    except ValueError:
+        return None
+
+
+# Folders of sky probes in the layout of the SkyDB: `YYYYMMDD/HHMMSS/envmap.exr`, one probe a moment.
+
+FILE = "envmap.exr"
+TIME = "lighting.time"  # the header's attribute: ISO 8601 with the offset from UTC
+
+_DAY, _MOMENT = re.compile(r"\d{8}"), re.compile(r"\d{6}")
+
+
+@dataclass(frozen=True)
+class _ProbeFile:
+    """A probe on disk: a lat-long map in the world's axes, centre column true north."""
+
+    time: datetime  # aware
+    path: Path
+
+
+def probe_path(folder: str | Path, time: datetime) -> Path:
+    """Where a probe of an aware time belongs: folders are named by UTC."""
+    return Path(folder) / time.astimezone(UTC).strftime("%Y%m%d/%H%M%S") / FILE
+
+
+def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
+    """All probes below a folder, by time.
+
+    The time is that in a file's header; without one, that of the folders' names, which are in `zone`. Raises ProbeError
+    where there is no such folder or no probe in it.
+    """
+    root = Path(folder)
+    if not root.is_dir():
+        raise ProbeError(f"There is no folder {root}.", "folder", ErrorCode.MISSING)
+    probes = [_probe(path, zone) for path in root.glob(f"*/*/{FILE}") if _is_dated(path)]
+    if not probes:
+        raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {FILE} inside.")
+    return sorted(probes, key=lambda probe: probe.time)
+
+
+def _is_dated(path: Path) -> bool:
+    return bool(_DAY.fullmatch(path.parts[-3]) and _MOMENT.fullmatch(path.parts[-2]))
+
+
+def _probe(path: Path, zone: tzinfo) -> _ProbeFile:
+    filed = read_attributes(path).get(TIME)
+    if isinstance(filed, str):
+        return _ProbeFile(_filed(filed, path, zone), path)
+    try:
+        named = datetime.strptime("".join(path.parts[-3:-1]), "%Y%m%d%H%M%S")
+    except ValueError as error:
+        raise ProbeError(f"{path.parent} is not named by a time.") from error
+    return _ProbeFile(named.replace(tzinfo=zone), path)
+
+
+def _filed(text: str, path: Path, zone: tzinfo) -> datetime:
+    """The time in a file's header."""
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ProbeError(
+            f"{path}: {TIME} is {reprlib.repr(text)}, which is no time.", code=ErrorCode.MALFORMED
+        ) from error
+    return time if time.tzinfo else time.replace(tzinfo=zone)

@@ -1,0 +1,319 @@
+"""Exposure ratios, noise model, weighted HDR merge.
+
+Where both exposures of a pair are neither clipped nor dark, the short one's values are the long one's divided by the
+ratio, plus what black and rounding leave. A straight line through them, with outliers out-weighted, has the ratio as
+its slope; the errors are nearly all in the short one, so that one is the dependent variable. Where the values differ
+hardly more than noise makes them, a line would be too flat, and the ratio is that of the means.
+
+A sky a few of a camera's steps above black is recorded as terraces. Where the noise is so much smaller than a step that
+neighbours round alike, no mean over them tells what lies between two steps; but the true value is within half a step of
+the recorded one, and a sky has no terraces. So such values are smoothed and put back into that interval, over and over
+(projections onto convex sets). The smoothing is a recursive filter along rows and columns that stops where neighbours
+differ by more than a step (Gastal and Oliveira, *Domain transform for edge-aware image and video processing*, SIGGRAPH
+2011), applied as 2 S - S S, which leaves slopes and curves as they are.
+
+A clipped value weighs nothing, so a pixel that is clipped in every exposure is known to be brighter than the shortest
+one says, and is marked.
+
+As Hasinoff, Durand and Freeman have it (*Noise-optimal capture for high dynamic range photography*, CVPR 2010), for a
+camera of common size, since a file does not say how many electrons fill its full scale.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ProbeError
+from lighting.geometry import Floats
+from lighting.photo.linear import LinearPhoto
+from lighting.probe.bracket import Bracket
+from lighting.probe.sun_detection import Mask
+
+# The noise of a linear value: reading, rounding and the light itself.
+
+READ_NOISE = 2e-4  # of full scale, where rounding is finer than that
+LIGHT_NOISE = 5e-5  # variance per value: 20,000 electrons at full scale
+
+
+def _noise_variance(value: Any, step: Any) -> Any:
+    """Variance of values (...) of full scale that are rounded to steps (...); numbers for numbers."""
+    return READ_NOISE**2 + step**2 / 12 + LIGHT_NOISE * np.maximum(value, 0)
+
+
+def _smooth_below(step: float) -> float:
+    """The value under which noise is less than half a step of rounding; negative where it never is."""
+    return (step**2 / 4 - READ_NOISE**2) / LIGHT_NOISE
+
+
+# How much longer one exposure of a bracket is than the next: by EXIF, or measured from the pixels.
+
+LEAST_VALUE, MOST_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
+LEAST_SAMPLES = 24  # values that a ratio is measured from
+LEAST_SPREAD = 20.0  # variance of these values / that of noise, from which on a line's slope is less than 5 % too flat
+MOST_ERROR = 0.2  # relative, of a ratio that is worth telling
+SURE_SAMPLES, SURE_ERROR = 1000, 0.02  # values from which on, and error up to which, a ratio counts as well measured
+MOST_SAMPLES = 20_000  # used of them
+GAMMA = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
+DIFFERENCE = 0.08  # relative, between EXIF's ratio and the pixels', that is worth a warning: third stops round to 7 %
+LEAST_STEP = 1.2  # between exposures, for their ratio to tell a curve
+_STEPS = 8  # of re-weighted least squares
+_CURVE = {True: "srgb", False: "linear"}
+
+
+@dataclass(frozen=True)
+class _Ratio:
+    """A longer exposure / the next shorter one."""
+
+    value: float
+    error: float  # one sigma, relative
+    samples: int  # values it was measured from
+
+    @property
+    def sure(self) -> bool:
+        return self.samples >= SURE_SAMPLES and self.error <= SURE_ERROR
+
+
+@dataclass(frozen=True, eq=False)
+class ExposureRatios:
+    """How long each exposure of a bracket is."""
+
+    relative: Floats  # (N,), with EXIF s x ISO / 100 / f-number^2, else the longest is 1
+    ratios: tuple[_Ratio | None, ...]  # measured, (N - 1); None where the pixels cannot say
+    from_exif: bool
+    warnings: tuple[str, ...]
+
+
+def measure_ratios(bracket: Bracket) -> ExposureRatios:
+    """Relative exposures by EXIF where all files have it, else from the pixels.
+
+    Raises ProbeError where neither can say, and where EXIF shows that the pixels are coded by a curve.
+    """
+    ratios = tuple(_measured_ratio(short, long) for short, long in pairwise(bracket.photos))
+    told = [photo.exposure for photo in bracket.photos]
+    if all(value is not None for value in told):
+        relative = np.array(told, dtype=np.float64)
+        return ExposureRatios(relative, ratios, True, _against_pixels(relative, ratios, bracket.names))
+    missing = next((index for index, ratio in enumerate(ratios) if ratio is None), None)
+    if missing is not None:
+        first, second = bracket.names[missing : missing + 2]
+        raise ProbeError(
+            f"The exposures {first} and {second} share too few pixels that are neither clipped nor dark to measure "
+            f"their ratio, and have no exposure times in EXIF."
+        )
+    steps = np.array([ratio.value for ratio in ratios if ratio is not None])
+    relative = np.concatenate([[1.0], np.cumprod(steps)])
+    return ExposureRatios(relative / relative[-1], ratios, False, ())
+
+
+def _measured_ratio(short: LinearPhoto, long: LinearPhoto) -> _Ratio | None:
+    """The ratio by the pixels that both show; None where they are too few."""
+    full = min(long.white, float(long.pixels.max()))
+    usable = (long.pixels < MOST_VALUE * full) & (long.pixels > LEAST_VALUE * full) & (short.pixels < short.white)
+    clear = usable & ~_beside(clipped(long))[..., None]
+    index = np.flatnonzero(clear if clear.sum() >= SURE_SAMPLES else usable)
+    if len(index) < LEAST_SAMPLES:
+        return None
+    chosen = index[:: -(-len(index) // MOST_SAMPLES)]
+    x, y = (np.asarray(photo.pixels.reshape(-1)[chosen], dtype=np.float64) for photo in (long, short))
+    if x.var() < LEAST_SPREAD * _noise_variance(x.mean(), long.step):
+        slope, error = y.mean() / x.mean(), short.step / 2 / x.mean()
+    else:
+        slope, error = _robust_slope(x, y)
+    return (
+        None if slope <= 0 or error > MOST_ERROR * slope else _Ratio(float(1 / slope), float(error / slope), len(index))
+    )
+
+
+def clipped(photo: LinearPhoto) -> Mask:
+    """Pixels (H, W) of which a channel is clipped."""
+    return np.asarray((photo.pixels >= photo.white).any(axis=-1))
+
+
+def _beside(mask: Mask) -> Mask:
+    """The mask (H, W) and the eight neighbours of each of its pixels: a lens and demosaicing smear over one."""
+    wide = mask.copy()
+    wide[1:] |= mask[:-1]
+    wide[:-1] |= mask[1:]
+    result = wide.copy()
+    result[:, 1:] |= wide[:, :-1]
+    result[:, :-1] |= wide[:, 1:]
+    return result
+
+
+def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
+    """Slope of y over x and its standard error, by least squares re-weighted with Tukey's biweight; 0 where x is one
+    value alone.
+
+    The error counts an eighth of the values as independent, for neighbours and channels share their errors.
+    """
+    weight = np.ones_like(x)
+    for _ in range(_STEPS):
+        total = weight.sum()
+        mean_x, mean_y = weight @ x / total, weight @ y / total
+        spread = weight @ (x - mean_x) ** 2
+        if spread <= 0:  # all that count are of one value
+            return 0.0, 0.0
+        slope = weight @ ((x - mean_x) * (y - mean_y)) / spread
+        residual = y - mean_y - slope * (x - mean_x)
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
+        weight = np.maximum(1 - (residual / (4.7 * scale)) ** 2, 0) ** 2
+    return float(slope), float(np.sqrt(weight @ residual**2 / total * 8 / spread))
+
+
+def _against_pixels(relative: Floats, ratios: tuple[_Ratio | None, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Warnings where the pixels contradict EXIF; ProbeError where they do as a curve would."""
+    different = []
+    for told, ratio, pair in zip(relative[1:] / relative[:-1], ratios, pairwise(names), strict=True):
+        if ratio and ratio.sure and told > LEAST_STEP and abs(told / ratio.value - 1) > DIFFERENCE:
+            different.append((float(told), ratio.value, pair))
+    powers = [np.log(value) / np.log(t) for t, value, _ in different]
+    if powers and not GAMMA < np.median(powers) < 1 / GAMMA:
+        t, value, _ = different[0]
+        coded = bool(np.median(powers) < GAMMA)
+        state = "coded by a curve" if coded else "linear and were decoded as if by a curve"
+        raise ProbeError(
+            f"The pixels are {state}: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the "
+            f"pixels; say --curve {_CURVE[coded]}."
+        )
+    return tuple(
+        f"EXIF says that {second} is {t:.3g} times as long as {first}, the pixels say {value:.3g}."
+        for t, value, (first, second) in different
+    )
+
+
+# Bracketed exposures to one picture of radiance, each value weighted by the inverse of its variance.
+
+_ROWS = 128  # merged at once, so that little memory is needed beside the exposures
+
+
+@dataclass(frozen=True, eq=False)
+class MergedHdr:
+    """A picture of radiance, in units of full scale / relative exposure."""
+
+    radiance: NDArray[np.float32]  # (H, W, 3); where clipped, the least that it can be
+    clipped: Mask  # (H, W), a channel is clipped in every exposure
+
+
+def merge_exposures(bracket: Bracket, relative: Floats) -> MergedHdr:
+    """One picture of a bracket's exposures of these relative lengths (N,).
+
+    Raises ProbeError where every pixel is clipped in every exposure, and where all are black.
+    """
+    masks = [_beside(clipped(photo)) if index else clipped(photo) for index, photo in enumerate(bracket.photos)]
+    if masks[0].all():
+        raise ProbeError("Every pixel is clipped in the shortest exposure; nothing can be measured.")
+    if max(float(photo.pixels.max()) for photo in bracket.photos) <= 0:
+        raise ProbeError("Every pixel of every exposure is black; nothing can be measured.")
+    radiance = np.empty_like(bracket.photos[0].pixels)
+    for start in range(0, len(radiance), _ROWS):
+        rows = slice(start, start + _ROWS)
+        radiance[rows] = _merged_rows(bracket, relative, rows, masks)
+    return MergedHdr(radiance, masks[0])
+
+
+def _merged_rows(bracket: Bracket, relative: Floats, rows: slice, masks: list[Mask]) -> Floats:
+    """Radiance (R, W, 3) of some rows; `masks` (H, W) say where each exposure is clipped, or is beside that."""
+    values = np.stack([photo.pixels[rows] for photo in bracket.photos])
+    white = np.array([photo.white for photo in bracket.photos], dtype=np.float32)[:, None, None, None]
+    usable = (values < white) & ~np.stack([mask[rows] for mask in masks])[..., None]
+    usable[0] = values[0] < white[0]
+    length = np.asarray(relative, dtype=np.float32)[:, None, None, None]
+    first = _ratio(np.where(usable, values, 0).sum(axis=0), np.where(usable, length, 0).sum(axis=0))
+    steps = np.array([photo.step for photo in bracket.photos], dtype=np.float32)[:, None, None, None]
+    variance = _noise_variance(first * length, steps)
+    weight = np.where(usable, length / variance, 0)  # of the value; that of the radiance is length times as much
+    merged = _ratio((weight * values).sum(axis=0), (weight * length).sum(axis=0))
+    return np.where(usable.any(axis=0), np.maximum(merged, 0), np.minimum(values[0], 1.0) / length[0])
+
+
+def _ratio(a: Floats, b: Floats) -> Floats:
+    """a / b (...), 0 where both are."""
+    return np.asarray(a / np.maximum(b, np.finfo(np.float32).tiny))
+
+
+# What rounding took from the dark of a picture, given back where the picture is smooth.
+
+Pixels = NDArray[np.float32]
+
+REACH = 3.6  # deg, of the smoothing: less than the features of a clear sky, more than a pixel of its map
+PASSES = 12  # of smoothing and putting back
+_LINKED = 1.5  # steps, up to which neighbours belong to one surface
+
+
+def dequantize(merged: MergedHdr, bracket: Bracket, relative: Floats, reach: float) -> MergedHdr:
+    """The merged picture of exposures of these relative lengths (N,) with its coarsely rounded values smoothed.
+
+    `reach` [pixels] is that of the smoothing. A value changes to one that rounds to what the longest exposure that does
+    not clip it recorded, and only where that one's noise is less than half a step; black, bright and clipped ones stay.
+    """
+    if all(_smooth_below(photo.step) <= photo.step / 2 for photo in bracket.photos):
+        return merged
+    usable = [~_beside(clipped(photo)) for photo in bracket.photos]
+    radiance = merged.radiance.copy()
+    for channel in range(radiance.shape[-1]):
+        recorded, half = _recorded(bracket.photos, relative, usable, channel)
+        if half.any():
+            start = radiance[..., channel]
+            radiance[..., channel] = _within_rounding(start, np.where(half > 0, recorded, start), half, reach)
+    return replace(merged, radiance=radiance)
+
+
+def _recorded(
+    photos: Sequence[LinearPhoto], relative: Floats, usable: Sequence[Mask], channel: int
+) -> tuple[Pixels, Pixels]:
+    """Radiance (H, W) of a channel by the longest usable exposure, and half a step of its rounding; 0 where fine."""
+    recorded = np.zeros(usable[0].shape, dtype=np.float32)
+    half = np.zeros_like(recorded)
+    for photo, length, where in zip(photos, relative, usable, strict=True):
+        value = photo.pixels[..., channel]
+        coarse = (value > photo.step / 2) & (value < _smooth_below(photo.step))
+        recorded = np.where(where, value / np.float32(length), recorded)
+        half = np.where(where, np.where(coarse, np.float32(photo.step / 2 / length), 0), half)
+    return recorded, half
+
+
+def _within_rounding(start: Pixels, recorded: Pixels, half: Pixels, reach: float) -> Pixels:
+    """Values (H, W) as smooth as they can be within `half` (H, W) of the `recorded` ones; `start` where that is 0.
+
+    Neighbours that differ by more than 1.5 of the coarser one's steps, and those beside black, are not mixed; `reach`
+    [pixels] is the standard deviation of the filter.
+    """
+    keep = np.float32(np.exp(-np.sqrt(2) / reach))
+    down, along = keep * _links(recorded, half), keep * _links(recorded.T, half.T)
+    least, most = recorded - half, recorded + half
+    values = start
+    for _ in range(PASSES):
+        once = _smoothed(values, down, along)
+        twice = _smoothed(once, down, along)
+        values = np.where(half > 0, np.clip(2 * once - twice, least, most), start)
+    return values
+
+
+def _links(recorded: Pixels, half: Pixels) -> Pixels:
+    """1 where a value and the one in the row above it (H, W) belong to one surface, else 0."""
+    links = np.zeros(recorded.shape, dtype=np.float32)
+    step = 2 * np.maximum(half[1:], half[:-1])
+    seen = (recorded[1:] > 0) & (recorded[:-1] > 0)
+    links[1:] = seen & (np.abs(np.diff(recorded, axis=0)) <= _LINKED * step)
+    return links
+
+
+def _smoothed(values: Pixels, down: Pixels, along: Pixels) -> Pixels:
+    """Values (H, W) mixed with their neighbours by shares `down` (H, W) columns and `along` (W, H) rows."""
+    rows = np.ascontiguousarray(values.T)
+    _sweep(rows, along)
+    columns = np.ascontiguousarray(rows.T)
+    _sweep(columns, down)
+    return columns
+
+
+def _sweep(values: Pixels, shares: Pixels) -> None:
+    """Mix each row of values into the next one by its share, down and then up again, in place."""
+    for row in range(1, len(values)):
+        values[row] += shares[row] * (values[row - 1] - values[row])
+    for row in range(len(values) - 2, -1, -1):
+        values[row] += shares[row + 1] * (values[row + 1] - values[row])

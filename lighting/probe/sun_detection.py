@@ -1,0 +1,194 @@
+"""The sun in a map: spot, clipping, regions."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.color import luminance
+from lighting.envmap.latlong import shrink
+from lighting.errors import require_extra
+from lighting.geometry import (
+    Floats,
+    angle_between,
+    angles,
+    direction,
+    latlong_angles,
+    latlong_directions,
+    latlong_solid_angle,
+)
+
+# Regions of a lat-long picture.
+
+Mask = NDArray[np.bool_]
+
+HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky the model is fitted
+
+
+def is_clipped(linear: NDArray[np.float32]) -> bool:
+    """Whether a linear picture was clipped at white: it has no value above 1."""
+    return float(linear.max()) <= 1.0
+
+
+def ndimage() -> Any:
+    """scipy's image filters; MissingExtraError where scipy is not installed."""
+    return require_extra("scipy.ndimage", "Measured skies need scipy", "stereo")
+
+
+def connected(mask: Mask) -> NDArray[np.intp]:
+    """The number of the connected region of each pixel (H, 2H) of a mask; 0 outside. Regions cross the seam."""
+    labels, count = ndimage().label(mask, np.ones((3, 3)))
+    same = np.arange(count + 1)
+    for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
+        if left and right:
+            same[same == same[right]] = same[left]
+    return np.asarray(same[labels])
+
+
+def solid_angle(height: int) -> Floats:
+    """Solid angle [sr] of each pixel (H, 2H)."""
+    return np.repeat(latlong_solid_angle(height)[:, None], 2 * height, axis=1)
+
+
+# Finding the sun in the pixels of a panorama.
+
+WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
+SMALLEST = 2e-4  # sr, a cap of half a degree: no bright region is smaller
+LEAST_PEAK = 0.94  # linear: the sun blows a picture out
+FLATTEST = 0.62  # blur of 24 deg / blur of 1.5 deg, at the peak: higher in a white sky than around a sun
+LEAST_PART = 0.4  # share of all bright regions that the sun's region must hold
+MIN_FOUND_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
+
+
+@dataclass(frozen=True)
+class FoundSun:
+    """A sun found in a picture."""
+
+    azimuth: float  # deg, 0 = centre column, positive to the right
+    elevation: float  # deg
+    radius: float  # deg, of a cap as large as the blown-out region; the position is no better than a part of it
+
+    @property
+    def direction(self) -> Floats:
+        return direction(self.azimuth, self.elevation)
+
+
+def find_sun(linear: NDArray[np.float32]) -> FoundSun | None:
+    """The sun in a panorama (H, 2H, 3), None where it is hidden or behind clouds.
+
+    In an unclipped (HDR) picture it is the centroid of the radiance around the peak. In a clipped one it is the
+    centroid of the largest blown-out region, where a pixel counts by its solid angle and by its excess over the median
+    of its row: bright haze along the horizon then counts for little.
+    """
+    small = shrink(linear, HEIGHT)
+    above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
+    return _find_clipped(small, above) if is_clipped(small) else _find_peak(small, above)
+
+
+def _find_peak(small: NDArray[np.float32], above: Mask) -> FoundSun | None:
+    value = luminance(small) * above
+    peak = float(value.max())
+    if peak <= MIN_FOUND_CONTRAST * float(np.median(value[above])):
+        return None
+    regions = connected(value > 0.1 * peak)
+    return _centre(regions == regions[np.unravel_index(int(value.argmax()), value.shape)], value)
+
+
+def _find_clipped(small: NDArray[np.float32], above: Mask) -> FoundSun | None:
+    white = small.min(axis=-1)
+    excess = np.maximum(white - np.median(white, axis=1, keepdims=True), 0.0)
+    regions = connected(above & (white >= WHITE * np.percentile(white[above], 99.8)))
+    area = solid_angle(len(small)).ravel()
+    size = np.bincount(regions.ravel(), area)
+    value = np.bincount(regions.ravel(), area * excess.ravel())[1:] * (size[1:] > SMALLEST)
+    if not value.size or value.max() <= LEAST_PART * value.sum():
+        return None
+    best = regions == int(np.argmax(value)) + 1
+    flat = _blur(white, 24.0)[best].max() > FLATTEST * _blur(white, 1.5)[best].max()
+    return None if flat or white[best].max() < LEAST_PEAK else _centre(best, excess)
+
+
+def _centre(region: Mask, value: Floats) -> FoundSun:
+    area = solid_angle(len(region))[region]
+    azimuth, elevation = angles((area * value[region]) @ latlong_directions(len(region))[region])
+    radius = math.degrees(math.acos(1 - float(area.sum()) / (2 * math.pi)))
+    return FoundSun(float(azimuth), float(elevation), radius)
+
+
+def _blur(image: Floats, sigma: float) -> Floats:
+    """A lat-long image (H, 2H) blurred by a Gaussian of `sigma` [deg] on the sphere, to first order."""
+    height, width = image.shape
+    rows = sigma / 180.0 * height
+    pad = min(math.ceil(3 * rows), height)
+    opposite = np.roll(image, width // 2, axis=1)
+    tall = np.concatenate([opposite[:pad][::-1], image, opposite[-pad:][::-1]])
+    down = ndimage().gaussian_filter1d(tall, rows, axis=0)[pad : pad + height]
+    columns = rows / np.cos(np.radians(latlong_angles(height)[1]))
+    decay = np.exp(-2 * (np.pi * np.fft.rfftfreq(width) * columns[:, None]) ** 2)
+    return np.asarray(np.fft.irfft(np.fft.rfft(down, axis=1) * decay, n=width, axis=1))
+
+
+# The sun in a measured sky: where it is, whether it is clipped, and the light it gives.
+
+MIN_SUN_CONTRAST = 200.0  # the sun's pixel / the median above the horizon; sunlit clouds stay under 50
+LARGEST_CLIPPED = 12.0  # deg, radius of a clipped region that can still be called the sun
+MARGIN = 1.5  # pixels of the map around the bright region whose light counts as the sun's
+
+
+@dataclass(frozen=True, eq=False)
+class SunBlob:
+    """The sun as a map shows it."""
+
+    azimuth: float  # deg, 0 = centre column, positive to the right
+    elevation: float  # deg
+    radius: float  # deg, of a cap as large as the bright region
+    clipped: bool  # brighter than the shortest exposure could measure
+    irradiance: Floats  # (3,), on a surface that faces it, above the sky beside it; the least that it can be if clipped
+
+    @property
+    def direction(self) -> Floats:
+        return direction(self.azimuth, self.elevation)
+
+
+def find_spot(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
+    """The sun in a map (H, 2H, 3) whose clipped pixels (H, 2H) are marked; None where none is above the horizon."""
+    towards = latlong_directions(len(image))
+    value = np.where(towards[..., 1] > 0, luminance(image), 0.0)
+    region = _bright_region(value, clipped & (towards[..., 1] > 0))
+    if region is None:
+        return None
+    area = solid_angle(len(image))
+    size = float(area[region].sum())
+    radius = float(np.degrees(np.arccos(1 - size / (2 * np.pi))))
+    centre = (area * value)[region] @ towards[region]
+    from_centre = angle_between(towards, centre)
+    reach = radius + MARGIN * 180.0 / len(image)
+    background = _background(image, from_centre, reach)
+    near = from_centre < reach
+    light = np.maximum(image[near] - background, 0) * area[near][:, None]
+    azimuth, elevation = angles(luminance(light) @ towards[near])
+    return SunBlob(float(azimuth), float(elevation), radius, bool(clipped[region].any()), light.sum(axis=0))
+
+
+def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
+    """The largest of the clipped regions, or what is brighter than a tenth of the peak around the peak."""
+    area = solid_angle(len(value))
+    if clipped.any():
+        regions = connected(clipped)
+        light = np.bincount(regions.ravel(), (area * value).ravel())
+        best = regions == int(np.argmax(light[1:])) + 1
+        cap = 2 * np.pi * (1 - np.cos(np.radians(LARGEST_CLIPPED)))
+        return best if area[best].sum() < cap else None
+    peak = float(value.max())
+    if peak <= MIN_SUN_CONTRAST * float(np.median(value[value > 0])):
+        return None
+    regions = connected(value > 0.1 * peak)
+    return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])
+
+
+def _background(image: NDArray[np.float32], from_centre: Floats, reach: float) -> Floats:
+    """Median colour (3,) of the sky right beside the sun, which is much brighter than that a few degrees away."""
+    ring = (from_centre > reach) & (from_centre < reach + MARGIN * 180.0 / len(image))
+    return np.median(image[ring], axis=0) if ring.any() else np.zeros(3)
