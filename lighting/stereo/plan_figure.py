@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.drawing import BACKGROUND, LINE, MUTED, PANEL, TEXT, Colour, Style, polygon, stroke, write
 from lighting.geometry import Floats
-from lighting.stereo.plan import Plan, Table, Window, clock
+from lighting.preview.drawing import BACKGROUND, LINE, MUTED, PANEL, TEXT, Colour, Style, polygon, stroke, write
+from lighting.stereo.plan_records import Plan, Table, Window, clock
 
 WIDTH, HEIGHT = 1600, 900
 HOPELESS = 45.0  # deg, a larger error says nothing of the normal
@@ -35,7 +35,7 @@ def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
     return np.asarray(canvas)
 
 
-def gain_colours(gain: Floats) -> NDArray[np.uint8]:
+def _gain_colours(gain: Floats) -> NDArray[np.uint8]:
     """Colours (..., 3) of noise gains (...), on a logarithmic scale from LEAST_GAIN, bright, to MOST_GAIN, dark."""
     share = np.log(np.clip(gain, LEAST_GAIN, MOST_GAIN) / LEAST_GAIN) / np.log(MOST_GAIN / LEAST_GAIN)
     stops = np.linspace(0, 1, len(_RAMP))
@@ -84,7 +84,7 @@ def _raster(table: Table, first: int, last: int) -> Image.Image:
     pixels = np.full((side, side, 3), PANEL, dtype=np.uint8)
     column = np.rint((table.start / 60 - first) * cells).astype(np.intp)
     row = np.rint((last - table.end / 60) * cells).astype(np.intp)
-    pixels[row, column] = gain_colours(table.gain)
+    pixels[row, column] = _gain_colours(table.gain)
     return Image.fromarray(pixels)
 
 
@@ -101,7 +101,7 @@ def _ring(canvas: Image.Image, spot: tuple[float, float], text: str, *, after: b
 def _scale(canvas: Image.Image) -> None:
     left, top, width, height = _SCALE
     gains = LEAST_GAIN * (MOST_GAIN / LEAST_GAIN) ** np.linspace(0, 1, width)
-    bar = Image.fromarray(np.broadcast_to(gain_colours(gains), (height, width, 3)).copy())
+    bar = Image.fromarray(np.broadcast_to(_gain_colours(gains), (height, width, 3)).copy())
     canvas.paste(bar, (left, top))
     for gain in (1, 3, 10, 30, 100, 300):
         x = left + width * np.log(gain / LEAST_GAIN) / np.log(MOST_GAIN / LEAST_GAIN)
@@ -118,7 +118,7 @@ def _sphere_caption(plan: Plan) -> str:
 
 def _sphere(canvas: Image.Image, left: int, window: Window) -> None:
     top = 156
-    picture = Image.fromarray(gain_colours(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
+    picture = Image.fromarray(_gain_colours(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
     canvas.paste(picture, (left, top), mask=_disc(_SPHERE))
     centre = left + _SPHERE / 2
     write(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", Style(24, TEXT, anchor="ma"))

@@ -1,4 +1,4 @@
-"""The network of normals: an ONNX file that takes any number of images of a day, run by onnxruntime.
+"""ONNX refinement and its features.
 
 Inputs: `by_image`, float32 (1, T, BY_IMAGE, H, W), and `shared`, float32 (1, SHARED, H, W), of features.py, H
 and W multiples of 8. Outputs: `normal`, float32 (1, 3, H, W), unit vectors in the camera frame, and `error`, float32
@@ -6,6 +6,7 @@ and W multiples of 8. Outputs: `normal`, float32 (1, 3, H, W), unit vectors in t
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ModelError
-from lighting.onnx import packaged, session_of
-from lighting.stereo.normals.features import BY_IMAGE, SHARED, Features
+from lighting.onnx_session import packaged, session_of
+from lighting.stereo.grid_search import SearchResult
+
+# What the network of normals sees: each image beside its sun, and what the search says.
 
 Image = NDArray[np.float32]
+
+BY_IMAGE = 6  # planes of each image: relative brightness, difference to the search's fit, cosine to the sun, sun x y z
+SHARED = 15  # planes of the search: best, mean and other normal, residual, odds, spread, brightness, noise, mask
+
+_SOFT = 0.05  # of the mean brightness, what counts as a large difference
+
+
+@dataclass(frozen=True)
+class NormalFeatures:
+    """Planes of a picture."""
+
+    by_image: Image  # (T, BY_IMAGE, H, W)
+    shared: Image  # (SHARED, H, W)
+
+
+def normal_features(
+    images: Image, mask: NDArray[np.bool_], suns: NDArray[Any], answer: SearchResult, noise: float
+) -> NormalFeatures:
+    """The planes of pixels (P, T, C) that fill a mask (H, W), all 0 outside it.
+
+    `suns` (T, 3) are unit vectors in the camera frame; `noise` is in the unit of the images.
+    """
+    brightness = images.mean(axis=2)
+    size = np.sqrt(np.mean(brightness**2, axis=1)) + np.float32(1e-9)
+    by_image = np.zeros((images.shape[1], BY_IMAGE, *mask.shape), dtype=np.float32)
+    by_image[:, 0, mask] = (brightness / size[:, None]).T
+    by_image[:, 1, mask] = np.tanh(answer.difference / (_SOFT * size[:, None])).T
+    by_image[:, 2, mask] = suns.astype(np.float32) @ answer.normal.T
+    by_image[:, 3:][..., mask] = suns[:, :, None]
+    shared = np.zeros((SHARED, *mask.shape), dtype=np.float32)
+    shared[:, mask] = _search_planes(answer, size, noise)
+    return NormalFeatures(by_image, shared)
+
+
+def _search_planes(answer: SearchResult, size: Image, noise: float) -> Image:
+    """The planes (SHARED, P) of the search."""
+    numbers = (
+        np.log1p(answer.residual / noise),
+        np.tanh(answer.odds / 4),
+        answer.spread / 30,
+        np.clip(np.log(size / np.median(size)), -3, 3),
+        np.clip(np.log(noise / size), -8, 0) / 4,
+        np.ones_like(size),
+    )
+    vectors = (answer.normal.T, answer.mean.T, answer.other.T)
+    return np.concatenate([*vectors, np.stack(numbers)]).astype(np.float32)
+
+
+# The network of normals: an ONNX file that takes any number of images of a day, run by onnxruntime.
 
 _TILE, _MARGIN = 384, 48  # pixels that are answered at once, and that the network sees beyond them
 _STEP = 8  # pixels, of the sizes that the network takes
@@ -31,14 +83,14 @@ class Network:
     @classmethod
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """The network in an ONNX file, by default the one in this package; ModelError for another kind of file."""
-        file = packaged_network() if path is None else path
+        file = _packaged_network() if path is None else path
         session = session_of(file, threads)
         found = {port.name: port.shape[-3] for port in session.get_inputs()}
         if found != {"by_image": BY_IMAGE, "shared": SHARED}:
             raise ModelError(f"{file} is not a network of normals of this version.")
         return cls(session)
 
-    def predict(self, planes: Features) -> tuple[Image, Image]:
+    def predict(self, planes: NormalFeatures) -> tuple[Image, Image]:
         """Normals (H, W, 3) and expected errors (H, W) [deg], tile by tile."""
         height, width = planes.shared.shape[1:]
         normal, error = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
@@ -47,7 +99,7 @@ class Network:
                 normal[tile], error[tile] = self._tile(planes, tile)
         return normal, error
 
-    def _tile(self, planes: Features, tile: tuple[slice, slice]) -> tuple[Image, Image]:
+    def _tile(self, planes: NormalFeatures, tile: tuple[slice, slice]) -> tuple[Image, Image]:
         around = tuple(
             slice(max(0, part.start - _MARGIN), min(size, part.stop + _MARGIN))
             for part, size in zip(tile, planes.shared.shape[1:], strict=True)
@@ -63,7 +115,7 @@ class Network:
         return np.moveaxis(normal[0], 0, -1)[inner], np.degrees(error[0, 0])[inner]
 
 
-def packaged_network() -> Path:
+def _packaged_network() -> Path:
     """The one network of normals in this package; ModelError if there is none or a choice."""
     return packaged(Path(__file__).parents[1] / "data", "normals")
 

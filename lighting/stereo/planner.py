@@ -1,17 +1,97 @@
-"""What a plan is asked for, checked, and its answer: under modelled skies of a place or under measured ones."""
+"""Request -> plan; measured skies."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
-from lighting.errors import ErrorCode, ParameterError
-from lighting.photo import OFFSETS, YEARS
-from lighting.ranges import OPTIONAL_RANGES, check_range
-from lighting.stereo.days import Place, Weather, clear_brightness, modelled_day
-from lighting.stereo.plan import Plan, Question
-from lighting.stereo.planning import Progress, days_between, make_plan
-from lighting.stereo.probes import probe_days, read_day
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.color import luminance
+from lighting.envmap.latlong import shrink
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
+from lighting.files.exr import read_map
+from lighting.geometry import Floats, latlong_directions
+from lighting.photo.metadata import OFFSETS, YEARS
+from lighting.probe.bracket import probes_in
+from lighting.stereo.light_vectors import HEIGHT, Skies, skies_of_maps
+from lighting.stereo.plan_records import Plan, Question
+from lighting.stereo.schedule import (
+    ONE_SKY,
+    DayProgress,
+    Place,
+    SkyDay,
+    Weather,
+    clear_brightness,
+    days_between,
+    in_grey,
+    make_plan,
+    modelled_day,
+)
+from lighting.validation import OPTIONAL_RANGES, check_range
+
+LONGEST_GAP = 20.0  # min between two probes that photos may be planned in
+
+
+def _probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float, Path]]:
+    """The maps of each day by minutes since midnight, both by a clock at `utc_offset` hours from UTC.
+
+    Folders without a time in their maps are named by that clock. Raises ProbeError where there is no probe.
+    """
+    zone = timezone(timedelta(hours=utc_offset))
+    days: dict[date, dict[float, Path]] = {}
+    for probe in probes_in(folder, zone):
+        local = probe.time.astimezone(zone)
+        days.setdefault(local.date(), {})[60.0 * local.hour + local.minute + local.second / 60] = probe.path
+    return days
+
+
+def files_of(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Path]:
+    """The maps of one day, see `probe_days`; none where the folder has none of that day."""
+    return _probe_days(folder, utc_offset).get(day, {})
+
+
+def _read_day(day: date, files: Mapping[float, Path]) -> SkyDay:
+    """The probes of one day by minutes since midnight; ParameterError where there are fewer than two of it."""
+    if len(files) < 2:
+        raise ParameterError(
+            f"There is one probe of {day}; a plan needs two or more of a day.", code=ErrorCode.INSUFFICIENT
+        )
+    minutes = np.array(sorted(files))
+    skies = in_grey(read_skies([files[minute] for minute in minutes]))
+    tolerance = min(float(np.diff(minutes).max()), LONGEST_GAP) / 2
+    return SkyDay(day, minutes, tolerance, skies, ONE_SKY)
+
+
+def read_skies(files: list[Path]) -> Skies:
+    """Skies of maps in EXR files, at most HEIGHT rows, the sun taken out of where a map is brightest."""
+    parts = [_read(file) for file in files]
+    if len({sky.radiance.shape for sky in parts}) > 1:
+        raise EnvironmentMapError("The probes differ in size; all must have the same number of rows.")
+    return Skies(
+        np.concatenate([sky.radiance for sky in parts]),
+        np.concatenate([sky.sun_direction for sky in parts]),
+        np.concatenate([sky.sun_irradiance for sky in parts]),
+    )
+
+
+def _read(file: Path) -> Skies:
+    image = read_map(file)
+    skies = skies_of_maps(image[None], _brightest(image)[None])
+    return Skies(shrink(skies.radiance[0], HEIGHT)[None], skies.sun_direction, skies.sun_irradiance)
+
+
+def _brightest(image: NDArray[np.float32]) -> Floats:
+    """The direction (3,) of the brightest spot of a map (H, 2H, 3): the mean of its brightest pixels by luminance."""
+    light = luminance(image)
+    top = light >= 0.5 * light.max()
+    mean = (latlong_directions(len(image))[top] * light[top][:, None]).sum(axis=0)
+    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-12))
+
+
+# What a plan is asked for, checked, and its answer: under modelled skies of a place or under measured ones.
 
 
 @dataclass(frozen=True)
@@ -55,7 +135,7 @@ class MeasuredSkies:
 
     def days(self) -> dict[date, dict[float, Path]]:
         """The maps of each day that counts; ProbeError for an empty folder, ParameterError for days without probes."""
-        days = probe_days(self.folder, self.utc_offset)
+        days = _probe_days(self.folder, self.utc_offset)
         first, last = self.first or min(days), self.last or self.first or max(days)
         days_between(first, last)
         found = {day: files for day, files in days.items() if first <= day <= last}
@@ -72,11 +152,11 @@ class MeasuredSkies:
 AskedSkies = ModelledSkies | MeasuredSkies
 
 
-def plan_photos(skies: AskedSkies, question: Question, progress: Progress = iter) -> Plan:
+def plan_photos(skies: AskedSkies, question: Question, progress: DayProgress = iter) -> Plan:
     """The plan of the best day; raises ParameterError where no window of any day has light."""
     if isinstance(skies, MeasuredSkies):
         files = skies.days()
-        return make_plan(list(files), lambda day, _: read_day(day, files[day]), question, progress=progress)
+        return make_plan(list(files), lambda day, _: _read_day(day, files[day]), question, progress=progress)
     place, weather, days = skies.place, skies.sky, days_between(skies.first, skies.last)
     reference = clear_brightness(place, days)
     return make_plan(

@@ -1,17 +1,32 @@
-"""From a day's photos and skies to a map of normals: the noise, the search, and the network where it wins."""
+"""Search + network + turbidity -> normal map.
 
+Haze dims a low sun more than a high one, which changes the brightnesses over a day as much as normals do. So a wrong
+turbidity bends all of them, and few photographers know it.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import PhotoError
-from lighting.stereo.mean_light import Skies
-from lighting.stereo.normals.features import Features, features
-from lighting.stereo.normals.frame import Pose, to_camera
-from lighting.stereo.normals.network import Network
-from lighting.stereo.normals.search import Answer, Candidates, Progress, candidates, quiet, search
-from lighting.stereo.normals.shadows import search_shadowed, shadowed
+from lighting.stereo.grid_search import (
+    Candidates,
+    Pose,
+    SearchProgress,
+    SearchResult,
+    candidates,
+    quiet,
+    search,
+    search_shadowed,
+    shadowed,
+    to_camera,
+)
+from lighting.stereo.light_vectors import Skies
+from lighting.stereo.network import Network, NormalFeatures, normal_features
+
+# From a day's photos and skies to a map of normals: the noise, the search, and the network where it wins.
 
 Image = NDArray[np.float32]
 
@@ -49,8 +64,8 @@ class NormalMap:
     noise: float  # of the photos and the model together, as a share of the brightest pixel
 
 
-def solve(
-    session: Session, noise: float = NOISE, network: Network | None = None, progress: Progress = quiet
+def solve_normals(
+    session: Session, noise: float = NOISE, network: Network | None = None, progress: SearchProgress = quiet
 ) -> NormalMap:
     """The normals of a session's pixels.
 
@@ -61,20 +76,22 @@ def solve(
     return found if network is None else improved(found, network, planes)
 
 
-def solve_with_planes(session: Session, noise: float = NOISE, progress: Progress = quiet) -> tuple[NormalMap, Features]:
+def solve_with_planes(
+    session: Session, noise: float = NOISE, progress: SearchProgress = quiet
+) -> tuple[NormalMap, NormalFeatures]:
     """What `solve` finds by search alone, and the planes that the network improves it from."""
     mask, skies, pose = session.mask, session.skies, session.pose
     pixels = _pixels(session)
     table = candidates(skies, pose)
-    sigma = measured_noise(pixels, table, noise)
+    sigma = _measured_noise(pixels, table, noise)
     answer = search_shadowed(pixels, table, shadowed(skies, pose), sigma, progress)
-    planes = features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
+    planes = normal_features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
     return _map(mask, answer, sigma), planes
 
 
-def session_noise(session: Session) -> float:
+def _session_noise(session: Session) -> float:
     """Standard deviation of what a session's skies leave unexplained, as a share of the brightest pixel."""
-    return measured_noise(_pixels(session), candidates(session.skies, session.pose, _COARSE), _LEAST_NOISE)
+    return _measured_noise(_pixels(session), candidates(session.skies, session.pose, _COARSE), _LEAST_NOISE)
 
 
 def _pixels(session: Session) -> Image:
@@ -88,7 +105,7 @@ def _pixels(session: Session) -> Image:
     return np.asarray(pixels / np.float32(white))
 
 
-def measured_noise(pixels: Image, table: Candidates, least: float) -> float:
+def _measured_noise(pixels: Image, table: Candidates, least: float) -> float:
     """Standard deviation of what the model misses of pixels (P, T, C), in their unit, but at least `least`."""
     moments, channels = pixels.shape[1:]
     free = moments * channels - channels - _UNKNOWN
@@ -100,7 +117,7 @@ def measured_noise(pixels: Image, table: Candidates, least: float) -> float:
     return float(max(least, spread))
 
 
-def _map(mask: NDArray[np.bool_], answer: Answer, noise: float) -> NormalMap:
+def _map(mask: NDArray[np.bool_], answer: SearchResult, noise: float) -> NormalMap:
     albedo = answer.albedo / max(float(np.quantile(answer.albedo, 0.99)), 1e-9)
     return NormalMap(
         mask,
@@ -120,7 +137,7 @@ def _filled(mask: NDArray[np.bool_], values: Image) -> Image:
     return picture
 
 
-def improved(found: NormalMap, network: Network, planes: Features) -> NormalMap:
+def improved(found: NormalMap, network: Network, planes: NormalFeatures) -> NormalMap:
     """The network's normals where it expects to err clearly less than the search.
 
     It is at times too sure of itself. _BETTER is the largest of 0.4, 0.5 ... 1 at which the median rose by more than
@@ -141,3 +158,19 @@ def check_light(skies: Skies) -> None:
     suns = skies.sun_direction
     if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _LEAST_SUN:
         raise PhotoError("The sun stands in the same place in all photos; take them over hours.")
+
+
+# The turbidity of a day from the photos themselves: the one whose skies explain them best.
+
+TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy
+
+
+def fitted_turbidity(session_at: Callable[[float], Session]) -> float:
+    """The turbidity whose session leaves least of the photos unexplained; between those tried by a parabola."""
+    left = np.array([_session_noise(session_at(turbidity)) for turbidity in TURBIDITIES])
+    best = int(np.clip(left.argmin(), 1, len(left) - 2))
+    around = slice(best - 1, best + 2)
+    curve = np.polyfit(TURBIDITIES[around], left[around] ** 2, 2)
+    if curve[0] <= 0:
+        return TURBIDITIES[int(left.argmin())]
+    return float(np.clip(-curve[1] / (2 * curve[0]), TURBIDITIES[best - 1], TURBIDITIES[best + 1]))

@@ -1,4 +1,4 @@
-"""How much a set of light vectors multiplies the noise of pixels in the normals that photometric stereo finds.
+"""Noise gain, expected angular error.
 
 With brightnesses b = M x of a patch, x = albedo x normal, and noise of standard deviation sigma in each, least squares
 gives x with covariance sigma^2 (M^T M)^-1. The noise gain of axis k is lambda_k = sqrt of the k-th diagonal of
@@ -11,7 +11,9 @@ the least singular value of M, does not and is at least as large. Both fall as 1
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.geometry import Floats
+from lighting.geometry import Floats, direction
+
+# How much a set of light vectors multiplies the noise of pixels in the normals that photometric stereo finds.
 
 SURE = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
 WORST_ERROR = 90.0  # deg, the largest that is stated
@@ -46,7 +48,7 @@ def _inverse(upper: Floats) -> Floats:
     return result
 
 
-def covariance(matrix: ArrayLike, noise: float = 1.0) -> Floats:
+def _covariance(matrix: ArrayLike, noise: float = 1.0) -> Floats:
     """Covariance (..., 3, 3) of albedo x normal from illumination matrices (..., T, 3) and pixel noise sigma."""
     return np.asarray(noise**2 * inverse(gram(matrix)))
 
@@ -111,9 +113,56 @@ def window_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
     return _inverse(total)
 
 
-def sphere_normals(count: int) -> Floats:
+def _sphere_normals(count: int) -> Floats:
     """Unit vectors (count, 3) spread evenly over the sphere along a spiral of golden angles."""
     up = 1 - (2 * np.arange(count) + 1) / count
     turn = np.pi * (3 - np.sqrt(5)) * np.arange(count)
     level = np.sqrt(1 - up**2)
     return np.stack([level * np.sin(turn), up, -level * np.cos(turn)], axis=-1)
+
+
+# Orientations of a surface: those a plan is judged by, those it names, and the half sphere it draws.
+
+Named = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
+
+NORMALS = 180  # over the whole sphere, of which those of interest count
+VISIBLE = 80.0  # deg from the facing direction within which a camera before the surface sees orientations well
+
+_COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
+
+
+def normals_of_interest(facing: float | None) -> Floats:
+    """Unit normals (N, 3) by which windows are judged: within VISIBLE of a level direction [deg], or all that do not
+    look down."""
+    normals = _sphere_normals(NORMALS)
+    if facing is None:
+        return np.asarray(normals[normals[:, 1] >= 0])
+    return np.asarray(normals[normals @ direction(facing, 0.0) > np.cos(np.radians(VISIBLE))])
+
+
+def named_normals(facing: float | None) -> tuple[list[Named], Floats]:
+    """The orientations that a plan speaks of, and their unit normals (N, 3)."""
+    if facing is None:
+        slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
+        named = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
+    else:
+        ahead, *sides = ((facing + turn) % 360.0 for turn in (0.0, -45.0, 45.0))
+        tilted = [("ahead", ahead, 0.0), ("45° up", ahead, 45.0), ("45° down", ahead, -45.0)]
+        named = [*tilted, *((f"towards {azimuth:g}°", azimuth, 0.0) for azimuth in sides)]
+    return named, direction([azimuth for _, azimuth, _ in named], [elevation for *_, elevation in named])
+
+
+def half_sphere(facing: float | None, size: int) -> Floats:
+    """Unit normals (size, size, 3) of a sphere's pixels as a distant camera sees it; around it those of its rim.
+
+    The camera stands before the surface, upright; or, without a facing direction, above with north at the top.
+    """
+    side = (np.arange(size) + 0.5) / size * 2 - 1
+    x, y = np.meshgrid(side, -side)
+    beyond = np.maximum(np.hypot(x, y), 1.0)
+    x, y = x / beyond, y / beyond
+    seen = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
+    if facing is None:
+        return np.asarray(seen @ np.stack([direction(90.0, 0.0), direction(0.0, 0.0), direction(0.0, 90.0)]))
+    left = direction(facing - 90.0, 0.0)  # the surface's left is the camera's right
+    return np.asarray(seen @ np.stack([left, direction(0.0, 90.0), direction(facing, 0.0)]))

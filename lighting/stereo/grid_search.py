@@ -1,4 +1,4 @@
-"""Normals by exhaustive search: every pixel's brightnesses against what each of a few thousand normals would show.
+"""Exhaustive normal search, shadows, camera frame.
 
 A patch of normal n and albedo rho shows b = rho e(n), with e(n) the brightness of a white patch. For each normal of a
 grid the best albedo follows in closed form, and the squared residual is |b|^2 - <b, e / |e|>^2, so that all residuals
@@ -7,17 +7,62 @@ normals in proportion to their foreshortening, n_z, they give each pixel a distr
 start of one damped step of least squares, within the hemisphere of that normal: there brightness is linear in rho n,
 with the mean light vectors (mean_light.py) as its derivative. Iterating such steps from a single start
 diverges where the hemisphere of the start is another than that of the solution.
+
+A cast shadow leaves a pixel with the sky's light alone, which no normal under the open sun explains. Where the search
+leaves much of the images unexplained, it is repeated with every normal in every pattern of a shadow that ends or begins
+during the day. Shadows that come and go between are not among the patterns.
+
+Camera frame: +X right, +Y up in the picture, +Z towards the camera, so that what is seen has normals of positive Z.
+World axes are those of the maps: +Y up, true north at -Z, east at +X.
 """
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from lighting.stereo.mean_light import Skies, illumination
-from lighting.stereo.normals.frame import Pose, to_camera, to_world, visible_normals
+from lighting.geometry import Floats, camera_axes
+from lighting.runtime import available_cpus
+from lighting.stereo.light_vectors import Skies, illumination
+
+# The camera's frame of normals, and how it stands in the world.
+
+
+@dataclass(frozen=True)
+class Pose:
+    """How a camera stands; the defaults look level to the north."""
+
+    heading: float = 0.0  # deg clockwise from true north, where the camera looks
+    pitch: float = 0.0  # deg, positive looks up
+    roll: float = 0.0  # deg, positive turns the camera clockwise as its holder sees it
+
+
+def _axes(pose: Pose) -> Floats:
+    """The camera frame's X, Y and Z as rows (3, 3) in world axes."""
+    right, up, forward = camera_axes(pose.heading, pose.pitch, pose.roll)
+    return np.stack([right, up, -forward])
+
+
+def to_world(vectors: ArrayLike, pose: Pose) -> Floats:
+    """Vectors (..., 3) of the camera frame in world axes."""
+    return np.asarray(np.asarray(vectors) @ _axes(pose))
+
+
+def to_camera(vectors: ArrayLike, pose: Pose) -> Floats:
+    """Vectors (..., 3) in world axes in the camera frame."""
+    return np.asarray(np.asarray(vectors) @ _axes(pose).T)
+
+
+def visible_normals(count: int) -> NDArray[np.float32]:
+    """Unit vectors (N, 3) spread evenly over the camera frame's half with Z > 0, on a Fibonacci spiral."""
+    index = np.arange(count) + 0.5
+    z = index / count
+    turn = np.pi * (1 + 5**0.5) * index
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1).astype(np.float32)
+
 
 Image = NDArray[np.float32]
 
@@ -41,7 +86,7 @@ class Candidates:
 
 
 @dataclass(frozen=True)
-class Answer:
+class SearchResult:
     """What the search says of P pixels."""
 
     normal: Image  # (P, 3), camera frame
@@ -55,7 +100,7 @@ class Answer:
     odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
 
 
-Progress = Callable[[Iterable[Answer], int], Iterable[Answer]]  # sees answers pass, of so many in all
+SearchProgress = Callable[[Iterable[SearchResult], int], Iterable[SearchResult]]  # sees answers pass, of so many in all
 
 
 def candidates(skies: Skies, pose: Pose, count: int = GRID) -> Candidates:
@@ -68,12 +113,14 @@ def candidates(skies: Skies, pose: Pose, count: int = GRID) -> Candidates:
     return Candidates(normals, light.astype(np.float32), brightness.astype(np.float32), np.log(normals[:, 2]), spacing)
 
 
-def quiet(parts: Iterable[Answer], count: int) -> Iterable[Answer]:  # noqa: ARG001
+def quiet(parts: Iterable[SearchResult], count: int) -> Iterable[SearchResult]:  # noqa: ARG001
     """Progress that nobody watches."""
     return parts
 
 
-def search(images: Image, table: Candidates, noise: float, progress: Progress = quiet, threads: int = 1) -> Answer:
+def search(
+    images: Image, table: Candidates, noise: float, progress: SearchProgress = quiet, threads: int = 1
+) -> SearchResult:
     """The normals of P pixels from brightnesses (P, T, C); `noise` is their standard deviation, in their unit.
 
     Pixels are searched in blocks, which `progress` sees pass and which so many threads share.
@@ -83,7 +130,7 @@ def search(images: Image, table: Candidates, noise: float, progress: Progress = 
     with ThreadPoolExecutor(threads) as pool:
         found = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
         parts = list(progress(found, len(blocks)))
-    return Answer(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Answer)))
+    return SearchResult(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SearchResult)))
 
 
 def _units(table: Candidates) -> Image:
@@ -92,21 +139,21 @@ def _units(table: Candidates) -> Image:
     return np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _TINY), 1, 2))
 
 
-def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> Answer:
+def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> SearchResult:
     likelihood = _log_likelihood(images, units, noise)
     likelihood += table.prior
     best = likelihood.argmax(axis=1)
     likelihood -= likelihood[np.arange(len(best)), best][:, None]
-    chords = np.sqrt(np.maximum(2 - 2 * product(table.normals[best], table.normals.T), 0))
+    chords = np.sqrt(np.maximum(2 - 2 * _product(table.normals[best], table.normals.T), 0))
     other, odds = _other(likelihood, chords, table.normals)
     weight = np.exp(likelihood, out=likelihood)
     total = weight.sum(axis=1)
-    mean = product(weight, table.normals) / total[:, None]
+    mean = _product(weight, table.normals) / total[:, None]
     error = _angle(np.einsum("pk,pk->p", weight, chords) / total)
-    normal, albedo, difference = refine(images, table, best, noise)
+    normal, albedo, difference = _refine(images, table, best, noise)
     residual = np.sqrt(np.mean(difference**2, axis=(1, 2)))
     spread = _angle(np.sqrt(np.maximum(2 - 2 * np.sum(normal * mean, axis=1), 0)))
-    return Answer(normal, albedo, residual, difference.mean(axis=2), error, spread, mean, other, odds)
+    return SearchResult(normal, albedo, residual, difference.mean(axis=2), error, spread, mean, other, odds)
 
 
 def _angle(chord: Image) -> Image:
@@ -119,12 +166,12 @@ def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
     scaled = (images / np.float32(noise * np.sqrt(2))).astype(np.float32)
     total = np.zeros((len(images), units.shape[-1]), dtype=np.float32)
     for channel, unit in enumerate(units):
-        match = product(scaled[:, :, channel], unit)
+        match = _product(scaled[:, :, channel], unit)
         total += np.square(np.maximum(match, 0, out=match), out=match)
     return total
 
 
-def product(left: Image, right: Image) -> Image:
+def _product(left: Image, right: Image) -> Image:
     """The matrix product of (P, N) and (N, M), a few rows at a time, so that each stays in the thread that asks for it.
 
     The threads of a pool that all ask for large products wait for each other's helpers longer than they work.
@@ -146,7 +193,7 @@ def _other(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Ima
     return normals[index], np.maximum(rest[np.arange(len(index)), index], np.float32(-1e4))
 
 
-def refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: float) -> tuple[Image, Image, Image]:
+def _refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: float) -> tuple[Image, Image, Image]:
     """Normal (P, 3), albedo (P, C) and what they leave of the images (P, T, C), by one step from candidates (P,).
 
     The step is of least squares, damped by the grid's spacing, so that noise along an axis that the light does not tell
@@ -178,3 +225,57 @@ def _albedo(images: Image, shading: Image) -> Image:
     """Albedos (P, C) that fit best."""
     power = np.maximum(np.sum(shading * shading, axis=1), _TINY)
     return np.asarray(np.maximum(np.sum(images * shading, axis=1), 0) / power)
+
+
+# Pixels that something hides from the sun in some of the photos.
+
+POOR = 2.0  # times the noise, the residual from which on shadows are thought of
+
+_GRID = 700  # normals, 5.4 deg apart
+_SHADOW, _MOMENT = 3.0, 0.3  # how unlikely a shadow is, and each photo more that it lasts, as logarithms
+_LEAST = 3  # photos in the sun, for a normal
+_PATTERNS = 16  # at most
+
+
+def shadowed(skies: Skies, pose: Pose) -> Candidates | None:
+    """Normals of a grid in every pattern of shadow, without one first; None where too few photos are left for any."""
+    lit = _patterns(len(skies))
+    if len(lit) < 2:
+        return None
+    sunny = candidates(skies, pose, _GRID)
+    shade = candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, _GRID)
+    light = np.where(lit[:, None, :, None, None], sunny.light, shade.light)
+    brightness = np.where(lit[None, :, None, :], sunny.brightness[:, None], shade.brightness[:, None])
+    hidden = (~lit).sum(axis=1)
+    prior = sunny.prior - np.where(hidden > 0, _SHADOW + _MOMENT * hidden, 0)[:, None]
+    return Candidates(
+        np.tile(sunny.normals, (len(lit), 1)),
+        light.reshape(-1, *light.shape[2:]),
+        brightness.reshape(len(brightness), -1, len(skies)),
+        prior.ravel().astype(np.float32),
+        sunny.spacing,
+    )
+
+
+def _patterns(moments: int) -> NDArray[np.bool_]:
+    """Which photos (M, T) the sun reaches: all, all but the first few, all but the last few."""
+    longest = moments - _LEAST
+    some = range(1, longest + 1, max(1, -(-2 * longest // _PATTERNS)))
+    number = np.arange(moments)
+    rows = [number >= 0, *(number >= hidden for hidden in some), *(number < moments - hidden for hidden in some)]
+    return np.stack(rows)
+
+
+def search_shadowed(
+    images: Image, table: Candidates, shaded: Candidates | None, noise: float, progress: SearchProgress = quiet
+) -> SearchResult:
+    """The search of pixels (P, T, C), repeated with shadows where it leaves POOR times the noise."""
+    first = search(images, table, noise, progress, available_cpus())
+    poor = np.flatnonzero(first.residual > POOR * noise)
+    if shaded is None or not len(poor):
+        return first
+    second = search(images[poor], shaded, noise, progress, available_cpus())
+    better = second.residual < first.residual[poor]
+    for field in fields(SearchResult):
+        getattr(first, field.name)[poor[better]] = getattr(second, field.name)[better]
+    return first

@@ -6,7 +6,7 @@ from datetime import date
 from typing import Any
 
 from lighting.geometry import Floats
-from lighting.ranges import check_range
+from lighting.validation import check_range
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
 FEWEST_SHOTS, MOST_SHOTS = 3, 1000
@@ -29,7 +29,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Orientation:
+class SurfaceOrientation:
     """What a window promises for one orientation of the surface; infinite where its light resolves nothing."""
 
     name: str
@@ -58,7 +58,7 @@ class Window:
     error: float  # deg, expected error of the normal, median over the orientations of interest, 90 at most
     gain: float  # lambda_max, median
     rotation_free_gain: float  # 1 / sigma_min, median
-    orientations: tuple[Orientation, ...]
+    orientations: tuple[SurfaceOrientation, ...]
     sphere: Floats  # (S, S), lambda_max over the half sphere seen, see `half_sphere`
 
     def to_dict(self) -> dict[str, Any]:

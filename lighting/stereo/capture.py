@@ -1,0 +1,432 @@
+"""A day of photos: times, masks, exposure and motion checks.
+
+The moments come from EXIF or from `times.csv` (moments.py); a mask from `mask.png`, white where the thing is.
+
+RAW (rawpy), 16-bit PNG and TIFF and EXR hold linear values; JPEG and 8-bit PNG are taken to be coded in sRGB, which a
+camera's own curve only resembles.
+"""
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import ExifTags, Image
+
+from lighting.errors import EnvironmentMapError, PhotoError
+from lighting.files.exr import read_exr
+from lighting.fusion.timezones import location_of
+from lighting.photo.linear import RAW_SUFFIXES, Curve, read_linear
+from lighting.photo.metadata import HeadingReference, PhotoMetadata, in_utc, read_time
+from lighting.stereo.light_vectors import Skies
+from lighting.stereo.planner import LONGEST_GAP, files_of, read_skies
+
+# One photo as linear values, with what its EXIF block says of the moment and the exposure.
+
+Pixels = NDArray[np.float32]
+
+FORMATS = (*RAW_SUFFIXES, ".exr", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
+
+
+@dataclass(frozen=True)
+class _Exposure:
+    """What a camera noted of how it took a photo; None is unknown."""
+
+    seconds: float | None = None
+    aperture: float | None = None  # f-number
+    sensitivity: float | None = None  # ISO
+    focal_length: float | None = None  # mm, of the lens itself
+
+
+@dataclass(frozen=True, eq=False)
+class _Shot:
+    """A photo of a day."""
+
+    name: str
+    pixels: Pixels  # (H, W, C), linear, white is 1; C is 1 or 3
+    clipped: NDArray[np.bool_]  # (H, W), whether a channel is at white
+    coded: bool  # whether a curve was taken off
+    shape: tuple[int, int]  # rows and columns of the file, however far the pixels are reduced
+    facts: PhotoMetadata = field(default_factory=PhotoMetadata)
+    exposure: _Exposure = _Exposure()
+
+
+def _read_shot(path: Path, curve: Curve | None = None) -> _Shot:
+    """The photo in a file; `curve` says how its values are coded where the file is not to be believed.
+
+    Raises PhotoError for a file that cannot be read, that needs a package that is missing, or whose 16-bit values say
+    that they are gamma-coded while no curve is given.
+    """
+    if path.suffix.lower() != ".exr":
+        return _read_photo(path, curve)
+    try:
+        return _read_exr(path)
+    except (EnvironmentMapError, PhotoError) as error:
+        raise PhotoError(f"{path.name}: {error}") from error
+
+
+def _read_mask(file: Path) -> Image.Image:
+    """A mask as a picture of grey values; PhotoError where it cannot be read."""
+    try:
+        return Image.open(file).convert("L")
+    except Exception as error:  # Pillow raises nearly anything on hostile bytes
+        raise PhotoError(f"{file} is not a mask that can be read.") from error
+
+
+def _read_exr(path: Path) -> _Shot:
+    pixels = read_exr(path)[0]
+    if not np.isfinite(pixels).all():
+        raise PhotoError("The picture holds values that are not finite numbers.")
+    shape = pixels.shape[0], pixels.shape[1]
+    return _Shot(path.name, pixels, np.zeros(shape, dtype=bool), coded=False, shape=shape)
+
+
+def _read_photo(path: Path, curve: Curve | None) -> _Shot:
+    photo = read_linear(path, curve, turned=True)
+    if photo.doubtful:
+        raise PhotoError(
+            f"{path}: The file says that its values are gamma-coded; export linear values, or say --curve linear or "
+            "srgb."
+        )
+    pixels = np.ascontiguousarray(photo.pixels[..., :1] if photo.grey else photo.pixels)
+    clipped = np.asarray((pixels >= photo.white).any(axis=-1))
+    shape = pixels.shape[0], pixels.shape[1]
+    return _Shot(path.name, pixels, clipped, photo.coded, shape, photo.facts, _exposure(path))
+
+
+def _exposure(path: Path) -> _Exposure:
+    try:
+        with Image.open(path, formats=["JPEG", "PNG", "TIFF"]) as header:
+            tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
+    except Exception:  # EXIF is hostile input
+        return _Exposure()
+    base = ExifTags.Base
+    names = (base.ExposureTime, base.FNumber, base.ISOSpeedRatings, base.FocalLength)
+    return _Exposure(*(_number(tags.get, name) for name in names))
+
+
+def _number(get: Callable[[int], Any], tag: int) -> float | None:
+    try:
+        value = float(get(tag))
+    except (ArithmeticError, TypeError, ValueError):
+        return None
+    return value if np.isfinite(value) and value > 0 else None
+
+
+TIMES = "times.csv"
+SPAN = 20.0  # min, the shortest day
+
+
+def _times_of(folder: Path, shots: list[_Shot], utc_offset: float | None) -> NDArray[np.datetime64]:
+    """UTC times (T,) of the photos; `utc_offset` [h] is of clocks that do not say it. PhotoError if one is missing."""
+    listed = _listed_times(folder / TIMES)
+    moments = [_moment(shot, listed.get(shot.name), utc_offset) for shot in shots]
+    return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
+
+
+def _absent(folder: Path, names: Sequence[str]) -> list[str]:
+    """The files that `times.csv` lists and that are not among the names."""
+    return [name for name in _listed_times(folder / TIMES) if name not in names]
+
+
+def _listed_times(file: Path) -> dict[str, datetime]:
+    if not file.exists():
+        return {}
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.DictReader(stream))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise PhotoError(f"{file} is not a CSV file in UTF-8.") from error
+    if rows and not {"file", "time"} <= rows[0].keys():
+        raise PhotoError(f"{file} needs the columns file and time.")
+    return {row["file"]: read_time(row["time"] or "") for row in rows}
+
+
+def _moment(shot: _Shot, listed: datetime | None, utc_offset: float | None) -> datetime:
+    """When a photo was taken, in UTC."""
+    local = listed or shot.facts.local_time
+    if listed is None and shot.facts.utc_time is not None:
+        return shot.facts.utc_time.astimezone(UTC)
+    if local is None:
+        raise PhotoError(f"{shot.name} does not say when it was taken; list the times in {TIMES}.")
+    if local.tzinfo is not None:
+        return local.astimezone(UTC)
+    if utc_offset is None:
+        raise PhotoError(f"The clock of {shot.name} does not say its offset from UTC; give --utc-offset.")
+    return in_utc(local, utc_offset)
+
+
+def _check_times(times: NDArray[np.datetime64]) -> None:
+    """PhotoError unless the times (T,), in order, differ, and by enough for the sun to move."""
+    gaps = np.diff(times) / np.timedelta64(1, "m")
+    if (gaps <= 0).any():
+        raise PhotoError("The photos' times do not differ; photos of several moments of a day are needed.")
+    if gaps.sum() < SPAN:
+        raise PhotoError(f"The photos span {gaps.sum():.0f} minutes; the sun hardly moved. Take them over hours.")
+    if gaps.sum() > 24 * 60:
+        raise PhotoError("The photos are of more than one day.")
+
+
+# Whether a camera stood still, from its photos alone.
+
+FloatImage = NDArray[np.float32]
+
+_SIDE = 256  # pixels, of the pictures compared
+_MOVED = 0.012  # of the picture's longer side, from where on the camera counts as moved
+_CLEARER = 2.0  # times as high as at no shift, what the best shift must correlate
+
+
+def _check_still(images: FloatImage, names: list[str]) -> None:
+    """PhotoError where a photo of several (T, H, W) fits the one before it better when shifted by _MOVED or more.
+
+    Edges are compared by phase correlation (Kuglin and Hines, 1975); only a shift that fits far better counts, since
+    shadows move too.
+    """
+    spectra = [_edges(_small(image)) for image in images]
+    for index in range(1, len(spectra)):
+        shift = _shift(spectra[index - 1], spectra[index])
+        if shift > _MOVED:
+            percent = 100 * shift
+            raise PhotoError(f"{names[index]} is shifted by {percent:.1f} % of its size; the camera must not move.")
+
+
+def _small(image: FloatImage) -> FloatImage:
+    factor = max(1, max(image.shape) // _SIDE)
+    height, width = (side // factor for side in image.shape)
+    cut = image[: height * factor, : width * factor]
+    return np.asarray(cut.reshape(height, factor, width, factor).mean(axis=(1, 3)))
+
+
+def _edges(image: FloatImage) -> NDArray[Any]:
+    """The spectrum of a picture's edges, whatever their sense, faded out towards the border."""
+    level = np.log(image + 0.01 * image.mean() + 1e-6)
+    down, right = np.gradient(level)
+    edges = np.hypot(down, right)
+    edges = np.minimum(edges, np.quantile(edges, 0.98))
+    window = np.hanning(edges.shape[0])[:, None] * np.hanning(edges.shape[1])[None, :]
+    return np.asarray(np.fft.fft2((edges - edges.mean()) * window))
+
+
+def _shift(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """How far the second picture is shifted against the first, as a share of the longer side; 0 where unclear."""
+    cross = a * np.conj(b)
+    peak = np.fft.ifft2(cross / np.maximum(np.abs(cross), 1e-12)).real
+    row, column = np.unravel_index(int(peak.argmax()), peak.shape)
+    height, width = peak.shape
+    down, right = min(row, height - row), min(column, width - column)
+    here = max(peak[0, 0], peak[0, 1], peak[1, 0], peak[0, -1], peak[-1, 0])
+    clear = peak[row, column] > _CLEARER * max(here, 0.02)
+    return float(np.hypot(down, right) / max(height, width)) if clear else 0.0
+
+
+# Measured skies at the moments of photos.
+
+
+def nearest_skies(folder: Path, times: NDArray[np.datetime64], utc_offset: float) -> Skies:
+    """The probes nearest to times (T,) in UTC; folders without a time in their maps are named `utc_offset` [h] from it.
+
+    Raises EnvironmentMapError where a photo has none within half of LONGEST_GAP.
+    """
+    local = times + np.timedelta64(round(3600 * utc_offset), "s")
+    return read_skies([_nearest(folder, time, utc_offset) for time in local])
+
+
+def _nearest(folder: Path, time: Any, utc_offset: float) -> Path:
+    day = time.astype("datetime64[D]")
+    minutes = float((time - day) / np.timedelta64(1, "m"))
+    files = files_of(folder, day.item(), utc_offset)
+    moment = min(files, key=lambda filed: abs(filed - minutes), default=None)
+    if moment is None or abs(moment - minutes) > LONGEST_GAP / 2:
+        raise EnvironmentMapError(f"{folder} holds no sky probe within {LONGEST_GAP / 2:g} minutes of {time.item()}.")
+    return files[moment]
+
+
+# Photos of a day must not differ but in their light.
+
+_ALIKE = 0.02  # relative difference of exposures that cameras round alike
+
+
+def _check_alike(shots: list[_Shot]) -> None:
+    """PhotoError unless size, colours, lens and exposure are those of the first photo throughout."""
+    first = shots[0]
+    for shot in shots[1:]:
+        if shot.shape != first.shape:
+            raise PhotoError(f"{shot.name} and {first.name} differ in size; the camera must not move or change.")
+        if shot.pixels.shape != first.pixels.shape:
+            raise PhotoError(f"Of {shot.name} and {first.name} one is grey and one in colour; make them alike.")
+        if _differ(shot.exposure.focal_length, first.exposure.focal_length):
+            raise PhotoError(f"{shot.name} and {first.name} differ in focal length; the lens must not change.")
+        if _exposures_differ(shot.exposure, first.exposure):
+            raise PhotoError(f"{shot.name} and {first.name} differ in exposure; fix time, aperture and ISO.")
+
+
+def _exposures_differ(a: _Exposure, b: _Exposure) -> bool:
+    pairs = ((a.seconds, b.seconds), (a.aperture, b.aperture), (a.sensitivity, b.sensitivity))
+    return any(_differ(one, other) for one, other in pairs)
+
+
+def _differ(a: float | None, b: float | None) -> bool:
+    return a is not None and b is not None and abs(a - b) > _ALIKE * max(a, b)
+
+
+# Whether the light of a day's photos changed in more than its strength, which tells normals apart.
+
+_LEAST = 0.02  # share of the brightest, below which what differs may be noise; an hour of clear sky leaves 0.025
+_BRIGHTEST = 0.999  # quantile of the values that counts as the brightest
+_PROBE = 20_000  # pixels that are looked at
+
+
+def _is_varied(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> bool:
+    """Whether pixels of a mask (H, W) in images (T, H, W, C) brighten and darken in different ways.
+
+    It is so where one picture times one strength for each photo leaves more than noise (root mean square).
+    """
+    rows, columns = np.nonzero(mask)
+    step = max(1, len(rows) // _PROBE)
+    values = images[:, rows[::step], columns[::step]].mean(axis=-1, dtype=np.float64)  # (T, P)
+    brightest = float(np.quantile(values, _BRIGHTEST)) if values.size else 0.0
+    powers = np.linalg.eigvalsh(values @ values.T)  # rising; the last one is that of one picture alone
+    rest = np.sqrt(max(float(powers[:-1].sum()), 0.0) / max(values.size, 1))
+    return bool(rest > _LEAST * brightest)
+
+
+# A folder with the photos of one day from a camera that stands still.
+
+MASK = "mask.png"
+LEAST = 3  # photos, for a normal and an albedo
+SIZE = 1024  # pixels of the longer side, to which photos are reduced
+LEAST_SIDE = 2  # pixels, that a slope is between
+
+_MOST_CLIPPED = 0.1  # share of the thing that may be clipped in some photo
+
+
+@dataclass(frozen=True)
+class Shots:
+    """The photos of a day, ready to solve."""
+
+    names: tuple[str, ...]
+    images: Pixels  # (T, H, W, C), linear, in one unit
+    times: NDArray[np.datetime64]  # (T,), UTC
+    mask: NDArray[np.bool_]  # (H, W), where the thing is and no photo is clipped
+    place: tuple[float, float] | None  # latitude and longitude [deg] that the photos tell
+    heading: float | None  # deg from true north, likewise
+    focal_length: float | None  # mm in 35 mm terms, likewise
+    warnings: tuple[str, ...]
+
+
+def read_shots(
+    folder: Path,
+    *,
+    mask: Path | None = None,
+    utc_offset: float | None = None,
+    curve: Curve | None = None,
+    size: int | None = SIZE,
+    progress: Callable[[Sequence[Path]], Any] = iter,
+) -> Shots:
+    """The photos of a folder in the order of their times, reduced by a whole factor to `size` pixels.
+
+    `utc_offset` [h] is of a camera's clock that does not say it. Raises PhotoError for fewer than LEAST photos, times
+    that are missing or do not differ, sizes, lenses or exposures that do, a camera that moved, and photos that are
+    clipped or too small.
+    """
+    shots = [_reduced(_read_shot(path, curve), size) for path in progress(_photos(folder))]
+    if len(shots) < LEAST:
+        count = "1 photo" if len(shots) == 1 else f"{len(shots)} photos"
+        raise PhotoError(f"{folder} holds {count}; normals need at least {LEAST} of one day.")
+    times = _times_of(folder, shots, utc_offset)
+    order = np.argsort(times, kind="stable")
+    shots, times = [shots[index] for index in order], times[order]
+    _check_alike(shots)
+    _check_times(times)
+    area = _mask(folder, mask, shots[0].pixels.shape[:2])
+    images = np.stack([shot.pixels for shot in shots])
+    _check_still(images.mean(axis=-1), [shot.name for shot in shots])
+    kept, lost = _unclipped(area, shots)
+    facts = [shot.facts for shot in shots]
+    return Shots(
+        names=tuple(shot.name for shot in shots),
+        images=images,
+        times=times,
+        mask=kept,
+        place=next((place for f in facts if (place := location_of(f))), None),
+        heading=next(
+            (f.heading for f in facts if f.heading is not None and f.heading_reference == HeadingReference.TRUE), None
+        ),
+        focal_length=next((f.focal_length for f in facts if f.vertical_fov is not None), None),  # not of cropped ones
+        warnings=(*_warnings(shots, lost), *_about_the_day(folder, shots, images, kept)),
+    )
+
+
+def _photos(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise PhotoError(f"There is no folder {folder}.")
+    files = (path for path in folder.iterdir() if path.suffix.lower() in FORMATS and path.is_file())
+    return sorted(path for path in files if path.name != MASK and path.name[0] != ".")
+
+
+def _reduced(shot: _Shot, size: int | None) -> _Shot:
+    """The photo with each side divided by a whole number, by means of blocks, which keep values linear.
+
+    Raises PhotoError where less than LEAST_SIDE is left of a side.
+    """
+    height, width = shot.shape
+    factor = 1 if not size else -(-max(height, width) // size)
+    rows, columns = height // factor, width // factor
+    if min(rows, columns) < LEAST_SIDE:
+        raise PhotoError(
+            f"{shot.name} is reduced to {columns} x {rows} pixels; normals need {LEAST_SIDE} or more each way."
+        )
+    if factor == 1:
+        return shot
+    cut = shot.pixels[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor, -1)
+    clipped = shot.clipped[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
+    return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=np.asarray(clipped.any(axis=(1, 3))))
+
+
+def _mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    file = given or folder / MASK
+    if given is None and not file.exists():
+        return np.ones(shape, dtype=bool)
+    image = _read_mask(file)
+    if abs(image.width / image.height - shape[1] / shape[0]) > 0.02 * shape[1] / shape[0]:
+        raise PhotoError(f"{file} is {image.width} x {image.height} pixels; it does not have the photos' shape.")
+    inside = np.asarray(image.resize((shape[1], shape[0]), Image.Resampling.NEAREST)) > 127
+    if not inside.any():
+        raise PhotoError(f"{file} is black all over; white marks the thing.")
+    return np.asarray(inside)
+
+
+def _unclipped(area: NDArray[np.bool_], shots: list[_Shot]) -> tuple[NDArray[np.bool_], float]:
+    """Where the mask (H, W) is clipped in no photo, and the share that is lost."""
+    clipped = np.any([shot.clipped for shot in shots], axis=0)
+    worst = max(shots, key=lambda shot: shot.clipped[area].mean())
+    lost = float(clipped[area].mean())
+    if lost > _MOST_CLIPPED:
+        share = 100 * worst.clipped[area].mean()
+        raise PhotoError(f"{worst.name} is clipped in {share:.0f} % of its pixels; expose less.")
+    return area & ~clipped, lost
+
+
+def _warnings(shots: list[_Shot], lost: float) -> tuple[str, ...]:
+    found = []
+    if any(shot.coded for shot in shots):
+        found.append("JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals.")
+    if any(shot.exposure.seconds is None for shot in shots):
+        found.append("Not every photo says its exposure; it is taken to be the same in all.")
+    if lost:
+        found.append(f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out.")
+    return tuple(found)
+
+
+def _about_the_day(folder: Path, shots: list[_Shot], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
+    found = [f"{TIMES} lists {name}, which is not there." for name in _absent(folder, [shot.name for shot in shots])]
+    if not _is_varied(images, mask):
+        found.append(
+            "All that the photos show brightens and darkens alike, as under an overcast sky or within half an hour: "
+            "unless the thing is flat, its normals are worthless."
+        )
+    return found

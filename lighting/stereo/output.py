@@ -1,0 +1,366 @@
+"""Depth integration, PNG/EXR/PLY, JSON.
+
+Normals are stored as (n + 1) / 2 of 16 bits in PNG, red x, green y, blue z, and as they are in EXR; outside the mask
+all is 0. Uncertainty is in degrees in EXR and in hundredths of a degree in the 16-bit PNG.
+
+Between two neighbouring pixels the depth changes by the mean of their slopes. Each such pair is one equation, weighted
+by how much both face the camera, since slopes at grazing normals are large and uncertain. The sparse system is solved
+directly (scipy). With a focal length the slopes are those of the logarithm of depth (Durou et al., Normal
+Integration: A Survey, JMIV 2018), without one the camera is orthographic.
+"""
+
+import json
+import os
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
+from lighting.files.atomic import atomic_write, output_folder_error
+from lighting.files.exr import SOFTWARE
+from lighting.geometry import Floats
+from lighting.photo.linear import Curve
+from lighting.photo.metadata import FULL_FRAME
+from lighting.records import GROUND_ALBEDO
+from lighting.stereo.capture import SIZE, Shots, nearest_skies, read_shots
+from lighting.stereo.grid_search import Pose, SearchProgress, quiet, to_world
+from lighting.stereo.light_vectors import HEIGHT, Skies, clear_skies, suns_at
+from lighting.stereo.network import Network
+from lighting.stereo.schedule import in_grey
+from lighting.stereo.solver import NOISE, NormalMap, Session, check_light, fitted_turbidity, solve_normals
+from lighting.validation import check_place
+
+# What a solved day is written as: normals, albedo and uncertainty as pictures, the surface as a mesh.
+
+Image = NDArray[np.float32]
+
+MESH, RECORD = "mesh.ply", "normals.json"
+
+_HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
+
+
+def check_normals_folder(folder: Path, *, overwrite: bool) -> None:
+    """Raise a one-sentence ParameterError where the results cannot or must not be written."""
+    if objection := output_folder_error(folder, overwrite=overwrite):
+        raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
+
+
+def _write_map(folder: Path, found: NormalMap, pose: Pose) -> None:
+    """Write the pictures, each as .png and .exr, into a folder that exists; each file appears when it is whole."""
+    for name, plane, codes in _pictures(found, pose):
+        _write_png16(folder / f"{name}.png", np.where(found.mask[..., None], codes, 0))
+        _write_picture(folder / f"{name}.exr", plane)
+
+
+def _pictures(found: NormalMap, pose: Pose) -> list[tuple[str, Image, Floats]]:
+    """Name, values (H, W, C) as they are, and as numbers of 16 bits."""
+    inside = found.mask[..., None]
+    world = (to_world(found.normal, pose) * inside).astype(np.float32)
+    error, white = found.error[..., None], 65535.0
+    return [
+        ("normals_camera", found.normal, (found.normal + 1) / 2 * white),
+        ("normals_world", world, (world + 1) / 2 * white),
+        ("albedo", found.albedo, found.albedo * white),
+        ("uncertainty", error, error * _HUNDREDTHS),
+    ]
+
+
+def _write_png16(target: Path, values: Floats) -> None:
+    """Write numbers (H, W, C), C 1 or 3, rounded and cut to 0 to 65535, as a PNG of 16 bits."""
+    height, width, channels = values.shape
+    codes = np.clip(np.round(values), 0, 65535).astype(">u2").reshape(height, -1)
+    rows = codes.view(np.uint8).astype(np.uint8)
+    rows[1:] -= rows[:-1].copy()  # filter 2: less the row above
+    marked = np.concatenate([np.r_[0, np.full(height - 1, 2)].astype(np.uint8)[:, None], rows], axis=1)
+    kind = struct.pack(">IIBBBBB", width, height, 16, 2 if channels == 3 else 0, 0, 0, 0)
+    chunks = (_chunk(b"IHDR", kind), _chunk(b"IDAT", zlib.compress(marked.tobytes(), 6)), _chunk(b"IEND", b""))
+    with atomic_write(target) as path:
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def _write_picture(target: Path, values: Image) -> None:
+    """Write a picture (H, W, C), C 1 or 3, as 32-bit float EXR."""
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "software": SOFTWARE}
+    plane = np.ascontiguousarray(values, dtype=np.float32)
+    channels = {"RGB": plane} if plane.shape[-1] == 3 else {"Y": plane[..., 0]}
+    with atomic_write(target) as path:
+        OpenEXR.File(header, channels).write(str(path))
+
+
+def _write_mesh(target: Path, vertices: Floats, found: NormalMap) -> None:
+    """Write points (H, W, 3) of a mask as a binary PLY mesh with normals and the albedo as colours.
+
+    Two triangles join each four neighbours that are all in the mask, seen counter-clockwise by the camera.
+    """
+    mask = found.mask
+    index = np.cumsum(mask).reshape(mask.shape) - 1
+    whole = mask[:-1, :-1] & mask[1:, :-1] & mask[:-1, 1:] & mask[1:, 1:]
+    a, b, c, d = (part[whole] for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, triangles
+    with atomic_write(target) as path:
+        path.write_bytes(_ply_header(int(mask.sum()), len(faces)) + _points(vertices, found) + faces.tobytes())
+
+
+def _points(vertices: Floats, found: NormalMap) -> bytes:
+    kinds = [("point", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)]
+    rows = np.empty(int(found.mask.sum()), dtype=kinds)
+    rows["point"], rows["normal"] = vertices[found.mask], found.normal[found.mask]
+    rows["colour"] = np.clip(np.round(found.albedo[found.mask] * 255), 0, 255)
+    return rows.tobytes()
+
+
+def _ply_header(points: int, faces: int) -> bytes:
+    names = [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    names += [f"property uchar {name}" for name in ("red", "green", "blue")]
+    lines = ["ply", "format binary_little_endian 1.0", f"comment {SOFTWARE}", f"element vertex {points}", *names]
+    lines += [f"element face {faces}", "property list uchar int vertex_indices", "end_header", ""]
+    return "\n".join(lines).encode("ascii")
+
+
+def _write_record(target: Path, record: dict[str, Any]) -> None:
+    """Write what is known of the day as JSON."""
+    with atomic_write(target) as path:
+        path.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+
+
+# Depth from normals: the surface whose slopes agree best with them, by weighted least squares.
+
+_STEEPEST = 0.05  # the least n_z that slopes are taken from
+_ANCHOR = 1e-9  # weight that holds each piece of the surface near 0
+
+
+def integrate(normal: Image, mask: NDArray[np.bool_], focal: float | None = None) -> Floats:
+    """Heights (H, W) towards the camera, whose mean is 0, in pixels; NaN outside the mask.
+
+    `normal` (H, W, 3) is in the camera frame. With a focal length [pixels] the result is the distance from the camera
+    in place of the height, of mean logarithm 0. Pieces of the mask that do not touch each have that mean.
+    Raises ParameterError where scipy is missing.
+    """
+    slopes = _slopes(normal, focal)
+    value = np.full(mask.shape, np.nan)
+    value[mask] = _solve(slopes, mask, np.maximum(normal[..., 2], _STEEPEST))
+    return value if focal is None else np.exp(value)
+
+
+def _slopes(normal: Image, focal: float | None) -> tuple[Floats, Floats]:
+    """Changes (H, W) of the height, or of the logarithm of the distance, to the next pixel right and down."""
+    x, y, z = np.moveaxis(normal.astype(np.float64), -1, 0)
+    if focal is None:
+        z = np.maximum(z, _STEEPEST)
+        return -x / z, y / z
+    height, width = z.shape
+    right = np.arange(width) - (width - 1) / 2
+    up = (height - 1) / 2 - np.arange(height)
+    towards = np.maximum(focal * z - right[None, :] * x - up[:, None] * y, _STEEPEST * focal)
+    return x / towards, -y / towards
+
+
+def _solve(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats) -> Floats:
+    """Values (P,) of the mask's pixels that fit the slopes best."""
+    sparse = require_extra("scipy.sparse", "Depth needs scipy", "stereo")
+    from scipy.sparse.linalg import splu
+
+    index = np.cumsum(mask).reshape(mask.shape) - 1
+    count = int(mask.sum())
+    first, second, change, weight = _pairs(slopes, mask, facing, index)
+    rows = np.arange(len(first))
+    entries = np.concatenate([-np.ones(len(first)), np.ones(len(first))])
+    places = (np.concatenate([rows, rows]), np.concatenate([first, second]))
+    steps = sparse.coo_matrix((entries, places), shape=(len(first), count)).tocsr()
+    weighted = steps.multiply(weight[:, None]).tocsr()
+    square = (weighted.T @ steps + _ANCHOR * sparse.identity(count)).tocsc()
+    factors = splu(square, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
+    value = factors.solve(weighted.T @ change)
+    return np.asarray(value - value.mean())
+
+
+def _pairs(
+    slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats, index: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]:
+    """Neighbours in the mask: the pixel's number, that of the one right of or below it, the change and its weight."""
+    found = []
+    for slope, here, there in (
+        (slopes[0], np.s_[:, :-1], np.s_[:, 1:]),
+        (slopes[1], np.s_[:-1], np.s_[1:]),
+    ):
+        both = mask[here] & mask[there]
+        change = (slope[here] + slope[there])[both] / 2
+        weight = np.minimum(facing[here], facing[there])[both] ** 2
+        found.append((index[here][both], index[there][both], change, weight))
+    first, second, change, weight = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return first, second, change, weight
+
+
+def depth_error(found: Floats, truth: Floats, mask: NDArray[np.bool_]) -> float:
+    """Mean absolute difference of two heights (H, W) in a mask, after the offset that makes it least."""
+    difference = (found - truth)[mask]
+    return float(np.mean(np.abs(difference - np.median(difference))))
+
+
+# Normals of a thing from photos of one day: a folder in, pictures and a mesh out.
+
+_FITTED_HEIGHT = 32  # rows of the skies that a turbidity is found with
+
+
+@dataclass(frozen=True)
+class NormalsOptions:
+    """What is told beside the photos; None is to be found in them."""
+
+    latitude: float | None = None  # deg, positive north
+    longitude: float | None = None  # deg, positive east
+    heading: float | None = None  # deg clockwise from true north, where the camera looks
+    pitch: float = 0.0  # deg, positive looks up
+    roll: float = 0.0  # deg, positive turns the camera clockwise as its holder sees it
+    utc_offset: float | None = None  # h, of the camera's clock and of the probes' names
+    turbidity: float | None = None  # of a modelled sky; None is found from the photos
+    ground_albedo: float = GROUND_ALBEDO
+    probes: Path | None = None  # folder of measured skies in place of a modelled one
+    mask: Path | None = None
+    curve: Curve | None = None  # how the photos' values are coded, where the files are not to be believed
+    size: int | None = SIZE  # pixels of the longer side; None keeps all
+    noise: float = NOISE  # least standard deviation of the photos' noise, as a share of the brightest pixel
+
+
+@dataclass(frozen=True)
+class NormalsProgress:
+    """Who sees the work progress; by default nobody."""
+
+    photos: Callable[[Sequence[Path]], Iterable[Path]] = iter
+    pixels: SearchProgress = quiet
+
+
+@dataclass(frozen=True)
+class NormalsResult:
+    """A day's normals and what they were found from."""
+
+    map: NormalMap
+    pose: Pose
+    focal: float | None  # pixels; None without a lens known
+    record: dict[str, Any]  # as JSON, for people and programs
+    warnings: tuple[str, ...] = ()
+
+
+def estimate_normals(
+    folder: str | os.PathLike[str],
+    told: NormalsOptions,
+    network: Network | None = None,
+    watch: NormalsProgress | None = None,
+) -> NormalsResult:
+    """The normals of the thing that a folder's photos show.
+
+    Raises PhotoError for photos that cannot be used and ParameterError where place or heading are not known.
+    """
+    folder, seen = Path(folder), watch or NormalsProgress()
+    shots = read_shots(
+        folder,
+        mask=told.mask,
+        utc_offset=told.utc_offset,
+        curve=told.curve,
+        size=told.size,
+        progress=seen.photos,
+    )
+    pose = Pose(_heading(shots, told), told.pitch, told.roll)
+    skies, turbidity = _skies(shots, told, pose)
+    check_light(skies)
+    found = solve_normals(Session(shots.images, shots.mask, skies, pose), told.noise, network, seen.pixels)
+    focal = None if shots.focal_length is None else _focal(shots.focal_length, *shots.mask.shape)
+    record = _record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
+    record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
+    record |= {"sky": str(told.probes or "clear"), "turbidity": turbidity}
+    return NormalsResult(found, pose, focal, record, shots.warnings)
+
+
+def write_solved(folder: str | os.PathLike[str], solved: NormalsResult) -> None:
+    """Write the pictures, the mesh and the record of a solved day into a folder, which is made where its parent is."""
+    folder, vertices = Path(folder), _surface(solved)
+    folder.mkdir(exist_ok=True)
+    _write_map(folder, solved.map, solved.pose)
+    _write_mesh(folder / MESH, vertices, solved.map)
+    _write_record(folder / RECORD, solved.record)
+
+
+def _surface(solved: NormalsResult) -> Floats:
+    """Points (H, W, 3) of the thing in the camera frame, in pixels; NaN outside the mask.
+
+    Without a lens known the camera is orthographic; with one the thing stands a focal length away.
+    """
+    height, width = solved.map.mask.shape
+    right = np.arange(width)[None, :] - (width - 1) / 2
+    up = (height - 1) / 2 - np.arange(height)[:, None]
+    depth = integrate(solved.map.normal, solved.map.mask, solved.focal)
+    if solved.focal is None:
+        return np.stack(np.broadcast_arrays(right, up, depth), axis=-1)
+    return np.stack([right * depth, up * depth, -solved.focal * depth], axis=-1)
+
+
+def _heading(shots: Shots, told: NormalsOptions) -> float:
+    heading = shots.heading if told.heading is None else told.heading
+    if heading is None:
+        raise ParameterError(
+            "The photos do not say which way the camera looked; give --heading in degrees from north.",
+            "heading",
+            ErrorCode.MISSING,
+        )
+    return heading
+
+
+def _skies(shots: Shots, told: NormalsOptions, pose: Pose) -> tuple[Skies, float | None]:
+    """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modelled."""
+    if told.probes is not None:
+        skies = nearest_skies(told.probes, shots.times, told.utc_offset or 0.0)
+        return skies if shots.images.shape[-1] == 3 else in_grey(skies), None
+    suns = _suns(shots, told)
+
+    def session(turbidity: float, height: int = _FITTED_HEIGHT) -> Session:
+        skies = clear_skies(suns, turbidity, told.ground_albedo, height)
+        return Session(shots.images, shots.mask, skies if shots.images.shape[-1] == 3 else in_grey(skies), pose)
+
+    turbidity = fitted_turbidity(session) if told.turbidity is None else told.turbidity
+    return session(turbidity, HEIGHT).skies, turbidity
+
+
+def _suns(shots: Shots, told: NormalsOptions) -> Floats:
+    """Unit vectors (T, 3) to the sun; ParameterError without a place, PhotoError for a photo of night."""
+    place = (told.latitude, told.longitude)
+    check_place(*place)
+    latitude, longitude = place if None not in place else (shots.place or place)
+    if latitude is None or longitude is None:
+        raise ParameterError(
+            "The photos do not say where they were taken; give --lat and --lon.", "latitude", ErrorCode.MISSING
+        )
+    suns = suns_at(shots.times, latitude, longitude)
+    if (suns[:, 1] <= 0).any():
+        night = shots.names[int(np.argmin(suns[:, 1]))]
+        raise PhotoError(f"The sun is below the horizon in {night}; check its time and place, or leave it out.")
+    return suns
+
+
+def _focal(length: float, height: int, width: int) -> float:
+    """Focal length [pixels] of one in 35 mm terms [mm], by the diagonal."""
+    return length / FULL_FRAME * float(np.hypot(height, width))
+
+
+def _record(found: NormalMap, names: Sequence[str]) -> dict[str, Any]:
+    error = found.error[found.mask]
+    return {
+        "photos": list(names),
+        "pixels": int(found.mask.sum()),
+        "expected_error_median": round(float(np.median(error)), 2),
+        "noise": round(found.noise, 4),
+        "by_network": round(float(found.network[found.mask].mean()), 3),
+        "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
+    }

@@ -1,0 +1,352 @@
+"""Light of a day, candidate windows, ranking.
+
+Every window holds the same number of photos, evenly spread from its start to its end, all of one exposure: the one
+that brings the brightest mean light vector of the plan's days to length 1, under a clear sky where skies are modelled.
+Noise is in per cent of that, which is about the brightness of a surface's best lit spot, so that the surface's albedo
+cancels. A window is judged by the median, over the orientations of interest and draws of the clouds, of the expected
+error of the normal.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.color import LUMINANCE_WEIGHTS
+from lighting.errors import ErrorCode, ParameterError
+from lighting.geometry import Floats
+from lighting.stereo.light_vectors import (
+    HEIGHT,
+    SPELL,
+    Skies,
+    broken_skies,
+    clear_skies,
+    draw_sunshine,
+    illumination,
+    overcast_skies,
+    suns_at,
+)
+from lighting.stereo.noise_gain import (
+    angular_error,
+    angular_spread,
+    gain_of,
+    half_sphere,
+    interval_95,
+    named_normals,
+    normals_of_interest,
+    rotation_free_gain,
+    window_inverses,
+)
+from lighting.stereo.plan_records import HOURS, DayScore, Plan, Question, SurfaceOrientation, Table, Window
+
+# The light of one day as a plan reads it: moments, and mean light vectors of any normal at each of them.
+
+Weather = Literal["clear", "overcast", "mixed"]
+
+DRAWS = 32  # of the clouds of a mixed day
+DAY = 24 * 60  # min
+SPELLS = int(DAY / SPELL)
+ONE_SKY = np.zeros((1, SPELLS), dtype=np.intp)  # the clouds of a day that has one variant
+STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
+
+
+@dataclass(frozen=True)
+class Place:
+    latitude: float  # deg, positive north
+    longitude: float  # deg, positive east
+    utc_offset: float  # h, of the clock that days and times are told by
+
+
+@dataclass(frozen=True)
+class SkyDay:
+    """Skies of one day at T moments in one channel, in one variant or in several between which clouds choose."""
+
+    date: date
+    minutes: Floats  # (T,) since midnight by the clock of the place, ascending
+    tolerance: float  # min by which a photo's moment may miss the time wanted
+    skies: Skies  # of V x T moments: all of the first variant, then all of the next
+    clouds: NDArray[np.intp]  # (K, spells of a day), which variant each draw of the clouds shows in each spell
+
+    def light(self, normals: Floats) -> Floats:
+        """Mean light vectors (N, V x T, 3) of unit normals (N, 3)."""
+        return np.asarray(illumination(self.skies, normals)[..., 0])
+
+    def moments(self, start: Floats, end: Floats, shots: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Indices (K, W, shots) of the moments of photos spread evenly from start (W,) to end (W,) [min], both ends in;
+        and whether (W,) every photo finds light within the day's tolerance.
+
+        Spells of clouds are counted from the start of each window, so that all windows meet the same clouds.
+        """
+        wanted = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, shots)
+        after = np.clip(np.searchsorted(self.minutes, wanted), 1, len(self.minutes) - 1)
+        late = self.minutes[after] - wanted < wanted - self.minutes[after - 1]
+        index = np.where(late, after, after - 1)
+        reached = np.abs(self.minutes[index] - wanted) <= self.tolerance
+        spell = ((wanted - start[:, None]) / SPELL).astype(np.intp) % self.clouds.shape[1]
+        return index + len(self.minutes) * self.clouds[:, spell], np.asarray(reached.all(axis=1))
+
+
+def modelled_day(place: Place, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
+    """The moments of the day, midnight to midnight, that the sun is up: all of a polar day.
+
+    Coarse has half as many moments, in maps of half the size. Raises ParameterError where the sun does not rise.
+    """
+    step, height = (COARSE_STEP, HEIGHT // 2) if coarse else (STEP, HEIGHT)
+    minutes = np.arange(0.0, DAY, step)
+    suns = suns_at(_utc(place, day, minutes), place.latitude, place.longitude)
+    up = suns[:, 1] > 0
+    if up.sum() < 2:
+        raise ParameterError(_night(place, day, day), "first", ErrorCode.NIGHT)
+    minutes, suns = minutes[up], suns[up]
+    clear = in_grey(clear_skies(suns, height=height))
+    return SkyDay(day, minutes, step / 2, *_weather(clear, weather))
+
+
+def _weather(clear: Skies, weather: Weather) -> tuple[Skies, NDArray[np.intp]]:
+    """The variants of all moments, and which of them each draw of the clouds shows."""
+    if weather == "mixed":
+        hidden, shining = (broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True))
+        return _joined(hidden, shining), draw_sunshine(DRAWS, SPELLS, seed=0).astype(np.intp)
+    return clear if weather == "clear" else overcast_skies(clear), ONE_SKY
+
+
+def _joined(a: Skies, b: Skies) -> Skies:
+    return Skies(
+        np.concatenate([a.radiance, b.radiance]),
+        np.concatenate([a.sun_direction, b.sun_direction]),
+        np.concatenate([a.sun_irradiance, b.sun_irradiance]),
+    )
+
+
+def _utc(place: Place, day: date, minutes: Floats) -> NDArray[np.datetime64]:
+    midnight = np.datetime64(day.isoformat(), "s")
+    seconds = np.rint(60 * (minutes - 60 * place.utc_offset)).astype("timedelta64[s]")
+    return np.asarray(midnight + seconds)
+
+
+def clear_brightness(place: Place, days: Sequence[date]) -> float:
+    """The length of the brightest mean light vector under clear skies of these days: of a patch that faces
+    the sun at its highest.
+
+    Raises ParameterError where the sun does not rise on any.
+    """
+    minutes = np.arange(0.0, DAY, 15.0)
+    times = np.stack([_utc(place, day, minutes) for day in days]).ravel()
+    suns = suns_at(times, place.latitude, place.longitude)
+    highest = suns[np.argmax(suns[:, 1])][None]
+    if highest[0, 1] <= 0:
+        raise ParameterError(_night(place, days[0], days[-1]), "first", ErrorCode.NIGHT)
+    light = illumination(in_grey(clear_skies(highest)), highest)
+    return float(np.linalg.norm(light))
+
+
+def _night(place: Place, first: date, last: date) -> str:
+    where = f"{abs(place.latitude):g}° {'N' if place.latitude >= 0 else 'S'}"
+    when = f"on {first}" if first == last else f"from {first} to {last}"
+    return f"The sun does not rise at {where} {when}; it is night all day."
+
+
+def in_grey(skies: Skies) -> Skies:
+    """The same in one channel, luminance."""
+    radiance = (skies.radiance @ LUMINANCE_WEIGHTS)[..., None]
+    return Skies(radiance, skies.sun_direction, (skies.sun_irradiance @ LUMINANCE_WEIGHTS)[:, None])
+
+
+# Windows of a day and what they are worth for given orientations.
+
+START_STEP = 15.0  # min between the starts of windows
+SHORTEST = 30.0  # min
+_CHUNK = 1 << 16  # matrices held at once: what of them is summed stays in a processor's cache
+
+
+@dataclass(frozen=True)
+class _Windows:
+    """W windows of a day, each with the same number of photos."""
+
+    start: Floats  # (W,) min since midnight
+    end: Floats  # (W,)
+    moments: NDArray[np.intp]  # (K, W, shots), the photos' moments in the day's light, under each draw of the clouds
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+@dataclass(frozen=True)
+class _Worth:
+    """Medians (W,) over orientations and draws of the clouds, per unit of the skies' radiance; inf where hopeless."""
+
+    spread: Floats  # of `angular_spread`: expected turn of the normal [rad] per unit of noise
+    gain: Floats  # of lambda_max
+
+
+def windows_of(day: SkyDay, hours: float, shots: int) -> _Windows:
+    """The windows of one length that start on quarters of an hour and lie in light."""
+    start = np.arange(0.0, DAY - 60 * hours + 1e-6, START_STEP)
+    return _in_light(day, start, start + 60 * hours, shots)
+
+
+def _all_windows(day: SkyDay, shots: int, step: float) -> _Windows:
+    """The windows that start and end on multiples of `step` minutes, SHORTEST or longer, and lie in light."""
+    grid = np.arange(0.0, DAY + 1e-6, step)
+    start, end = (side.ravel() for side in np.meshgrid(grid, grid, indexing="ij"))
+    long = end - start >= SHORTEST
+    return _in_light(day, start[long], end[long], shots)
+
+
+def worth(windows: _Windows, light: Floats, normals: Floats) -> _Worth:
+    """What windows are worth for normals (N, 3) with a day's mean light vectors (N, moments, 3)."""
+    draws, count = len(windows.moments), len(normals)
+    step = max(1, _CHUNK // (draws * count))
+    parts = [_worth(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
+    empty = np.empty(0)
+    return _Worth(*(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("spread", "gain")))
+
+
+def _worth(moments: NDArray[np.intp], light: Floats, normals: Floats) -> _Worth:
+    inverses = window_inverses(light, moments)
+    spread, gain = angular_spread(inverses, normals[:, None, None]), gain_of(inverses).max(axis=-1)
+    return _Worth(np.median(spread, axis=(0, 1)), np.median(gain, axis=(0, 1)))
+
+
+def _in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _Windows:
+    moments, reached = day.moments(start, end, shots)
+    return _Windows(start[reached], end[reached], moments[:, reached])
+
+
+# When to take the photos: the windows of a day in which photometric stereo resolves a surface's normals best.
+
+DayProgress = Callable[[Sequence[date]], Iterable[date]]
+Reader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
+
+MOST_DAYS = 366  # of a plan: a leap year
+SPHERE = 31  # normals across a drawn half sphere
+
+
+def days_between(first: date, last: date) -> list[date]:
+    """All days from first to last; ParameterError where they are reversed or too many."""
+    count = (last - first).days + 1
+    if count < 1:
+        raise ParameterError(f"The last day, {last}, is before the first, {first}.", "last", ErrorCode.CONTRADICTION)
+    if count > MOST_DAYS:
+        raise ParameterError(
+            f"From {first} to {last} are {count} days; a plan covers {MOST_DAYS} at most.",
+            "last",
+            ErrorCode.OUT_OF_RANGE,
+        )
+    return [first + timedelta(days=i) for i in range(count)]
+
+
+def make_plan(
+    days: Sequence[date],
+    read: Reader,
+    question: Question,
+    reference: float | None = None,
+    progress: DayProgress = iter,
+) -> Plan:
+    """The plan of the best of several days.
+
+    `reference` is the length of mean light vector that the exposure brings to 1; None takes the brightest of the days
+    read, over the orientations of interest. The best day has the least product of its least errors of each length of
+    HOURS. A day without light is passed over if there are others. Raises ParameterError where no window fits
+    any.
+    """
+    looks = [_look(day, read, question, coarse=len(days) > 1) for day in progress(days)]
+    if not any(look.fits for look in looks):
+        raise ParameterError(looks[0].objection, "first", ErrorCode.INSUFFICIENT)
+    scale = reference or max(look.brightest for look in looks)
+    errors = angular_error(np.stack([look.spread for look in looks]) * scale, question.noise / 100)
+    burden = np.log(errors).sum(axis=1) + np.where([look.fits for look in looks], 0, np.inf)
+    chosen = int(np.argmin(burden))
+    best = looks[chosen].found or read(days[chosen], False)
+    scores = tuple(DayScore(day, tuple(map(float, row))) for day, row in zip(days, errors, strict=True))
+    normals = normals_of_interest(question.facing)
+    light = best.light(normals) / scale
+    windows = tuple(_best_windows(best, light, normals, question, scale))
+    return Plan(best.date, question, windows, scores, _table(best, light, normals, question))
+
+
+def _brightest_light(light: Floats) -> float:
+    """The length of the longest mean light vector (..., 3)."""
+    return float(np.linalg.norm(light, axis=-1).max())
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What a first look at a day found."""
+
+    spread: Floats  # (len(HOURS),) of the best window of each length; inf where none fits
+    fits: bool  # whether a window of any length does
+    brightest: float  # mean light vector's length
+    objection: str  # a sentence, if none fits
+    found: SkyDay | None = None  # its light, if it is fine
+
+
+def _look(day: date, read: Reader, question: Question, *, coarse: bool) -> _Look:
+    try:
+        found = read(day, coarse)
+    except ParameterError as error:
+        return _Look(np.full(len(HOURS), np.inf), False, 0.0, str(error))
+    normals = normals_of_interest(question.facing)
+    light = found.light(normals)
+    windows = [windows_of(found, hours, question.shots) for hours in HOURS]
+    spread = np.array([worth(each, light, normals).spread.min(initial=np.inf) for each in windows])
+    objection = f"On {day} light is never there for an hour on end; photometric stereo needs that."
+    return _Look(spread, any(map(len, windows)), _brightest_light(light), objection, None if coarse else found)
+
+
+def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: Question, scale: float) -> Iterable[Window]:
+    """The best of each length, of a day's scaled mean light vectors (N, moments, 3)."""
+    for hours in HOURS:
+        windows = windows_of(day, hours, question.shots)
+        if not len(windows):
+            continue
+        worths = worth(windows, light, normals)
+        best = int(np.argmin(worths.spread))
+        moments = windows.moments[:, best]
+        yield Window(
+            hours=hours,
+            start=float(windows.start[best]),
+            end=float(windows.end[best]),
+            error=float(angular_error(worths.spread[best], question.noise / 100)),
+            gain=float(worths.gain[best]),
+            rotation_free_gain=float(np.median(rotation_free_gain(light[:, moments]))),
+            orientations=_promises(day, moments, question, scale),
+            sphere=_sphere(day, moments, question, scale),
+        )
+
+
+def _promises(
+    day: SkyDay, moments: NDArray[np.intp], question: Question, scale: float
+) -> tuple[SurfaceOrientation, ...]:
+    """What each named orientation gets of photos at moments (K, shots)."""
+    names, normals = named_normals(question.facing)
+    inverses, noise = _inverses(day, moments, normals, scale), question.noise / 100
+    error = np.median(angular_error(angular_spread(inverses, normals[:, None]), noise), axis=1)
+    gain = np.median(gain_of(inverses), axis=1)
+    interval = interval_95(gain, noise)
+    return tuple(
+        SurfaceOrientation(*name, float(e), float(g.max()), (float(i[0]), float(i[1]), float(i[2])))
+        for name, e, g, i in zip(names, error, gain, interval, strict=True)
+    )
+
+
+def _sphere(day: SkyDay, moments: NDArray[np.intp], question: Question, scale: float) -> Floats:
+    normals = half_sphere(question.facing, SPHERE).reshape(-1, 3)
+    gain = gain_of(_inverses(day, moments, normals, scale)).max(axis=-1)
+    return np.asarray(np.median(gain, axis=1).reshape(SPHERE, SPHERE))
+
+
+def _inverses(day: SkyDay, moments: NDArray[np.intp], normals: Floats, scale: float) -> Floats:
+    """(M^T M)^-1 (N, K, 3, 3) of photos at moments (K, shots) for normals (N, 3)."""
+    used, index = np.unique(moments, return_inverse=True)
+    light = illumination(day.skies.at(used), normals)[..., 0] / scale
+    return window_inverses(light, index.reshape(moments.shape))
+
+
+def _table(day: SkyDay, light: Floats, normals: Floats, question: Question) -> Table:
+    step = START_STEP if len(day.clouds) == 1 else 2 * START_STEP
+    windows = _all_windows(day, question.shots, step)
+    return Table(step, windows.start, windows.end, worth(windows, light, normals).gain)
