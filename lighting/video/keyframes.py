@@ -1,20 +1,36 @@
-"""Keyframes in one frame: a graph of turns between them, and the orientations that fit all of them best.
+"""Loop closure, orientations of all frames, smoothing.
 
 Errors of a chain of turns add up; where the camera comes back to what it saw, features of keyframes are matched and
 the loop is closed. Orientations then are those with the least sum of squared differences to all turns (rotation
 averaging; Chatterji and Govindu 2013 describe the steps taken here), turns far off counting little.
+
+Orientations are rotations (3, 3) from the frame of the shot's first camera (x right, y up, it looks along -z) to that
+of a later one.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats, angle_between
-from lighting.turns import Turn, match, rotation_about, rotation_of, rotation_vector
-from lighting.video.follow import Key
+from lighting.registration.features import match
+from lighting.registration.rotations import (
+    consensus_up,
+    focal_of,
+    heading_elevation_roll,
+    rotation_about,
+    rotation_vector,
+    up_in_own_frame,
+)
+from lighting.registration.two_view import Turn, rotation_of
+from lighting.video.telemetry import Gimbal
+from lighting.video.tracking import Keyframe, ShotObservations, Turning, is_believed, turning
+
+# Keyframes in one frame: a graph of turns between them, and the orientations that fit all of them best.
 
 JOINS = 2  # keyframes to either side of a gap that are compared
 NEIGHBOURS = 5  # keyframes; those nearer in time need no loop
@@ -26,7 +42,7 @@ _WRONG = 0.5  # deg, beyond which a turn counts for ever less
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class _Link:
     """A turn between two keyframes."""
 
     a: int
@@ -35,7 +51,7 @@ class Link:
     weight: float = 1.0
 
 
-def turn_between(a: Key, b: Key, vertical_fov: float | None, fov_sigma: float = 0.0) -> Turn | None:
+def turn_between(a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_sigma: float = 0.0) -> Turn | None:
     """The turn from a to b by their features, None where they have too little in common.
 
     The lens is given [deg], exactly or with a standard deviation of both pictures' lenses, or unknown.
@@ -46,7 +62,7 @@ def turn_between(a: Key, b: Key, vertical_fov: float | None, fov_sigma: float = 
     return rotation_of(match(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_sigma)
 
 
-def chained(count: int, links: Sequence[Link]) -> tuple[Floats, NDArray[np.intp]]:
+def _chained(count: int, links: Sequence[_Link]) -> tuple[Floats, NDArray[np.intp]]:
     """Orientations (K, 3, 3) along the links, and which part (K,) each keyframe belongs to.
 
     Each part's first keyframe has the identity.
@@ -69,7 +85,7 @@ def chained(count: int, links: Sequence[Link]) -> tuple[Floats, NDArray[np.intp]
     return orientation, part
 
 
-def averaged(orientation: Floats, links: Sequence[Link], fixed: NDArray[np.bool_]) -> Floats:
+def _averaged(orientation: Floats, links: Sequence[_Link], fixed: NDArray[np.bool_]) -> Floats:
     """Orientations (K, 3, 3) that fit the links best, from ones nearby; those `fixed` (K,) stay."""
     count = len(orientation)
     if len(links) < count or count > MOST_KEYS:
@@ -105,12 +121,12 @@ def _corrections(
     return np.linalg.solve(laplacian + 1e-9 * np.eye(count), right)
 
 
-def loops(keys: Sequence[Key], orientation: Floats, part: NDArray[np.intp], vertical_fov: float) -> list[Link]:
+def _loops(keys: Sequence[Keyframe], orientation: Floats, part: NDArray[np.intp], vertical_fov: float) -> list[_Link]:
     """Turns by features between keyframes that look nearly the same way and are not neighbours."""
     pairs = _near_pairs(orientation, part, NEAR_ENOUGH * vertical_fov)
     step = max(1, math.ceil(len(pairs) / MOST_LOOPS))
     found = [(i, j, turn_between(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
-    return [Link(i, j, turn.rotation, 0.5) for i, j, turn in found if turn is not None]
+    return [_Link(i, j, turn.rotation, 0.5) for i, j, turn in found if turn is not None]
 
 
 def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> list[tuple[int, int]]:
@@ -124,3 +140,129 @@ def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> l
         if apart.min() < within:
             pairs.append((int(older[int(np.argmin(apart))]), j))
     return pairs
+
+
+# How the camera of a shot was turned, frame by frame, and which way is up.
+
+GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
+
+
+def orientations(
+    watched: ShotObservations, turnings: Sequence[Turning], fov: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Orientations (N, 3, 3) of the frames against the shot's first camera, and which of them are believed (N,).
+
+    `turnings` are those of `turnings_of`, `fov` the vertical field of view [deg].
+    """
+    lowest = watched.steps[0].key
+    numbers = [n for s in watched.steps for n in (s.key, s.makes) if n is not None]
+    count = max(numbers) - lowest + 1
+    chain = [
+        _Link(step.key - lowest, step.makes - lowest, turn.rotation, 2.0)
+        for step, turn in zip(watched.steps, turnings, strict=True)
+        if step.makes is not None
+    ]
+    chain += _joins(watched, lowest, fov)
+    orientation, part = _chained(count, chain)
+    keys = sorted(watched.keys.values(), key=lambda k: k.number)
+    where = np.array([k.number - lowest for k in keys], dtype=np.intp)
+    closed = [
+        replace(link, a=int(where[link.a]), b=int(where[link.b]))
+        for link in (_loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else [])
+    ]
+    orientation = _averaged(orientation, [*chain, *closed], part == np.arange(count))
+    own = np.array([step.key - lowest for step in watched.steps])
+    frames = np.stack([t.rotation for t in turnings]) @ orientation[own]
+    main = np.bincount(part[own]).argmax()
+    sure = [is_believed(t, begins=s.begins) for t, s in zip(turnings, watched.steps, strict=True)]
+    believed = np.array(sure) & (part[own] == main)
+    return frames @ frames[int(np.argmax(believed))].T, believed
+
+
+def turnings_of(watched: ShotObservations, fov: float) -> list[Turning]:
+    """Each frame's turn against its keyframe, through a lens of a vertical field of view [deg]."""
+    focal = focal_of(fov, *watched.size)
+    found: list[Turning] = []
+    guess: Floats = np.eye(3)
+    last = -1
+    for step in watched.steps:
+        guess = np.eye(3) if step.key != last else guess
+        if step.begins or not len(step.matches):
+            found.append(Turning(np.eye(3), 1.0 if step.begins else 0.0, len(step.matches)))
+        else:
+            found.append(turning(step.matches, focal, guess))
+        guess, last = found[-1].rotation, step.key
+    return found
+
+
+def _joins(watched: ShotObservations, lowest: int, fov: float) -> list[_Link]:
+    """Turns over the gaps between stretches."""
+    stretches = sorted({k.stretch for k in watched.keys.values()})
+    keys = {s: [k for k in watched.keys.values() if k.stretch == s] for s in stretches}
+    found = []
+    for before, after in pairwise(stretches):
+        for a in keys[before][-JOINS:]:
+            for b in keys[after][:JOINS]:
+                if (turn := turn_between(a, b, fov)) is not None:
+                    found.append(_Link(a.number - lowest, b.number - lowest, turn.rotation))
+    return found
+
+
+def up_of(watched: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
+    """Up (3,) in the shot's first camera: the gimbal's if there is one, or what most looks agree upon."""
+    if stated := told_by(gimbal, time):
+        return consensus_up(
+            orientation[[i for i, _ in stated]], np.stack([up_in_own_frame(at[1], at[2]) for _, at in stated])
+        )
+    position = {step.frame: i for i, step in enumerate(watched.steps)}
+    said = [seen.prediction for seen in watched.looks.values()]
+    ups = np.stack([up_in_own_frame(p.camera_elevation, p.camera_roll) for p in said])
+    return consensus_up(orientation[[position[f] for f in watched.looks]], ups)
+
+
+def told_by(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, float, float]]]:
+    """What a gimbal says at some of the times (N,) [s]: their indices, each with heading, elevation and roll [deg]."""
+    first = np.unique((time - time[0]) // GIMBAL_EVERY, return_index=True)[1]
+    return [(int(i), at) for i in first if (at := gimbal.at(float(time[i]))) is not None]
+
+
+# A camera's path of orientations: its angles, gaps bridged, and what trembles smoothed.
+
+WINDOW = 5  # frames over which a parabola is fitted; tracking trembles from frame to frame, hands do more slowly
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """How the camera pointed, frame by frame."""
+
+    time: Floats  # (N,) s
+    heading: Floats  # (N,) deg clockwise from the first frame's, continuous: it may pass 180
+    elevation: Floats  # (N,) deg
+    roll: Floats  # (N,) deg
+    bridged: NDArray[np.bool_]  # (N,) where nothing could be followed and the neighbours tell
+
+
+def path_of(time: Floats, orientations: Floats, known: NDArray[np.bool_], levelled: Floats) -> Path:
+    """The path of cameras (N, 3, 3) of which those `known` (N,), at least one, are believed."""
+    heading, elevation, roll = heading_elevation_roll(orientations, levelled)
+    turned = np.empty_like(heading)
+    turned[known] = np.degrees(np.unwrap(np.radians(heading[known])))
+    rolled = np.empty_like(roll)
+    rolled[known] = np.degrees(np.unwrap(np.radians(roll[known])))
+    bridged = (np.interp(time, time[known], v[known]) for v in (turned, elevation, rolled))
+    heading, elevation, roll = (smoothed(time, v) for v in bridged)
+    return Path(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~known)
+
+
+def smoothed(time: Floats, values: Floats, window: int = WINDOW) -> Floats:
+    """Values (N,) at rising times (N,), each replaced by the parabola through its `window` neighbours."""
+    count = len(time)
+    if count < window:
+        return values
+    first = np.clip(np.arange(count) - window // 2, 0, count - window)
+    near = first[:, None] + np.arange(window)
+    apart = time[near] - time[:, None]
+    scale = np.maximum(np.abs(apart).max(axis=1, keepdims=True), 1e-9)
+    basis = np.stack([np.ones_like(apart), apart / scale, (apart / scale) ** 2], axis=-1)
+    fitted = np.linalg.pinv(basis) @ values[near][..., None]
+    return np.asarray(fitted[:, 0, 0])

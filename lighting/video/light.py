@@ -10,13 +10,27 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lighting.circular import HEADINGS
-from lighting.evidence import Evidence, Fused, compass_prior, fuse, on_rings, ring_density, seen_from
-from lighting.evidence.overlap import AZIMUTH, SUN, Correlation, counts, multiplied
+from lighting.decoding import light_numbers, light_of_numbers
+from lighting.fusion.likelihood import (
+    AZIMUTH,
+    SUN,
+    Correlation,
+    effective_weights,
+    pool_log_likelihoods,
+    rotate_density,
+)
+from lighting.fusion.single_view import (
+    Observations,
+    Posterior,
+    compass_prior,
+    fuse,
+    likelihood_by_heading,
+    posterior_on_rings,
+)
 from lighting.geometry import Floats, direction
 from lighting.records import EvidenceKind, Light, Prediction
-from lighting.strength import light_numbers, light_of_numbers
 from lighting.sun_grid import grid_solid_angle
-from lighting.video.watched import Seen
+from lighting.video.tracking import FrameEstimate
 
 SECTOR = 15.0  # deg of heading
 BRUSHED = 0.5  # of the sectors' mean weight, below which one counts for less
@@ -25,14 +39,14 @@ _LOWEST = 1e-12  # density that stands for none
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class FrameObservation:
     """What one frame shows, and how that frame lies in the shot."""
 
-    seen: Seen
+    seen: FrameEstimate
     heading: float  # deg clockwise from the shot's azimuth 0
     vertical_fov: float  # deg
     gain: float = 1.0  # of the frame's linear values, by the first frame's
-    evidence: Evidence = field(default_factory=Evidence)  # at the frame's time; its candidates alone count here
+    evidence: Observations = field(default_factory=Observations)  # at the frame's time; its candidates alone count here
 
 
 @dataclass
@@ -75,7 +89,7 @@ class ShotLight:
         """Whether there was a look."""
         return self._last is not None
 
-    def add(self, look: Look) -> None:
+    def add(self, look: FrameObservation) -> None:
         """Count a look, in parts for the two sectors between whose middles it lies."""
         self._looks += 1
         self._last, self._vertical_fov = look.seen.prediction, look.vertical_fov
@@ -86,7 +100,7 @@ class ShotLight:
             if part > 0.0:
                 self._sectors.setdefault(number % round(360.0 / SECTOR), _Sector()).add(part, *said)
 
-    def answer(self, evidence: Evidence) -> Fused:
+    def answer(self, evidence: Observations) -> Posterior:
         """What all looks say, as a camera at azimuth 0 would see it.
 
         `evidence` is that of the moment asked for, its heading that of azimuth 0. ValueError before the first look;
@@ -95,11 +109,11 @@ class ShotLight:
         if self._last is None:
             raise ValueError("There was no look yet.")
         cells = np.stack([s.log_cells for s in self._sectors.values()])
-        weight = multiplied(cells, self._counts(SUN), SUN, grid_solid_angle(self._last.spec.sun_grid))
+        weight = pool_log_likelihoods(cells, self._counts(SUN), SUN, grid_solid_angle(self._last.spec.sun_grid))
         by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
         fused = fuse(by_pixels, evidence)
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
-            fused = replace(on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
+            fused = replace(posterior_on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
         return replace(
             fused, used=fused.used if self._looks == 1 else (*fused.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS)
         )
@@ -113,13 +127,13 @@ class ShotLight:
         log_ground = np.average([s.log_ground for s in self._sectors.values()], axis=0, weights=weight)
         return np.asarray(np.exp(log_ground))
 
-    def _rings(self, evidence: Evidence) -> Floats | None:
+    def _rings(self, evidence: Observations) -> Floats | None:
         """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
         up = [elevation >= 0.0 for elevation, _ in evidence.candidates]
         rings = [sector.log_rings for sector in self._sectors.values()]
         if any(len(ring) != len(up) for ring in rings):
             return None
-        weight = multiplied(np.stack(rings)[:, up], self._counts(AZIMUTH), AZIMUTH)
+        weight = pool_log_likelihoods(np.stack(rings)[:, up], self._counts(AZIMUTH), AZIMUTH)
         return np.asarray(weight * compass_prior(evidence))
 
     def _present(self) -> Floats:
@@ -130,7 +144,7 @@ class ShotLight:
     def _counts(self, correlation: Correlation) -> Floats:
         """How much each sector (S,) counts."""
         ahead = direction(SECTOR * np.array(list(self._sectors)), 0.0)
-        return counts(ahead, np.full(len(ahead), self._vertical_fov), correlation, present=self._present())
+        return effective_weights(ahead, np.full(len(ahead), self._vertical_fov), correlation, present=self._present())
 
     def _averaged(self, last: Prediction) -> Prediction:
         """The numbers of all sectors, each counted once however many looks it has."""
@@ -146,25 +160,25 @@ class ShotLight:
         )
 
 
-def _on_cells(look: Look) -> Floats:
+def _on_cells(look: FrameObservation) -> Floats:
     """Log densities (N,) over the cells of a camera at azimuth 0."""
     p = look.seen.prediction
-    return np.asarray(np.log(np.maximum(seen_from(p.sun_probability, -look.heading, p.spec.sun_grid), _LOWEST)))
+    return np.asarray(np.log(np.maximum(rotate_density(p.sun_probability, -look.heading, p.spec.sun_grid), _LOWEST)))
 
 
-def _on_rings(look: Look) -> Floats:
+def _on_rings(look: FrameObservation) -> Floats:
     """Log densities (K, 360) of each candidate's sun by the heading of azimuth 0."""
     candidates = np.array(look.evidence.candidates, dtype=np.float64).reshape(-1, 2)
     if not len(candidates):
         return np.zeros((0, 360))
     seen = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
-    density = ring_density(look.seen.prediction, seen)
+    density = likelihood_by_heading(look.seen.prediction, seen)
     density[candidates[:, 0] < 0.0] = 0.0
     log = np.log(np.maximum(density, _LOWEST))
     return np.stack([np.interp(HEADINGS + look.heading, HEADINGS, row, period=360.0) for row in log])
 
 
-def _numbers(look: Look) -> Floats:
+def _numbers(look: FrameObservation) -> Floats:
     """What of a look is averaged, (4,) or with a Light (12,), in the linear values of the shot's first frame.
 
     Logarithms of turbidity, exposure and field of view, the visibility, then `light_numbers`.

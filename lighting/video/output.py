@@ -1,27 +1,49 @@
-"""What `lighting video` writes: a record a frame, a map a shot, and on request scenes, a map a frame and a film.
+"""JSONL, maps, animated scenes.
 
 Records are written as shots end, under the name lighting.jsonl.part, which becomes lighting.jsonl when the clip is
 over: what was done before an interruption stays.
+
+The scene is that of the shot's first frame, as `lighting scene` writes it. Beside it lies what moves the camera, as the
+tool's entry of EXPORTERS has it.
 """
 
 import json
+import os
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from lighting.envmap import render
-from lighting.errors import EnvironmentMapError, VideoError
-from lighting.evidence import Given
-from lighting.files import objection_to, read_attributes, write_envmap
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.envmap.render import render
+from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
+from lighting.files import write_envmap
+from lighting.files.atomic import atomic_write, output_folder_error
+from lighting.files.exr import read_attributes
+from lighting.fusion.user_input import UserInput
+from lighting.geometry import Floats, camera_axes
 from lighting.model import Model
-from lighting.video.clip import Clip
-from lighting.video.records import FrameLight, frame_lights, light_of, world_map
-from lighting.video.run import around, shots_of
-from lighting.video.shot import Shot
-from lighting.video.watch import EVERY
+from lighting.photo.reader import Photo
+from lighting.scene import EXPORTERS
+from lighting.scene.records import CameraMotion, Scene, make_scene
+from lighting.scene.writer import write_scene
+from lighting.video.decode import Clip
+from lighting.video.shot import (
+    SEEN_EVERY,
+    FrameLight,
+    Shot,
+    analyze_shots,
+    clip_metadata,
+    frame_lights,
+    light_of,
+    world_map,
+)
+
+# What `lighting video` writes: a record a frame, a map a shot, and on request scenes, a map a frame and a film.
 
 RECORDS, PART, FILM, FRAMES = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
 _SHOT, _FRAME = re.compile(r"shot-\d+\.exr"), re.compile(r"\d{6,}\.exr")
@@ -29,7 +51,7 @@ PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side at mo
 
 
 @dataclass(frozen=True)
-class Wanted:
+class OutputOptions:
     """What to write beside the records."""
 
     height: int = 512  # rows of the maps
@@ -40,7 +62,7 @@ class Wanted:
 
 
 @dataclass
-class Done:
+class VideoResult:
     """What became of a clip."""
 
     shots: list[Shot | VideoError] = field(default_factory=list)
@@ -60,54 +82,54 @@ class Done:
 
 
 @dataclass(frozen=True)
-class Job:
+class VideoJob:
     """A clip, where its light goes, and what is known."""
 
     source: Path
     folder: Path
-    given: Given = field(default_factory=Given)
-    every: float = EVERY  # s between the frames that the network sees
-    wanted: Wanted = field(default_factory=Wanted)
+    given: UserInput = field(default_factory=UserInput)
+    every: float = SEEN_EVERY  # s between the frames that the network sees
+    wanted: OutputOptions = field(default_factory=OutputOptions)
 
 
-def shot_map(number: int) -> str:
+def _shot_map(number: int) -> str:
     """The name of a shot's map; shots are counted from 1."""
     return f"shot-{number}.exr"
 
 
-def check_folder(folder: Path, *, overwrite: bool) -> None:
+def check_video_folder(folder: Path, *, overwrite: bool) -> None:
     """Raise a one-sentence VideoError where the results cannot or must not be written."""
-    if objection := objection_to(folder, overwrite=overwrite):
+    if objection := output_folder_error(folder, overwrite=overwrite):
         raise VideoError(objection)
 
 
-def process(job: Job, model: Model, progress: Callable[[float], Any] | None = None) -> Done:
+def process(job: VideoJob, model: Model, progress: Callable[[float], Any] | None = None) -> VideoResult:
     """Write all that is wanted of a clip.
 
     Raises VideoError, MissingExtraError, ModelError, SceneError, EnvironmentMapError, ParameterError or OSError.
     """
-    done, lights = Done(), list[FrameLight]()
+    done, lights = VideoResult(), list[FrameLight]()
     with Clip(job.source) as clip:
-        around(clip, job.given).known_at(0.0)  # what cannot be is refused before anything is written
+        clip_metadata(clip, job.given).known_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PART).open("w", encoding="utf-8") as lines:
-            for shot in shots_of(clip, model, job.given, job.every, progress):
+            for shot in analyze_shots(clip, model, job.given, job.every, progress):
                 done.shots.append(shot)
-                lights += _write(job, shot, len(done.shots), lines)
+                lights += _write_shot(job, shot, len(done.shots), lines)
                 lines.flush()
         done.damage, rate = clip.damage, clip.info.frame_rate
     (job.folder / PART).replace(job.folder / RECORDS)
     if job.wanted.tool is not None:
         done.of_scenes = _write_scenes(job, done.shots, rate)
     if job.wanted.film:
-        from lighting.video.film import write_film
+        from lighting.video.overlay import write_film
 
         write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM)
     _remove_others(job, done, {light.frame for light in lights})
     return done
 
 
-def _write(job: Job, shot: Shot | VideoError, number: int, lines: TextIO) -> list[FrameLight]:
+def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO) -> list[FrameLight]:
     """The lines and maps of one shot."""
     name = str(job.source)
     if isinstance(shot, VideoError):
@@ -115,7 +137,7 @@ def _write(job: Job, shot: Shot | VideoError, number: int, lines: TextIO) -> lis
         return []
     lights = list(frame_lights(shot, number))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
-    write_envmap(job.folder / shot_map(number), *world_map(shot, job.wanted.height, job.wanted.sun))
+    write_envmap(job.folder / _shot_map(number), *world_map(shot, job.wanted.height, job.wanted.sun))
     if job.wanted.frames_exr:
         (job.folder / FRAMES).mkdir(exist_ok=True)
         for light in lights:
@@ -124,9 +146,9 @@ def _write(job: Job, shot: Shot | VideoError, number: int, lines: TextIO) -> lis
     return lights
 
 
-def _remove_others(job: Job, done: Done, frames: set[int]) -> None:
+def _remove_others(job: VideoJob, done: VideoResult, frames: set[int]) -> None:
     """Remove the maps of an earlier run that this one has not replaced; each says in its header that it is ours."""
-    shots = {shot_map(number) for number, shot in enumerate(done.shots, 1) if isinstance(shot, Shot)}
+    shots = {_shot_map(number) for number, shot in enumerate(done.shots, 1) if isinstance(shot, Shot)}
     written = {f"{frame:06d}.exr" for frame in frames if job.wanted.frames_exr}
     others = [p for p in job.folder.glob("shot-*.exr") if _SHOT.fullmatch(p.name) and p.name not in shots]
     others += [p for p in (job.folder / FRAMES).glob("*.exr") if _FRAME.fullmatch(p.name) and p.name not in written]
@@ -144,9 +166,8 @@ def _is_ours(path: Path) -> bool:
         return False
 
 
-def _write_scenes(job: Job, shots: Sequence[Shot | VideoError], rate: float) -> dict[int, tuple[str, ...]]:
+def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float) -> dict[int, tuple[str, ...]]:
     """Write a scene a shot; their warnings by the shots' numbers."""
-    from lighting.video.camera import write_shot
 
     assert job.wanted.tool is not None
     warnings = dict[int, tuple[str, ...]]()
@@ -157,3 +178,46 @@ def _write_scenes(job: Job, shots: Sequence[Shot | VideoError], rate: float) -> 
             folder = job.folder / f"shot-{number}-{job.wanted.tool}"
             warnings[number] = write_shot(shot, frame.pixels, job.wanted.tool, folder, str(job.source), rate)
     return warnings
+
+
+# A shot as a scene for another tool: a camera with key frames, a still sun, the map without its disc.
+
+
+def write_shot(
+    shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float
+) -> tuple[str, ...]:
+    """Write a shot's scene to a folder, replacing a scene that is there; the scene's warnings.
+
+    `plate` (h, w, 3) is the shot's first frame, `clip` the file's name. Raises SceneError where it cannot be written,
+    and for a tool whose cameras stand still.
+    """
+    animate = EXPORTERS[tool].animate if tool in EXPORTERS else None
+    if animate is None:
+        raise SceneError(f"There is no scene with a moving camera for {tool!r}.", "tool", ErrorCode.UNKNOWN)
+    height, width = plate.shape[:2]
+    scene = make_scene(Photo(plate, width, height, "PNG"), light_of(shot))
+    scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
+    write_scene(scene, tool, folder, overwrite=True)
+    rate = frame_rate or 30.0
+    motion = CameraMotion(
+        matrices=_camera_matrices(shot, scene),
+        focal_lengths=scene.focal_length * shot.zoom,
+        frames=(shot.path.time - shot.path.time[0]) * rate,
+        frame_rate=rate,
+        first_frame=int(shot.frames[0]),
+        clip=os.path.relpath(clip, folder),
+    )
+    for name, text in animate(motion).items():
+        with atomic_write(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return scene.warnings
+
+
+def _camera_matrices(shot: Shot, scene: Scene) -> Floats:
+    """Camera to world (N, 4, 4) for column vectors, in the scene's frame."""
+    matrices = np.tile(np.eye(4), (len(shot.frames), 1, 1))
+    path = shot.path
+    for matrix, *angle in zip(matrices, path.heading, path.elevation, path.roll, strict=True):
+        right, up, forward = camera_axes(*map(float, angle))
+        matrix[:3] = np.stack([right, up, -forward, scene.camera_position], axis=1)
+    return matrices

@@ -1,26 +1,198 @@
-"""A shot solved, once its end is known: its lens, the camera's path, its one sun."""
+"""Frames -> shots -> light and per-frame records."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.circular import mean_angle
-from lighting.colour import luminance
+from lighting.color import luminance, srgb_decode
+from lighting.decoding import lighting_from_prediction, with_ground
+from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
+from lighting.envmap.latlong import Image
+from lighting.envmap.relighting import scale_exposure
+from lighting.envmap.surroundings import render_view
 from lighting.errors import VideoError
-from lighting.evidence import Fused, Known
-from lighting.geometry import Floats
-from lighting.turns import level
-from lighting.video.follow import gains_of
-from lighting.video.lens import LENS_SPREAD, MOST_SPREADS, lens_of, said_lens
-from lighting.video.light import Look, ShotLight
-from lighting.video.orientations import orientations, told_by, turnings_of, up_of
-from lighting.video.path import Path, path_of
+from lighting.fusion.estimate import build_estimate, screen_prediction
+from lighting.fusion.metadata_prior import Known
+from lighting.fusion.single_view import Posterior
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.geometry import Floats, wrap_azimuth
+from lighting.model import Model
+from lighting.photo.preprocess import preprocess
+from lighting.photo.reader import Photo
+from lighting.records import Lighting, Prediction, record_with_coefficients
+from lighting.registration.rotations import leveling_rotation
+from lighting.video.decode import Clip, Frame
+from lighting.video.intrinsics import (
+    LENS_SPREAD,
+    MOST_SPREADS,
+    TOLD,
+    OneLens,
+    as_one_lens,
+    fit_lens,
+    said_lens,
+    zoomed_fov,
+)
+from lighting.video.keyframes import Path, orientations, path_of, told_by, turnings_of, up_of
+from lighting.video.light import FrameObservation, ShotLight
+from lighting.video.shot_detection import Dissolve, Dissolves, divided, split_shots
 from lighting.video.telemetry import Gimbal
-from lighting.video.turning import Turning
-from lighting.video.watched import Circumstances, Watched
-from lighting.video.zoom import TOLD, OneLens, as_one_lens, zoomed_fov
+from lighting.video.tracking import (
+    ClipMetadata,
+    Follower,
+    FrameEstimate,
+    Keyframe,
+    ShotObservations,
+    TrackedFrame,
+    Turning,
+    gains_of,
+)
+
+# Reading a clip: every frame is followed, some are shown to the network.
+
+SEEN_EVERY = 0.2  # s between the frames that the network sees
+JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before
+DARK = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
+
+Pixels = NDArray[np.uint8]
+
+
+class _ShotAnalyzer:
+    """Takes a clip's frames one by one, and hands out what was gathered of them."""
+
+    def __init__(self, model: Model, every: float = SEEN_EVERY, vertical_fov: float | None = None) -> None:
+        """The network sees the first frame of each shot and one every `every` seconds; MissingExtraError.
+
+        `vertical_fov` [deg] is that of the clip's lens, if it is known.
+        """
+        self._model, self._every, self._due = model, every, 0.0
+        self._vertical_fov = vertical_fov
+        self._follower, self._dissolves = Follower(), Dissolves()
+        self._is_to_judge = False  # whether a new stretch is to be compared with what was before
+        self._steps: list[TrackedFrame] = []
+        self._keys: dict[int, Keyframe] = {}
+        self._looks: dict[int, FrameEstimate] = {}
+        self._size = (0, 0)
+
+    def take(self, frame: Frame) -> Iterator[ShotObservations]:
+        """Counts a frame; hands out the shots that it shows to be over, as one of another size does."""
+        size = (frame.pixels.shape[1], frame.pixels.shape[0])
+        if self._steps and size != self._size:
+            yield from self.finish()
+            self._keep(ShotObservations(size, [], {}, {}))
+        self._size, self._frame = size, frame
+        step = self._follower.follow(frame)
+        self._steps.append(step)
+        if (key := self._follower.new_key) is not None:
+            self._keys[key.number] = key
+        if frame.time >= self._due or (step.begins and step.frame > 0):
+            self._look(frame)
+        if (dissolve := self._dissolves.take(frame)) is not None:
+            yield from self._divide(dissolve)
+        self._is_to_judge |= self._is_time_to_judge(step.stretch)
+        if self._is_to_judge and not self._dissolves.is_open:
+            *over, rest = split_shots(self.watched())
+            yield from over
+            self._keep(rest)
+
+    def finish(self) -> Iterator[ShotObservations]:
+        """Hands out the shots that are left, once no frame comes any more."""
+        if (dissolve := self._dissolves.finish()) is not None:
+            yield from self._divide(dissolve)
+        if self._steps:
+            yield from split_shots(self.watched())
+
+    def watched(self) -> ShotObservations:
+        """What was gathered of the frames that are not of a shot handed out."""
+        return ShotObservations(self._size, self._steps, self._keys, self._looks)
+
+    def _keep(self, rest: ShotObservations) -> None:
+        self._steps, self._keys, self._looks = list(rest.steps), dict(rest.keys), dict(rest.looks)
+        self._is_to_judge = False
+
+    def _divide(self, dissolve: Dissolve) -> Iterator[ShotObservations]:
+        """Hands out what is before a dissolve."""
+        *before, rest = divided(self.watched(), dissolve)
+        for part in before:
+            yield from split_shots(part)
+        self._keep(rest)
+        if not rest.looks:
+            self._look(self._frame)
+
+    def _look(self, frame: Frame) -> None:
+        if is_dark(frame.pixels):
+            self._due = frame.time
+            return
+        self._looks[frame.index] = estimate_frame(self._model, frame.pixels, self._vertical_fov)
+        self._due = frame.time + self._every - 1e-6
+
+    def _is_time_to_judge(self, stretch: int) -> bool:
+        """Whether a new stretch has just become long enough to see if it is a new shot."""
+        if self._steps[0].stretch == stretch or len(self._steps) <= JUDGED_AFTER:
+            return False
+        own = [step.stretch == stretch for step in self._steps[-JUDGED_AFTER - 1 :]]
+        return all(own[1:]) and not own[0]
+
+
+def shots_watched(
+    frames: Iterable[Frame],
+    model: Model,
+    every: float = SEEN_EVERY,
+    progress: Callable[[float], Any] | None = None,
+    vertical_fov: float | None = None,
+) -> Iterator[ShotObservations]:
+    """What each shot of a clip shows, as soon as it is over; `progress` is told the time [s] of each frame.
+
+    `vertical_fov` [deg] is that of the lens, if it is known.
+
+    An interruption by the user ends the last shot where the clip had been read to, and is raised after that.
+    """
+    watcher, interruption = _ShotAnalyzer(model, every, vertical_fov), None
+    try:
+        for frame in frames:
+            yield from watcher.take(frame)
+            if progress is not None:
+                progress(frame.time)
+    except KeyboardInterrupt as error:
+        interruption = error
+    yield from watcher.finish()
+    if interruption is not None:
+        raise interruption
+
+
+def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = None) -> FrameEstimate:
+    """What the network says of a frame (h, w, 3), upright sRGB, with the colours of sky and ground that it shows.
+
+    Beside it the same by a lens of `vertical_fov` [deg], if it is known.
+    """
+    photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
+    said = model.predict(preprocess(photo, model.spec))[0]
+    alone = _coloured(screen_prediction(said, pixels), pixels)
+    if vertical_fov is None:
+        return alone
+    return replace(alone, by_lens=_coloured(screen_prediction(said, pixels, vertical_fov), pixels))
+
+
+def _coloured(said: Prediction, pixels: Pixels) -> FrameEstimate:
+    """What is said of a frame, with the colours that it shows."""
+    if (light := said.light) is None:
+        return FrameEstimate(said)
+    if (tint := sky_white_balance(pixels, lighting_from_prediction(said))) is not None:
+        said = replace(said, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
+    return FrameEstimate(said, estimate_ground_albedo(pixels, lighting_from_prediction(said), light.around))
+
+
+def is_dark(pixels: Pixels) -> bool:
+    """Whether a frame is too dark for daylight, black frames and nights among them."""
+    bright = np.percentile(luminance(srgb_decode(pixels[::8, ::8] / 255.0)), 95)
+    return bool(bright < DARK)
+
+
+# A shot solved, once its end is known: its lens, the camera's path, its one sun.
 
 LEAST_AGREED = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
 _NIGHT_FALLS = (
@@ -50,13 +222,13 @@ class Shot:
     vertical_fov: float  # deg, of the shot's first frame
     fov_sigma: float  # deg, one standard deviation of that
     zoom: Floats  # (N,) focal length by the first frame's; 1 throughout unless the lens was zoomed
-    fused: Fused  # the sun, as the shot's first camera sees it, its tilt removed
+    fused: Posterior  # the sun, as the shot's first camera sees it, its tilt removed
     ground: Floats | None  # (3,) reflectance; None where no look shows it
     known: Known
     north: float | None  # deg clockwise from true north, where azimuth 0 points; None unknown
 
 
-def solve(watched: Watched, around: Circumstances) -> Shot:
+def solve_shot(watched: ShotObservations, around: ClipMetadata) -> Shot:
     """The shot's lens, path and light; VideoError where the network saw none of its frames.
 
     Raises ParameterError where the user's own time and place are of night at the clip's first frame.
@@ -69,16 +241,16 @@ def solve(watched: Watched, around: Circumstances) -> Shot:
     orientation, believed = orientations(watched, turnings, fov)
     time = np.array([step.time for step in watched.steps])
     up = up_of(watched, orientation, time, around.gimbal)
-    path = path_of(time, orientation, believed, level(up))
+    path = path_of(time, orientation, believed, leveling_rotation(up))
     gains = gains_of(watched.steps)
     return _lit(one, around, path, gains, tuple(_doubts(one, around, turnings)))
 
 
-def _unzoomed(watched: Watched, around: Circumstances) -> OneLens:
-    return OneLens(watched.through_known_lens(), np.ones(len(watched.steps)), lens_of(watched, around))
+def _unzoomed(watched: ShotObservations, around: ClipMetadata) -> OneLens:
+    return OneLens(watched.through_known_lens(), np.ones(len(watched.steps)), fit_lens(watched, around))
 
 
-def _doubts(one: OneLens, around: Circumstances, turnings: Sequence[Turning]) -> Iterator[str]:
+def _doubts(one: OneLens, around: ClipMetadata, turnings: Sequence[Turning]) -> Iterator[str]:
     """Sentences on why headings may be wrong though points were followed."""
     shares = [turn.share for turn, step in zip(turnings, one.watched.steps, strict=True) if len(step.matches)]
     fov, said = one.lens[0], said_lens(one.watched, around)[0]
@@ -90,10 +262,10 @@ def _doubts(one: OneLens, around: Circumstances, turnings: Sequence[Turning]) ->
         yield _ODD_LENS.format(fov, said)
 
 
-def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats, doubts: tuple[str, ...]) -> Shot:
+def _lit(one: OneLens, around: ClipMetadata, path: Path, gains: Floats, doubts: tuple[str, ...]) -> Shot:
     """The shot along a path with gains (N, 3): the light of its looks, with the warnings `doubts`."""
     watched, (fov, sigma) = one.watched, one.lens
-    there = around.known_at(float(path.time[0]), _compass(path, around.gimbal))
+    there = around.known_at(float(path.time[0]), _compass_of_path(path, around.gimbal))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
     at = {frame: around.known_at(float(path.time[position[frame]])) for frame in watched.looks}
     used = _by_day(at, there)
@@ -103,7 +275,7 @@ def _lit(one: OneLens, around: Circumstances, path: Path, gains: Floats, doubts:
             i = position[frame]
             gain = float(luminance(gains[i]))
             own = zoomed_fov(fov, float(one.zoom[i]))
-            light.add(Look(seen, float(path.heading[i]), own, gain, at[frame].evidence))
+            light.add(FrameObservation(seen, float(path.heading[i]), own, gain, at[frame].evidence))
     if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
         there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
     there = replace(there, warnings=(*there.warnings, *doubts))
@@ -119,7 +291,7 @@ def _by_day(at: Mapping[int, Known], first: Known) -> set[int]:
     return day if day and not first.is_night else set(at)
 
 
-def _compass(path: Path, gimbal: Gimbal) -> float | None:
+def _compass_of_path(path: Path, gimbal: Gimbal) -> float | None:
     """Where azimuth 0 points by the gimbal, deg clockwise from north; None without one."""
     said = told_by(gimbal, path.time)
     if not said:
@@ -127,8 +299,127 @@ def _compass(path: Path, gimbal: Gimbal) -> float | None:
     return mean_angle([heading - path.heading[i] for i, (heading, *_) in said]) % 360.0
 
 
-def north_of(fused: Fused, known: Known) -> float | None:
+def north_of(fused: Posterior, known: Known) -> float | None:
     """Where azimuth 0 points from true north [deg], by sun and compass together or by the compass alone."""
     if fused.camera_heading is not None:
         return fused.camera_heading.best
     return known.evidence.heading
+
+
+# The record of each frame: the shot's one light, as that frame's camera sees it.
+
+
+@dataclass(frozen=True)
+class FrameLight:
+    """One frame's answer."""
+
+    shot: int  # counted from 1
+    frame: int  # counted from 0 in the clip
+    time: float  # s from the clip's first frame
+    lighting: Lighting  # as this frame's camera sees it; `relative_heading` is against the shot's first frame
+    gain: tuple[float, float, float]  # linear red, green and blue against the shot's first frame
+    bridged: bool  # whether the camera's angles follow from its neighbours, because nothing could be followed
+
+    def to_line(self, name: str) -> str:
+        """One line of JSON about the frame of the clip `name`."""
+        told = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
+        told |= {"gain": list(self.gain), "bridged": self.bridged, "lighting": record_with_coefficients(self.lighting)}
+        return json.dumps(told, allow_nan=False)
+
+
+def light_of(shot: Shot) -> Lighting:
+    """The shot's light as its first camera sees it."""
+    light = with_ground(build_estimate(shot.fused, shot.known).lighting, shot.ground)
+    return replace(
+        light,
+        camera_elevation=_rounded(shot.path.elevation[0]),
+        camera_roll=_rounded(wrap_azimuth(shot.path.roll[0])),
+        camera_heading=None if shot.north is None else _as_compass(shot.north),
+    )
+
+
+def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
+    """One answer a frame."""
+    base = light_of(shot)
+    for i, frame in enumerate(shot.frames.tolist()):
+        red, green, blue = (round(float(g), 5) for g in shot.gains[i])
+        yield FrameLight(
+            number,
+            frame,
+            float(shot.path.time[i]),
+            _in_frame(base, shot, i),
+            (red, green, blue),
+            bool(shot.path.bridged[i]),
+        )
+
+
+def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
+    """The shot's light as the camera of its frame `i`, counted in the shot, sees it."""
+    path, fov = shot.path, zoomed_fov(base.vertical_fov, float(shot.zoom[i]))
+    angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
+    return as_turned(scale_exposure(base, shot.gains[i]), angles, fov, shot.north)
+
+
+def as_turned(light: Lighting, angles: tuple[float, float, float], fov: float, north: float | None) -> Lighting:
+    """A light as a camera sees it that is turned by heading, elevation and roll [deg] and has a field of view [deg].
+
+    `north` is where azimuth 0 of the light points, deg clockwise from true north; None where that is not known.
+    """
+    heading, elevation, roll = angles
+    return replace(
+        light,
+        sun_azimuth=_rounded(wrap_azimuth(light.sun_azimuth - heading)),
+        camera_elevation=_rounded(elevation),
+        camera_roll=_rounded(wrap_azimuth(roll)),
+        vertical_fov=_rounded(fov),
+        camera_heading=None if north is None else _as_compass(north + heading),
+        camera_heading_probability=(),
+        relative_heading=_as_compass(heading),
+    )
+
+
+def world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, Lighting]:
+    """The shot's map with true north at its centre, or, where that is unknown, where its first frame points."""
+    light = light_of(shot)
+    return render_view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
+
+
+def _rounded(degrees: Floats | float) -> float:
+    """To four digits behind the point."""
+    return round(float(degrees), 4)
+
+
+def _as_compass(degrees: float) -> float:
+    """The same from 0 up to 360."""
+    return _rounded(degrees % 360.0) % 360.0
+
+
+# From a clip to its shots, each solved as soon as it is over.
+
+
+def clip_metadata(clip: Clip, given: UserInput) -> ClipMetadata:
+    """What is known of an open clip beside its pixels."""
+    if not given.use_exif:
+        return ClipMetadata(given=given)
+    return ClipMetadata(clip.info.facts, clip.info.gimbal, given)
+
+
+def analyze_shots(
+    clip: Clip,
+    model: Model,
+    given: UserInput = NO_USER_INPUT,
+    every: float = SEEN_EVERY,
+    progress: Callable[[float], Any] | None = None,
+) -> Iterator[Shot | VideoError]:
+    """Each shot of an open clip, or, where there was no light to tell, the reason in its place.
+
+    Raises MissingExtraError, ModelError, and ParameterError where the user's own time and place are of night at the
+    clip's first frame.
+    """
+    circumstances = clip_metadata(clip, given)
+    for watched in shots_watched(clip.frames(), model, every, progress, circumstances.vertical_fov):
+        try:
+            yield solve_shot(watched, circumstances)
+        except VideoError as error:
+            first, last = watched.steps[0].time, watched.steps[-1].time
+            yield VideoError(f"From {first:.1f} to {last:.1f} s: {error}")

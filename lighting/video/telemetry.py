@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.photo import YEARS, PhotoFacts, heading_by_gimbal, vertical_fov
+from lighting.photo.imu import heading_by_gimbal
+from lighting.photo.metadata import YEARS, PhotoMetadata, vertical_fov
 
 APPLE = "com.apple.quicktime."
 PLACES = (f"{APPLE}location.ISO6709", "location", "location-eng", "\xa9xyz")
@@ -49,12 +50,12 @@ class Gimbal:
         return heading % 360.0, elevation, float(wrap_azimuth(roll))
 
 
-def container_facts(metadata: Mapping[str, str], width: int, height: int) -> PhotoFacts:
+def container_facts(metadata: Mapping[str, str], width: int, height: int) -> PhotoMetadata:
     """The facts in a container's metadata; `width` and `height` are those of the upright picture. Never raises."""
     place = _first(metadata, PLACES, _place)
     lens = _first(metadata, LENSES, _positive)
     heading = _first(metadata, HEADINGS, _degrees)
-    facts = PhotoFacts(
+    facts = PhotoMetadata(
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
         heading=heading,
@@ -101,7 +102,7 @@ def _degrees(text: str) -> float | None:
     return value % 360.0 if math.isfinite(value) else None
 
 
-def _recorded_at(facts: PhotoFacts, metadata: Mapping[str, str]) -> PhotoFacts:
+def _recorded_at(facts: PhotoMetadata, metadata: Mapping[str, str]) -> PhotoMetadata:
     """The same with the moment of recording: Apple's with its zone, else the container's, which is in UTC."""
     moments = (_read(_moment, metadata[n]) for n in (f"{APPLE}creationdate", "creation_time") if n in metadata)
     moment = next((m for m in moments if m is not None), None)
@@ -130,11 +131,11 @@ def subtitles_beside(clip: Path) -> str:
     return ""
 
 
-def subtitle_facts(text: str, width: int, height: int) -> tuple[PhotoFacts, Gimbal]:
+def subtitle_facts(text: str, width: int, height: int) -> tuple[PhotoMetadata, Gimbal]:
     """The facts of the first entry and the gimbal's angles of all; other programs' subtitles say nothing."""
     entries = [found for block in re.split(r"\r?\n\s*\r?\n", text) if (found := _entry(block))]
     if not entries:
-        return PhotoFacts(), Gimbal()
+        return PhotoMetadata(), Gimbal()
     return _entry_facts(entries, width, height), _gimbal(entries)
 
 
@@ -183,10 +184,10 @@ def _local_time(text: str) -> datetime:
     return datetime(year, month, day, hour, minute, second)
 
 
-def _entry_facts(entries: list[_Entry], width: int, height: int) -> PhotoFacts:
+def _entry_facts(entries: list[_Entry], width: int, height: int) -> PhotoMetadata:
     place = next((p for e in entries if (p := _entry_place(e)) is not None), None)
     lens = entries[0].focal_length
-    return PhotoFacts(
+    return PhotoMetadata(
         local_time=entries[0].clock,
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
@@ -213,7 +214,7 @@ def _gimbal(entries: list[_Entry]) -> Gimbal:
     return Gimbal(time, heading, pitch, roll)
 
 
-def merged_facts(first: PhotoFacts, second: PhotoFacts) -> PhotoFacts:
+def merged_facts(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:
     """`first`, with `second` where it says nothing; a time or a place is taken whole."""
     merged = second
     if first.local_time is not None or first.utc_time is not None:

@@ -1,23 +1,142 @@
-"""A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
+"""Frames by PyAV: rotation, transfer curve.
 
 Each frame has its own time, so that a rate may vary. A damaged part is left out and told.
+
+The curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perceptual quantiser (PQ, also SMPTE ST
+2084). Diffuse white, which is 1 in a photo, is where Report ITU-R BT.2408 puts it: 75 % of HLG's signal, 203 cd/m2 of
+PQ. What is brighter is clipped, as photos clip it. Primaries go from BT.2020 to BT.709 by the matrix of Rec. BT.2087.
+
+Rotation and mirror flags make it upright, non-square pixels are stretched, 10-bit HLG and PQ are read by their curves.
 """
 
+import math
 import os
 import re
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from lighting.color import srgb_encode
 from lighting.errors import VideoError, require_extra
-from lighting.photo import MAX_ASPECT, MAX_PIXELS, MIN_SIDE, PhotoFacts
-from lighting.video.picture import shown_size, upright
+from lighting.geometry import Floats, shrunk
+from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.reader import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
 from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
-from lighting.video.transfer import CURVES
+
+# Coded values of HDR video to the sRGB that a photo of the same scene would have.
+
+CURVES = {16: "pq", 18: "hlg"}  # the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
+WIDE = 9  # H.273's number of the primaries of BT.2020
+
+_A = 0.17883277  # a, b and c of HLG
+_B, _C = 1.0 - 4.0 * _A, 0.5 - _A * math.log(4.0 * _A)
+_M1, _M2 = 2610 / 16384, 2523 / 32  # m1 and m2, c1 to c3 of PQ
+_C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
+_PEAK, _WHITE = 10000.0, 203.0  # cd/m2, of the largest PQ signal and of diffuse white
+_HLG_WHITE = 0.75  # signal of diffuse white
+_TO_709 = np.array(  # from BT.2020
+    [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]], dtype=np.float32
+)
+_FULL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
+_STEPS = 4096  # of the table of sRGB's curve
+
+
+def _hlg_decode(signal: ArrayLike) -> Floats:
+    """Scene light, 1 at diffuse white, of HLG signals in [0, 1] (inverse OETF)."""
+    return _hlg(np.asarray(signal, dtype=np.float64)) / float(_hlg(np.array(_HLG_WHITE)))
+
+
+def _hlg(signal: Floats) -> Floats:
+    bright = (np.exp((np.maximum(signal, 0.5) - _C) / _A) + _B) / 12.0
+    return np.where(signal <= 0.5, np.square(signal) / 3.0, bright)
+
+
+def _pq_decode(signal: ArrayLike) -> Floats:
+    """Display light, 1 at 203 cd/m2, of PQ signals in [0, 1] (EOTF)."""
+    root = np.asarray(signal, dtype=np.float64) ** (1.0 / _M2)
+    return np.asarray((np.maximum(root - _C1, 0.0) / (_C2 - _C3 * root)) ** (1.0 / _M1) * (_PEAK / _WHITE))
+
+
+def _to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np.uint8]:
+    """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under `curve`, "hlg" or "pq"."""
+    linear = _table(curve).take(coded)
+    if primaries == WIDE:
+        linear = linear @ _TO_709.T
+    return _encoding().take((np.clip(linear, 0.0, 1.0) * np.float32(_STEPS) + np.float32(0.5)).astype(np.intp))
+
+
+@lru_cache(maxsize=2)
+def _table(curve: str) -> NDArray[np.float32]:
+    decode = {"hlg": _hlg_decode, "pq": _pq_decode}[curve]
+    return decode(np.minimum(np.arange(65536) / _FULL, 1.0)).astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def _encoding() -> NDArray[np.uint8]:
+    return np.round(srgb_encode(np.arange(_STEPS + 1) / _STEPS) * 255.0).astype(np.uint8)
+
+
+# A picture that PyAV decoded as it is to be shown: upright, its pixels square, as sRGB.
+
+_AREA, _FULL_CHROMA = 0x20, 0x2000  # flags of libswscale
+_HOW = {  # by the form that is asked for
+    "rgb24": _AREA | _FULL_CHROMA,  # else what is reduced is 2 levels too dark
+    "rgb48le": _AREA,  # exact; with both flags, 4:2:0 that keeps its width turns blue
+}
+_HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
+
+
+def _shown_size(picture: Any, stretch: float) -> tuple[int, int]:
+    """Width and height of a decoded picture as it is to be shown: pixels made square, turned upright."""
+    width, height = max(1, round(picture.width * stretch)), picture.height
+    return (height, width) if _lies(_placing(picture)) else (width, height)
+
+
+def _upright(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
+    """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
+    width, height = max(1, round(picture.width * stretch)), picture.height
+    curve = CURVES.get(int(picture.color_trc))
+    pixels = _resized(picture, *shrunk(width, height, side), "rgb24" if curve is None else "rgb48le")
+    pixels = pixels if curve is None else _to_srgb(pixels, curve, int(picture.color_primaries))
+    return _placed(pixels, _placing(picture))
+
+
+def _placing(picture: Any) -> NDArray[np.int32]:
+    """The container's matrix (2, 2) by which to show the picture: its rows are where right and down go, as (x, y)."""
+    said = picture.side_data.get("DISPLAYMATRIX")
+    if said is None:
+        return np.eye(2, dtype=np.int32)
+    return np.frombuffer(bytes(said), np.int32).reshape(3, 3)[:2, :2]
+
+
+def _lies(placing: NDArray[np.int32]) -> bool:
+    """Whether the picture's rows are to be shown as columns."""
+    return bool(np.abs(placing[0, 1]) > np.abs(placing[0, 0]))
+
+
+def _placed(pixels: NDArray[np.uint8], placing: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Pixels (h, w, 3) turned by whole quarters, and mirrored, as a matrix of `_placing` says."""
+    lies = _lies(placing)
+    (right, down) = (placing[1, 0], placing[0, 1]) if lies else (placing[0, 0], placing[1, 1])
+    shown = pixels.transpose(1, 0, 2) if lies else pixels
+    return np.ascontiguousarray(shown[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
+
+
+def _resized(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:
+    matrix = int(picture.colorspace)
+    named = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _HD else 5
+    small = picture.reformat(
+        width=width, height=height, format=form, src_colorspace=named, dst_colorspace=named, interpolation=_HOW[form]
+    )
+    return np.asarray(small.to_ndarray())
+
+
+# A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
 
 SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 THREADS = 2  # that decode a clip
@@ -37,7 +156,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class ClipInfo:
+class _ClipInfo:
     """What is known of a clip before its frames are read."""
 
     width: int  # of the upright picture, pixels
@@ -45,7 +164,7 @@ class ClipInfo:
     frame_rate: float  # mean, 1/s; 0 unknown
     duration: float  # s, of the pictures; 0 unknown
     curve: str  # "srgb", "hlg" or "pq"
-    facts: PhotoFacts = field(default_factory=PhotoFacts)
+    facts: PhotoMetadata = field(default_factory=PhotoMetadata)
     gimbal: Gimbal = field(default_factory=Gimbal)
 
 
@@ -92,7 +211,7 @@ class Clip:
             last, end = time, time + _shown_for(picture)
             if only is not None and index not in only:
                 continue
-            yield Frame(index, time, upright(picture, self.side, self._stretch))
+            yield Frame(index, time, _upright(picture, self.side, self._stretch))
         self._tell(end, lost)
 
     def _tell(self, end: float, lost: int) -> None:
@@ -136,12 +255,12 @@ class Clip:
             except av.FFmpegError:
                 self._errors += 1
 
-    def _describe(self) -> ClipInfo:
+    def _describe(self) -> _ClipInfo:
         stream, first = self._stream, self._first
-        width, height = shown_size(first, self._stretch)
+        width, height = _shown_size(first, self._stretch)
         metadata = {**stream.metadata, **self._container.metadata}
         subtitled, gimbal = subtitle_facts(subtitles_beside(self.path), width, height)
-        return ClipInfo(
+        return _ClipInfo(
             width,
             height,
             float(stream.average_rate or 0.0),

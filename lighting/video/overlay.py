@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import luminance
-from lighting.drawing import SUN, WHITE, Style, display, draw_horizon, draw_sun, rounded, text_width, write
-from lighting.envmap import brighten, render
-from lighting.files import replacing
+from lighting.color import luminance
+from lighting.envmap.relighting import scale_exposure
+from lighting.envmap.render import render
+from lighting.files.atomic import atomic_write
 from lighting.geometry import wrap_azimuth
-from lighting.spheres import render_spheres
-from lighting.video.clip import Clip
-from lighting.video.records import FrameLight
+from lighting.preview.drawing import SUN, WHITE, Style, display, draw_horizon, draw_sun, rounded, text_width, write
+from lighting.preview.spheres import render_spheres
+from lighting.video.decode import Clip
+from lighting.video.shot import FrameLight
 
 SIDE = 768  # pixels of the longer side
 STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
@@ -50,7 +51,9 @@ class _Balls:
             own = light.lighting
             off = step * STEP - (own.relative_heading or 0.0)
             azimuth = (own.sun_azimuth - off + 180.0) % 360.0 - 180.0
-            there = replace(brighten(own, np.full(3, 1 / _gain(light))), sun_azimuth=azimuth, camera_elevation=-8.0)
+            there = replace(
+                scale_exposure(own, np.full(3, 1 / _gain(light))), sun_azimuth=azimuth, camera_elevation=-8.0
+            )
             linear = render_spheres(render(there, _MAP_HEIGHT), there, *self.size, supersampling=2)
             small = linear.reshape(self.size[1], 2, self.size[0], 2, 3).mean(axis=(1, 3))
             self.pictures[light.shot, step] = small
@@ -66,7 +69,7 @@ def write_film(source: Path, lights: Mapping[int, FrameLight], target: Path) -> 
 
     `lights` are those of frames by their index. Raises VideoError for the clip, OSError for the target.
     """
-    with Clip(source, SIDE) as clip, replacing(target) as temporary:
+    with Clip(source, SIDE) as clip, atomic_write(target) as temporary:
         _encode(_drawn(clip, lights), clip.info.frame_rate, temporary)
 
 
@@ -88,7 +91,7 @@ def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float3
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)
     panel = Image.fromarray(display(balls * np.float32(_gain(light))))
-    layout = layout_of(picture.width, panel.width)
+    layout = _layout_of(picture.width, panel.width)
     picture.paste(panel, (_EDGE, picture.height - panel.height - layout.below), rounded(panel.size, 10))
     words, colour = _words(light), SUN if light.lighting.sun_shines else WHITE
     style = Style(layout.size, colour, anchor="rs", shaded=True)
@@ -99,7 +102,7 @@ def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float3
 
 
 @dataclass(frozen=True)
-class Layout:
+class _Layout:
     """Where words and balls go, for all frames of a film alike."""
 
     size: int  # pixels of the font
@@ -107,18 +110,18 @@ class Layout:
     below: int  # pixels under the balls
 
 
-def layout_of(width: int, panel: int) -> Layout:
+def _layout_of(width: int, panel: int) -> _Layout:
     """The layout of a picture and of balls of these widths [pixels]: they share a line where the longest words fit."""
     room = width - 28.0
     size = max(1, min(_SIZE, int(_SIZE * room / max(text_width(word, _SIZE) for word in _LONGEST))))
     if text_width(_GAP.join(_LONGEST), size) <= room - panel - _EDGE:
-        return Layout(size, (tuple(range(len(_LONGEST))),), _EDGE)
+        return _Layout(size, (tuple(range(len(_LONGEST))),), _EDGE)
     lines: list[tuple[int, ...]] = []
     for i in range(len(_LONGEST)):
         longer = (*lines[-1], i) if lines else (i,)
         fits = text_width(_GAP.join(_LONGEST[k] for k in longer), size) <= room
         lines = [*lines[:-1], longer] if lines and fits else [*lines, (i,)]
-    return Layout(size, tuple(lines), _EDGE + round(_LINE * size * len(lines)))
+    return _Layout(size, tuple(lines), _EDGE + round(_LINE * size * len(lines)))
 
 
 def _words(light: FrameLight) -> tuple[str, str, str]:

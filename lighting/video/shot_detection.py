@@ -1,4 +1,4 @@
-"""Dissolves: places in a clip where one picture fades into another one.
+"""Cuts and dissolves.
 
 About ten times a second a frame is compared with one before and one after it, both moved onto it by dense flow. Where
 things move, each part of the frame is explained by one of the two; in a dissolve only a mixture of both explains it,
@@ -6,19 +6,22 @@ with the same share everywhere, and the two have little in common.
 """
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.turns import opencv, shrunk
-from lighting.video.clip import Frame
-from lighting.video.follow import FEATURE_SIDE, Key
-from lighting.video.keyframes import turn_between
+from lighting.registration.features import Matches, opencv, resize_to
+from lighting.video.decode import Frame
+from lighting.video.keyframes import JOINS, turn_between
+from lighting.video.tracking import FEATURE_SIDE, Keyframe, ShotObservations, TrackedFrame
 
-EVERY = 0.1  # s between the frames that are compared
+# Dissolves: places in a clip where one picture fades into another one.
+
+COMPARED_EVERY = 0.1  # s between the frames that are compared
 LONGEST_GAP = 0.25  # s between them, beyond which nothing is told
 LAGS = (3, 6, 12)  # of them, from a frame to the ones before and after: for dissolves of up to 0.6, 1.2 and 2.4 s
 MIXED = (0.2, 0.8)  # the earlier picture's share, within which a frame counts as mixed
@@ -76,7 +79,7 @@ class Dissolves:
     def take(self, frame: Frame) -> Dissolve | None:
         """The dissolve that this frame shows to be over."""
         last = self._kept[-1] if self._kept else None
-        if last is not None and frame.time < last.time + EVERY - 1e-3:
+        if last is not None and frame.time < last.time + COMPARED_EVERY - 1e-3:
             return None
         small = self._small(frame, 0 if last is None else last.number + 1)
         if last is not None and (small.even.shape != last.even.shape or frame.time > last.time + LONGEST_GAP):
@@ -114,8 +117,8 @@ class Dissolves:
             self._mixed.append(middle.number)
 
     def _small(self, frame: Frame, number: int) -> _Small:
-        picture = shrunk(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
-        tiny = shrunk(picture, _SIDE)
+        picture = resize_to(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
+        tiny = resize_to(picture, _SIDE)
         mean, spread = self._cv2.meanStdDev(tiny)
         scale = _SPREAD / max(float(spread[0, 0]), _FLAT)
         even = self._cv2.convertScaleAbs(np.maximum(tiny * scale + (128.0 - scale * float(mean[0, 0])), 0.0))
@@ -129,7 +132,7 @@ class Dissolves:
             return False
         by_second = self._moved(after, middle)
         there &= np.isfinite(by_second)
-        return bool(there.mean() >= _LEAST_SHARED) and is_mixture(by_first[there], shown[there], by_second[there])
+        return bool(there.mean() >= _LEAST_SHARED) and _is_mixture(by_first[there], shown[there], by_second[there])
 
     def _moved(self, other: NDArray[np.uint8], onto: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Another picture (h, w) as seen from this one, NaN where it shows nothing."""
@@ -147,7 +150,7 @@ class Dissolves:
         )
 
 
-def is_mixture(first: Floats, shown: Floats, second: Floats) -> bool:
+def _is_mixture(first: Floats, shown: Floats, second: Floats) -> bool:
     """Whether values (N,) are those of two pictures (N,) with one share throughout, and the two differ."""
     apart = first - second
     share = float(apart @ (shown - second)) / max(float(apart @ apart), 1e-6)
@@ -166,5 +169,74 @@ def _correlation(a: Floats, b: Floats) -> float:
 
 
 def _show_the_same(before: _Small, after: _Small) -> bool:
-    a, b = (Key(small.number, 0, small.number, small.time, small.picture) for small in (before, after))
+    a, b = (Keyframe(small.number, 0, small.number, small.time, small.picture) for small in (before, after))
     return turn_between(a, b, None) is not None
+
+
+SHORT = 5  # frames, fewer than which are no shot but a gap in one
+
+
+def split_shots(watched: ShotObservations) -> list[ShotObservations]:
+    """The shots of a clip, in order; frames in which nothing can be followed belong to the shot before them."""
+    long = _long_stretches(watched.steps)
+    keys = {s: sorted((k for k in watched.keys.values() if k.stretch == s), key=lambda k: k.number) for s in long}
+    shot_of, number = {}, 0
+    for before, after in zip([None, *long[:-1]], long, strict=True):
+        if before is not None and not _is_joined(keys[before], keys[after]):
+            number += 1
+        shot_of[after] = number
+    current, members = 0, []
+    for step in watched.steps:
+        current = shot_of.get(step.stretch, current)
+        members.append(current)
+    return [_part(watched, [i for i, m in enumerate(members) if m == n]) for n in range(number + 1)]
+
+
+def divided(watched: ShotObservations, dissolve: Dissolve) -> list[ShotObservations]:
+    """What is before the middle of a dissolve, if that is a shot, and what is after it.
+
+    Nothing counts as followed or seen while it lasts; nor does what is followed from before it later on.
+    """
+    steps = watched.steps
+    clear = [step for step in steps if step.time < dissolve.first]
+    old = {number for step in clear for number in (step.key, step.makes)}
+    late = [i for i, step in enumerate(steps) if step.time > dissolve.last and step.key not in old]
+    if not late:
+        return [watched]
+    middle = 0.5 * (dissolve.first + dissolve.last)
+    begin = sum(step.time < middle for step in steps) if len(clear) >= SHORT else 0
+    ending = [*clear, *(_lost(step, clear[-1]) for step in steps[len(clear) : begin])][:begin]
+    beginning = [_lost(step, steps[late[0]]) for step in steps[begin : late[0]]]
+    mixed = {step.frame for step in steps if dissolve.first <= step.time <= dissolve.last}
+    unmixed = replace(
+        watched,
+        steps=[*ending, *beginning, *steps[late[0] :]],
+        keys={n: key for n, key in watched.keys.items() if key.frame not in mixed},
+        looks={frame: seen for frame, seen in watched.looks.items() if frame not in mixed},
+    )
+    return [_part(unmixed, part) for part in (range(begin), range(begin, len(steps))) if part]
+
+
+def _lost(step: TrackedFrame, like: TrackedFrame) -> TrackedFrame:
+    """A frame in which nothing can be followed, in the stretch of another one."""
+    nothing = np.empty((0, 2), np.float32)
+    matches = Matches(nothing, nothing, step.matches.pixel)
+    return replace(like, frame=step.frame, time=step.time, matches=matches, begins=False, makes=None)
+
+
+def _long_stretches(steps: Sequence[TrackedFrame]) -> list[int]:
+    stretches, counts = np.unique([step.stretch for step in steps], return_counts=True)
+    long = stretches[counts >= SHORT]
+    return [int(s) for s in (long if len(long) else stretches[[int(np.argmax(counts))]])]
+
+
+def _is_joined(before: Sequence[Keyframe], after: Sequence[Keyframe]) -> bool:
+    """Whether keyframes to both sides of a gap show the same things."""
+    return any(turn_between(a, b, None) is not None for a in before[-JOINS:] for b in after[:JOINS])
+
+
+def _part(watched: ShotObservations, positions: Sequence[int]) -> ShotObservations:
+    steps = [watched.steps[i] for i in positions]
+    frames = {step.frame for step in steps}
+    keys = {n: k for n, k in watched.keys.items() if k.frame in frames}
+    return ShotObservations(watched.size, steps, keys, {f: p for f, p in watched.looks.items() if f in frames})

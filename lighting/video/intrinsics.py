@@ -1,24 +1,115 @@
-"""A lens that is zoomed while it films: how the focal length changes, and the shot as through the lens it began with.
+"""Focal length and zoom over time.
 
 Whether it is zoomed at all is judged between keyframes, where a rotation with a focal length for each must explain
 nearly all points and a rotation or a walk less (turns/zoomed.py). If so, each frame's focal length by its keyframe's is
 followed together with its turn. Points of a picture that is divided by its zoom obey all that points of one lens do.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import atan, degrees, radians, tan
 
 import numpy as np
 
 from lighting.geometry import Floats
-from lighting.turns import ONE_LENS, Matches, Turn, cross_matrix, focal_of, rays, rotation_about, rotation_of
-from lighting.video.follow import Key, Step
-from lighting.video.keyframes import JOINS, turn_between
-from lighting.video.lens import far_steps, lens_by
-from lighting.video.path import smoothed
-from lighting.video.turning import TOLERANCE
-from lighting.video.watched import Circumstances, Seen, Watched
+from lighting.registration.features import Matches
+from lighting.registration.rotations import cross_matrix, focal_of, rays, rotation_about
+from lighting.registration.two_view import ONE_LENS, Turn, rotation_of
+from lighting.video.keyframes import JOINS, smoothed, turn_between
+from lighting.video.tracking import TOLERANCE, ClipMetadata, FrameEstimate, Keyframe, ShotObservations, TrackedFrame
+
+# The lens of a shot: given, or what turning pictures, metadata and the network say of it.
+
+LENS_PAIRS = 10  # of keyframes, from which the lens is learnt
+FEW_PAIRS = 4  # fewer keyframes tell too little of the lens
+LEAST_MOVED = 0.1  # half diagonals that points move, below which a turn says nothing of the lens
+LENS_SPREAD = 5.0  # deg, one standard deviation of the network's field of view
+STATED_LENS_SPREAD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
+CLEAR = 0.5  # share of matches that agree with a rotation, below which it tells nothing of the lens
+MOST_SPREADS = 3.0  # of the network's field of view, within which a walk is believed
+LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
+
+
+def fit_lens(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
+    """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
+    said = said_lens(watched, around)[0]
+    turns = (turn for turn in _lens_turns(watched) if turn is not None and tells_lens(turn, said))
+    return _lens_by(watched, around, ((turn.vertical_fov[0], turn.fov_sigma) for turn in turns))
+
+
+def _lens_by(
+    watched: ShotObservations, around: ClipMetadata, told: Iterable[tuple[float, float]]
+) -> tuple[float, float]:
+    """The same where fields of view and their standard deviations [deg] are `told` by turns."""
+    if around.given.vertical_fov is not None:
+        return around.given.vertical_fov, 0.0
+    said = said_lens(watched, around)
+    return _agreed([said, *((fov, math.hypot(sigma, LENS_FLOOR)) for fov, sigma in told)])
+
+
+def said_lens(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
+    """The field of view, and its standard deviation, that metadata or else the network say."""
+    if around.given.use_exif and (stated := around.facts.vertical_fov):
+        return stated, STATED_LENS_SPREAD
+    return math.exp(float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()]))), LENS_SPREAD
+
+
+def _agreed(told: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """What most of several fields of view say, and its standard deviation [deg]; those far off count for less."""
+    values, spreads = np.array(told).T
+    weight = np.square(1.0 / spreads)
+    for _ in range(5):
+        mean = float(weight @ values / weight.sum())
+        weight = 1.0 / (np.square(spreads) + np.square(values - mean) / 4.0)
+    return mean, float(1.0 / math.sqrt(weight.sum()))
+
+
+def _lens_turns(watched: ShotObservations) -> Iterator[Turn | None]:
+    """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
+    pairs = _lens_pairs(list(watched.keys.values()))
+    for a, b in pairs:
+        yield turn_between(a, b, None)
+    if len(pairs) < FEW_PAIRS:
+        for step in [s for s in _far_steps(watched) if _moved(s.matches) > LEAST_MOVED][-FEW_PAIRS:]:
+            yield rotation_of(step.matches, watched.size, watched.size)
+
+
+def _far_steps(watched: ShotObservations) -> list[TrackedFrame]:
+    """Frames that are far from their keyframes: those that became the next one, and the last that was followed."""
+    followed = [step for step in watched.steps if len(step.matches)]
+    return [step for step in watched.steps if step.makes is not None] + followed[-1:]
+
+
+def tells_lens(turn: Turn, said: float) -> bool:
+    """Whether a turn by an unknown lens tells it, where metadata or the network `said` a field of view [deg].
+
+    A camera that walks ahead tells next to nothing of its lens, and now and then something far off. One that is zoomed
+    has no lens of the whole shot.
+    """
+    if turn.zoomed:
+        return False
+    far = abs(turn.vertical_fov[0] - said) > MOST_SPREADS * LENS_SPREAD
+    clear = not far if turn.translates else turn.inliers >= CLEAR * turn.matches
+    return clear and turn.fov_sigma < 2 * LENS_SPREAD
+
+
+def _moved(matches: Matches) -> float:
+    """How far points moved in the median [half diagonals]."""
+    return float(np.median(np.linalg.norm(matches.b - matches.a, axis=1))) if len(matches) else 0.0
+
+
+def _lens_pairs(keys: Sequence[Keyframe]) -> list[tuple[Keyframe, Keyframe]]:
+    """Keyframes two apart: they overlap by half or more and are turned far enough to tell the lens."""
+    pairs = [
+        (a, keys[i + gap])
+        for gap in (2, 1)
+        for i, a in enumerate(keys)
+        if i + gap < len(keys) and keys[i + gap].stretch == a.stretch
+    ]
+    step = max(1, math.ceil(len(pairs) / LENS_PAIRS))
+    return pairs[::step]
+
 
 GUESS_SPREAD = 7.0  # deg, of the field of view before anything was followed
 LEAST_TOLD = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
@@ -34,16 +125,16 @@ _ROUNDS = 8  # of re-weighting, from eight times the tolerance down to it
 class OneLens:
     """A shot as if all of it had been seen through the lens of its first frame."""
 
-    watched: Watched
+    watched: ShotObservations
     zoom: Floats  # (N,) focal lengths of the frames by the first one's
     lens: tuple[float, float]  # vertical field of view of the first frame and its standard deviation [deg]
     told: float = 1.0  # share of the frames whose zoom their points told
 
 
-def as_one_lens(watched: Watched, around: Circumstances) -> OneLens | None:
+def as_one_lens(watched: ShotObservations, around: ClipMetadata) -> OneLens | None:
     """A shot whose lens is zoomed, as through one lens; None where one lens does."""
-    turns = _zooming(watched, lens_by(watched, around, ())[0])
-    first = lens_by(_beginning(watched), around, ())[0]
+    turns = _zooming(watched, _lens_by(watched, around, ())[0])
+    first = _lens_by(_beginning(watched), around, ())[0]
     found: OneLens | None = None
     for start in _STARTS if turns else ():
         one = _followed(watched, around, turns, start * first)
@@ -54,32 +145,34 @@ def as_one_lens(watched: Watched, around: Circumstances) -> OneLens | None:
     return None if found is None or np.all(found.zoom == 1.0) else found
 
 
-def _beginning(watched: Watched) -> Watched:
+def _beginning(watched: ShotObservations) -> ShotObservations:
     """The shot with its first looks alone."""
     time = {step.frame: step.time for step in watched.steps}
     end = min(time[frame] for frame in watched.looks) + BEGINNING
     return replace(watched, looks={frame: seen for frame, seen in watched.looks.items() if time[frame] <= end})
 
 
-def _followed(watched: Watched, around: Circumstances, turns: Sequence[tuple[int, Turn]], start: float) -> OneLens:
+def _followed(
+    watched: ShotObservations, around: ClipMetadata, turns: Sequence[tuple[int, Turn]], start: float
+) -> OneLens:
     """The shot through a lens that is taken to be `start` [deg] at first, or through the one given."""
     lens = (start, GUESS_SPREAD) if around.given.vertical_fov is None else (around.given.vertical_fov, 0.0)
     for _ in range(_PASSES):
-        zoom, told = zooms_of(watched, lens[0])
+        zoom, told = _zooms_of(watched, lens[0])
         one = _through_the_first(watched, zoom)
         by_turns = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_sigma) for key, turn in turns]
-        lens = lens_by(one, around, by_turns)
+        lens = _lens_by(one, around, by_turns)
     return OneLens(one, zoom, lens, told)
 
 
-def _zooming(watched: Watched, vertical_fov: float) -> list[tuple[int, Turn]]:
+def _zooming(watched: ShotObservations, vertical_fov: float) -> list[tuple[int, Turn]]:
     """Turns of zoomed cameras against keyframes of these numbers, `vertical_fov` [deg] being a guess of the lens.
 
     None where more turns are those of a walk.
     """
     focal = focal_of(vertical_fov, *watched.size)
     found = []
-    for step in far_steps(watched):
+    for step in _far_steps(watched):
         grown = _grown(step.matches, focal, np.eye(3), 1.0)
         if grown is not None and abs(np.log(grown[1])) > 0.5 * ONE_LENS:
             turn = rotation_of(step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESS_SPREAD)
@@ -89,7 +182,7 @@ def _zooming(watched: Watched, vertical_fov: float) -> list[tuple[int, Turn]]:
     return zoomed if len(zoomed) >= sum(turn.translates for _, turn in found) else []
 
 
-def zooms_of(watched: Watched, vertical_fov: float) -> tuple[Floats, float]:
+def _zooms_of(watched: ShotObservations, vertical_fov: float) -> tuple[Floats, float]:
     """Focal lengths (N,) of the frames by the first one's, whose lens has about `vertical_fov` [deg].
 
     Beside them the share of the frames whose points tell it. All are 1 where they change by less than those of two
@@ -118,7 +211,7 @@ def zooms_of(watched: Watched, vertical_fov: float) -> tuple[Floats, float]:
     return zooms, float(np.mean(told))
 
 
-def _through_the_first(watched: Watched, zoom: Floats) -> Watched:
+def _through_the_first(watched: ShotObservations, zoom: Floats) -> ShotObservations:
     of_key: dict[int, float] = {}
     steps = []
     for step, own in zip(watched.steps, zoom.tolist(), strict=True):
@@ -143,7 +236,7 @@ def zoomed_fov(vertical_fov: float, zoom: float) -> float:
     return degrees(2.0 * atan(tan(radians(vertical_fov) / 2.0) / zoom))
 
 
-def _seen_unzoomed(seen: Seen, zoom: float) -> Seen:
+def _seen_unzoomed(seen: FrameEstimate, zoom: float) -> FrameEstimate:
     said = seen.prediction
     return replace(seen, prediction=replace(said, vertical_fov=zoomed_fov(said.vertical_fov, 1.0 / zoom)))
 
@@ -153,7 +246,7 @@ def _divided(matches: Matches, a: float, b: float) -> Matches:
     return Matches(matches.a / a, matches.b / b, matches.pixel / min(a, b))
 
 
-def _rejoined(watched: Watched, step: Step, of_key: dict[int, float], last: float) -> float:
+def _rejoined(watched: ShotObservations, step: TrackedFrame, of_key: dict[int, float], last: float) -> float:
     """The zoom of a keyframe that begins a stretch, by those before the gap that show the same."""
     if (key := watched.keys.get(step.key)) is None:
         return last
@@ -163,7 +256,7 @@ def _rejoined(watched: Watched, step: Step, of_key: dict[int, float], last: floa
     return last
 
 
-def _ratio(turn: Turn, key: Key) -> float:
+def _ratio(turn: Turn, key: Keyframe) -> float:
     """The second focal length of a turn by its first."""
     if not turn.zoomed:
         return 1.0

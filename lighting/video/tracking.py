@@ -1,23 +1,34 @@
-"""Points followed from frame to frame: what a frame shares with the last keyframe, and how the light's gain changed.
+"""KLT tracking, frame rotations, gains; tracked records.
 
 Corners of a keyframe are followed by the pyramidal method of Lucas and Kanade (as OpenCV has it), then compared with
 the keyframe itself, so that errors do not add up from frame to frame. When a frame shares too little with its keyframe,
 it becomes the next one. Where nothing can be followed, a new stretch begins; whether it belongs to the same shot is
 decided by who asks.
+
+Where the camera walks, near things obey none; then the rotation of the essential matrix takes over (turns/parallax.py).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from datetime import timedelta
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import sizes
-from lighting.colour import SRGB_LINEAR
+from lighting import geometry
+from lighting.color import SRGB_LINEAR
+from lighting.fusion.metadata_prior import Known, camera_evidence, observations_from_metadata, observations_of_frame
+from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
-from lighting.turns import Features, Matches, centred, features, opencv, shrunk
-from lighting.video.clip import Frame
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.records import Prediction
+from lighting.registration.features import Features, Matches, centred, detect_features, opencv, resize_to
+from lighting.registration.ransac import ransac_rotation
+from lighting.registration.rotations import nearest_rotation, rays
+from lighting.registration.two_view import essential_motion, prefers_translation
+from lighting.video.decode import Frame
+from lighting.video.telemetry import Gimbal
 
 POINTS = 200  # sought in a keyframe
 FEWEST = 24  # followed, below which a frame counts as lost
@@ -37,7 +48,7 @@ _MEASURED = np.where((np.arange(256) > 8) & (np.arange(256) < 248), SRGB_LINEAR,
 
 
 @dataclass(frozen=True, eq=False)
-class Key:
+class Keyframe:
     """A keyframe."""
 
     number: int  # counted from 0
@@ -50,13 +61,13 @@ class Key:
     @cached_property
     def features(self) -> Features:
         """What it can be found again by; sought when it is first asked for, since that takes a tenth of a second."""
-        found = features(self.picture, FEATURE_SIDE, FEATURES)
+        found = detect_features(self.picture, FEATURE_SIDE, FEATURES)
         width, height = (round(self.zoom * side) for side in (found.width, found.height))
         return Features(found.points / self.zoom, found.descriptors, width, height)
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class TrackedFrame:
     """What one frame shares with a keyframe."""
 
     frame: int
@@ -81,9 +92,9 @@ class Follower:
         self._light = np.empty((0, 0, 3), np.float32)  # of the keyframe, as `_linear` has it
         self._sought = 1
         self._unproven: Frame | None = None  # the keyframe while no frame was followed from it
-        self.new_key: Key | None = None  # from which the last frame was the first to be followed
+        self.new_key: Keyframe | None = None  # from which the last frame was the first to be followed
 
-    def follow(self, frame: Frame) -> Step:
+    def follow(self, frame: Frame) -> TrackedFrame:
         """What the frame shares with the last keyframe; it may be the next one itself."""
         grey, self.new_key = self._even(frame.pixels), None
         found = self._followed(grey) if grey.shape == self._grey.shape else np.zeros(0, bool)
@@ -97,7 +108,7 @@ class Follower:
         self._grey = grey
         makes = self._number + 1 if not lost and self._is_far() else None
         at = (frame.index, frame.time, self._number, self._stretch)
-        step = Step(*at, self._matches(), self._gained(frame.pixels), lost, makes)
+        step = TrackedFrame(*at, self._matches(), self._gained(frame.pixels), lost, makes)
         if makes is not None:
             self._make_key(frame, grey)
         return step
@@ -133,8 +144,8 @@ class Follower:
         """Hand out the keyframe, once: what nothing can be followed from is not worth keeping."""
         if self._unproven is not None:
             frame, self._unproven = self._unproven, None
-            small = shrunk(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
-            self.new_key = Key(self._number, self._stretch, frame.index, frame.time, small)
+            small = resize_to(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
+            self.new_key = Keyframe(self._number, self._stretch, frame.index, frame.time, small)
 
     def _make_key(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
         """Seek corners in the frame, to be followed from now on."""
@@ -178,12 +189,12 @@ class Follower:
     def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
         height, width = pixels.shape[:2]
-        scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), sizes.shrunk(width, height, _LIGHT_SIDE)
+        scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), geometry.shrunk(width, height, _LIGHT_SIDE)
         small = self._cv2.resize(self._cv2.LUT(pixels, _MEASURED), size, interpolation=self._cv2.INTER_AREA)
         return np.asarray(small), scale
 
 
-def gains_of(steps: Sequence[Step]) -> Floats:
+def gains_of(steps: Sequence[TrackedFrame]) -> Floats:
     """Gains (N, 3) of linear values against the first frame's, by way of the keyframes."""
     found: list[Floats] = []
     of_key: dict[int, Floats] = {}
@@ -196,3 +207,138 @@ def gains_of(steps: Sequence[Step]) -> Floats:
         found.append(last)
     gains = np.array(found)
     return np.asarray(gains / gains[0])
+
+
+# How a frame is turned against its keyframe, quickly: a rotation that most followed points obey.
+
+TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
+BLUR = 6.0  # tolerances that points may be off where a picture is blurred
+WALKED = 0.7  # share of points that agree so far with a rotation, below which the camera may have moved as well
+TIGHT = 0.6  # share of the agreeing points within half the tolerance, from which on others move and the camera does not
+LEAST_TOLD = 0.85  # share of the points that must then agree with a motion; things that move do not
+AGREEING = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
+BELIEVED = 0.3  # share of followed points that must agree with a turn
+FEWEST_AGREEING = 12  # of them
+_ROUNDS = 6  # of re-weighting, from eight times the tolerance down to it
+_EXACT = 1e18  # inverse variance of the logarithm of a focal length that is known
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """A frame's turn against a keyframe."""
+
+    rotation: Floats  # (3, 3) directions in the keyframe's camera to the frame's
+    share: float  # of the points that agree within twice TOLERANCE
+    agreeing: int  # how many those are
+
+
+def turning(matches: Matches, focal: float, guess: Floats) -> Turning:
+    """The turn that most `matches` obey, by re-weighted least squares from a `guess` (3, 3).
+
+    Weights are those of Geman and McClure; the rotation of a round is Kabsch's. `focal` is in half diagonals.
+    """
+    a, b = rays(matches.a, focal), rays(matches.b, focal)
+    reach = TOLERANCE * matches.pixel / focal
+    found = _refined(a, b, guess, reach)
+    if _is_parallax(a, b, found.rotation, reach):
+        moved = _moved(matches, focal, found.agreeing)
+        if moved is not None:
+            return moved
+    if found.share < AGREEING:
+        other = _refined(a, b, ransac_rotation(matches, (focal, focal), (1.0,)).rotation, reach)
+        found = max(found, other, key=lambda t: t.share)
+    return found
+
+
+def is_believed(turn: Turning, *, begins: bool) -> bool:
+    """Whether a frame's turn is to be used."""
+    return begins or (turn.share >= BELIEVED and turn.agreeing >= FEWEST_AGREEING)
+
+
+def _is_parallax(a: Floats, b: Floats, rotation: Floats, reach: float) -> bool:
+    """Whether many points are farther from where a rotation puts them than blur would explain, at all distances.
+
+    Where things move before a place that stands still, the place's points all lie close to it.
+    """
+    apart = np.linalg.norm(b - a @ rotation.T, axis=1)
+    near = np.count_nonzero(apart < 2.0 * reach)
+    return bool(np.mean(apart < BLUR * reach) < WALKED and np.count_nonzero(apart < 0.5 * reach) < TIGHT * near)
+
+
+def _moved(matches: Matches, focal: float, agreeing: int) -> Turning | None:
+    """The turn of a camera that walked, where clearly more points tell it than agree with a rotation alone."""
+    obeying = prefers_translation(matches, agreeing)
+    found = None if obeying is None else essential_motion(obeying, (focal, focal), (1.0,), _EXACT)
+    if found is None or (count := int(np.count_nonzero(found.inliers))) < LEAST_TOLD * len(matches):
+        return None
+    return Turning(found.rotation, count / len(matches), count)
+
+
+def _refined(a: Floats, b: Floats, rotation: Floats, reach: float) -> Turning:
+    for wider in np.geomspace(8.0, 1.0, _ROUNDS):
+        apart = np.sum(np.square(b - a @ rotation.T), axis=1)
+        weight = np.square(1.0 / (1.0 + apart / (wider * reach) ** 2))
+        rotation = nearest_rotation((b * weight[:, None]).T @ a)
+    agree = np.sum(np.square(b - a @ rotation.T), axis=1) < (2.0 * reach) ** 2
+    return Turning(rotation, float(agree.mean()), int(agree.sum()))
+
+
+# What is gathered of a clip while it is read, and what is known beside its pixels.
+
+
+@dataclass(frozen=True, eq=False)
+class FrameEstimate:
+    """What one frame shows by itself."""
+
+    prediction: Prediction  # its sky in the colour that the frame shows
+    ground: Floats | None = None  # (3,) reflectance, where the frame shows enough of it
+    by_lens: "FrameEstimate | None" = None  # the same by a camera with the clip's known lens, where it has one
+
+
+@dataclass(frozen=True, eq=False)
+class ShotObservations:
+    """What was gathered of a clip, or of one shot of it."""
+
+    size: tuple[int, int]  # width and height of the frames, pixels
+    steps: Sequence[TrackedFrame]  # one a frame
+    keys: dict[int, Keyframe]  # by number
+    looks: dict[int, FrameEstimate]  # by the frame's index
+
+    def through_known_lens(self) -> "ShotObservations":
+        """The same where the lens that is known is that of all frames: it was not zoomed."""
+        return replace(self, looks={frame: seen.by_lens or seen for frame, seen in self.looks.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class ClipMetadata:
+    """What is known of a clip beside its pixels."""
+
+    facts: PhotoMetadata = field(default_factory=PhotoMetadata)  # of the clip's first moment
+    gimbal: Gimbal = field(default_factory=Gimbal)
+    given: UserInput = field(default_factory=UserInput)
+    subject: str = "clip"  # what warnings call it
+
+    @property
+    def vertical_fov(self) -> float | None:
+        """Of the lens [deg] by the user or the metadata."""
+        return camera_evidence(self.facts, self.given).vertical_fov
+
+    def known_at(self, seconds: float, heading: float | None = None) -> Known:
+        """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
+
+        Raises ParameterError where the user's own time and place are of night at 0 s; later they are not used then.
+        """
+        later = timedelta(seconds=seconds)
+        moved = {
+            name: moment + later
+            for name in ("local_time", "utc_time")
+            if (moment := getattr(self.facts, name)) is not None
+        }
+        facts = replace(self.facts, **moved)
+        given = self.given if self.given.time is None else replace(self.given, time=self.given.time + later)
+        if heading is not None:
+            facts = replace(facts, heading=heading, heading_reference=HeadingReference.TRUE)
+        elif seconds > 0.0:  # the one that is known is of the clip's first frame
+            facts, given = replace(facts, heading=None), replace(given, heading=None)
+        tell = observations_from_metadata if seconds == 0.0 else observations_of_frame
+        return tell(facts, given, self.subject)

@@ -1,0 +1,382 @@
+"""One light for a live stream of frames.
+
+Orientations are chained from keyframe to keyframe. Earlier keyframes (bank.py) are recognised by their features, which
+takes back the drift; the sun does so too where time and place are known. Where the thread is lost, another chain
+begins, with looks of its own, until it is recognised how it lies to the first. A lens that is zoomed loses the thread:
+what comes then is seen through another lens.
+
+Keyframes that are linked without a gap form a chain, and their orientations are against that chain's first camera.
+Nothing is known of how two chains lie to each other until a keyframe of one is recognised in the other; then the later
+chain is turned into the earlier one. That of the first frame is FIRST.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.color import checked_pixels, luminance
+from lighting.decoding import with_ground
+from lighting.envmap.relighting import scale_exposure
+from lighting.errors import ErrorCode, ParameterError
+from lighting.fusion.estimate import build_estimate
+from lighting.fusion.metadata_prior import Known
+from lighting.fusion.single_view import Posterior
+from lighting.fusion.user_input import UserInput, check_given
+from lighting.geometry import Floats, angle_between, shrunk
+from lighting.model import Model, model_or_packaged
+from lighting.records import Lighting
+from lighting.registration.rotations import (
+    focal_of,
+    heading_elevation_roll,
+    leveling_rotation,
+    nearest_rotation,
+    rotation_about,
+    rotation_vector,
+    up_in_own_frame,
+)
+from lighting.registration.two_view import Turn
+from lighting.video.decode import SIDE, Frame
+from lighting.video.intrinsics import GUESS_SPREAD, LENS_FLOOR, LENS_SPREAD, is_zoomed, tells_lens
+from lighting.video.keyframes import turn_between
+from lighting.video.light import FrameObservation, ShotLight
+from lighting.video.shot import as_turned, estimate_frame, is_dark, north_of
+from lighting.video.tracking import ClipMetadata, Follower, FrameEstimate, Keyframe, TrackedFrame, is_believed, turning
+
+# Keyframes of a stream that are remembered, to be recognised: a few for each direction, at most BANK of them.
+
+BANK = 32  # keyframes that are remembered
+APART = 12.0  # deg between two of a chain
+RECENT = 3  # keyframes; those just before are no news
+COMPARED = 3  # keyframes of its own chain, with a new one
+STRANGERS = 3  # of other chains, those that seem nearest, and as many of the others, in turn
+FIRST = 0  # the chain that headings are against
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """A keyframe of the bank."""
+
+    key: Keyframe
+    orientation: Floats  # (3, 3) against the first camera of its chain
+    chain: int
+
+
+class _Bank:
+    """Keyframes with their orientations, not two of one direction in a chain."""
+
+    def __init__(self) -> None:
+        self.kept: list[_Kept] = []
+
+    def own(self, key: Keyframe, orientation: Floats, chain: int, within: float) -> Sequence[_Kept]:
+        """The nearest COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
+        apart = {i: angle for i, angle in self._apart(orientation).items() if self.kept[i].chain == chain}
+        near = sorted((i for i in apart if apart[i] < within and _is_old(self.kept[i].key, key)), key=apart.__getitem__)
+        return [self.kept[i] for i in near[:COMPARED]]
+
+    def strangers(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_Kept]:
+        """Keyframes of other chains, whose directions are unknown: none is too far off, and each gets its turn."""
+        apart = {i: angle for i, angle in self._apart(orientation).items() if self.kept[i].chain != chain}
+        order = sorted(apart, key=apart.__getitem__)
+        rest = order[STRANGERS:]
+        start = key.number * STRANGERS % max(len(rest), 1)
+        return [self.kept[i] for i in [*order[:STRANGERS], *(rest + rest)[start : start + min(STRANGERS, len(rest))]]]
+
+    def add(self, new: _Kept) -> None:
+        """Remember a keyframe, unless its chain has one of nearly the same direction."""
+        if any(angle < APART and self.kept[i].chain == new.chain for i, angle in self._apart(new.orientation).items()):
+            return
+        self.kept.append(new)
+        if len(self.kept) > BANK:
+            del self.kept[self._least_missed(new.chain)]
+
+    def join(self, chain: int, other: int, correction: Floats) -> None:
+        """Make a chain part of another one, its orientations being turned by a rotation (3, 3)."""
+        self.kept = [
+            replace(k, orientation=k.orientation @ correction, chain=other) if k.chain == chain else k
+            for k in self.kept
+        ]
+
+    def _apart(self, orientation: Floats) -> dict[int, float]:
+        """Angles [deg] between where each keyframe and a camera look."""
+        return {i: float(angle_between(-k.orientation[2], -orientation[2])) for i, k in enumerate(self.kept)}
+
+    def _least_missed(self, chain: int) -> int:
+        """The oldest of chains that were left, or of the longer one of the first and the present `chain`.
+
+        The first frame's stays: it is what all headings refer to.
+        """
+        left = [i for i, k in enumerate(self.kept) if k.chain not in (FIRST, chain)]
+        first, present = ([i for i, k in enumerate(self.kept) if k.chain == c] for c in (FIRST, chain))
+        return left[0] if left else (present if len(present) > len(first) else first[1:])[0]
+
+
+def _is_old(kept: Keyframe, new: Keyframe) -> bool:
+    return new.number - kept.number > RECENT or new.stretch != kept.stretch
+
+
+# What a stream teaches as its frames come: which way is up, the light, and the lens; memory constant.
+
+UPS = 64  # looks whose gravity and lens count; older ones fade
+
+
+class _Looks:
+    """What looks tell in the frame of one chain: which way is up, and the light."""
+
+    def __init__(self, chain: int) -> None:
+        self.chain = chain
+        self.light = ShotLight()
+        self.fused: Posterior | None = None  # the light's last answer; None before the first look
+        self._up: Floats | None = None
+        self._ups = 0
+
+    def add(self, seen: FrameEstimate, orientation: Floats, vertical_fov: float, gain: float, known: Known) -> None:
+        """Count a look by a camera of that orientation (3, 3)."""
+        said = seen.prediction
+        up = orientation.T @ up_in_own_frame(said.camera_elevation, said.camera_roll)
+        self._ups = min(self._ups + 1, UPS)
+        before = up if self._up is None else self._up
+        mean = before + (up - before) / self._ups
+        self._up = np.asarray(mean / np.linalg.norm(mean))
+        self.light.add(FrameObservation(seen, self.angles(orientation)[0], vertical_fov, gain, known.evidence))
+        self.fused = self.light.answer(known.evidence)
+
+    def angles(self, orientation: Floats) -> tuple[float, float, float]:
+        """Heading, elevation and roll [deg] of a camera, once there was a look."""
+        assert self._up is not None
+        heading, elevation, roll = heading_elevation_roll(orientation[None], leveling_rotation(self._up))
+        return float(heading[0]), float(elevation[0]), float(roll[0])
+
+
+class _LearntLens:
+    """A field of view learnt as frames come: given, or by the network, or by turns between keyframes."""
+
+    def __init__(self, given: float | None) -> None:
+        self.given = given  # deg; None where it is not known
+        self._sum, self._weight = 0.0, 0.0  # of what turns say
+        self._seen, self._looks = 50.0, 0
+
+    @property
+    def fov(self) -> float:
+        """Vertical, deg."""
+        if self.given is not None:
+            return self.given
+        own = LENS_SPREAD**-2
+        return (self._sum + own * self._seen) / (self._weight + own)
+
+    def see(self, fov: float) -> None:
+        """Count what the network says of a look."""
+        self._looks = min(self._looks + 1, UPS)
+        self._seen += (fov - self._seen) / self._looks
+
+    def learn(self, a: Keyframe, b: Keyframe) -> None:
+        """From the turn between two keyframes, while the lens is not known well."""
+        if self.given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
+            return
+        turn = turn_between(a, b, None)
+        if turn is not None and not turn.zoomed:
+            self.count(turn)
+
+    def count(self, turn: Turn) -> None:
+        """Learn from a turn to a picture that was seen through this lens."""
+        if turn.zoomed or tells_lens(turn, self._seen):
+            weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
+            self._sum, self._weight = self._sum + weight * turn.vertical_fov[1], self._weight + weight
+
+
+LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
+LOOK_EVERY = 2.0  # s between the frames that the network sees
+RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is taken at once
+ZOOM_EVERY = 4  # frames, of which one is asked whether the lens was zoomed
+
+
+@dataclass(frozen=True)
+class _Sighting:
+    """The answer after a frame."""
+
+    lighting: Lighting  # as this frame's camera sees it; `camera_heading` is absolute, where time and place are known
+    heading: float  # deg clockwise from the first frame, -180 to 180
+    gain: tuple[float, float, float]  # linear red, green and blue against the first frame
+    followed: bool  # False where nothing could be followed: the angles are those of the frame before
+    linked: bool  # whether headings are against the first frame; if not, they only go on from where the thread was lost
+
+
+class Tracker:
+    """Takes frames (h, w, 3), upright sRGB, of one size; not for several threads."""
+
+    def __init__(
+        self, model: Model | None = None, given: UserInput | None = None, *, look_every: float = LOOK_EVERY
+    ) -> None:
+        """`given` is of the first frame: its time, place, heading and field of view, as far as they are known.
+
+        `look_every` [s], at least 0, is the time between frames that the network sees.
+
+        Raises ParameterError for another `look_every` and for what is no Model or no Given, ModelError,
+        MissingExtraError.
+        """
+        if not 0.0 <= look_every < math.inf:
+            predicate = f"must be a finite number of seconds, at least 0, not {look_every}."
+            raise ParameterError.about("look_every", predicate, ErrorCode.OUT_OF_RANGE)
+        self._model = model_or_packaged(model)
+        known = UserInput(use_exif=False) if given is None else given
+        check_given(known)
+        self._around = ClipMetadata(given=known, subject="stream")
+        self._look_every, self._due = look_every, -math.inf
+        self._follower, self._lens = Follower(), _LearntLens(self._around.given.vertical_fov)
+        self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
+        self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
+        self._bank = _Bank()
+        self._chain = self._chains = FIRST  # the one in use, and the last that was begun
+        self._before: Keyframe | None = None  # the keyframe before, where the thread was not lost since
+        self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
+        self._orientation, self._gain = np.eye(3), np.ones(3)
+        self._first = self._seen = _Looks(FIRST)  # what looks tell in the first chain, and in the one last looked from
+        self._count = 0
+        self._known = Known()  # of the last moment that is not of night
+
+    def __call__(self, pixels: NDArray[np.uint8], time: float) -> _Sighting | None:
+        """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
+
+        When night falls by the time and place given, the sun stays where the last frame before that had it.
+
+        Raises PhotoError for pixels of another shape or type, ParameterError for a time that is not finite or beyond
+        LONGEST and where the time and place given are of night.
+        """
+        if not math.isfinite(time):
+            sentence = f"The time of a frame must be a finite number of seconds, not {time}."
+            raise ParameterError(sentence, "time", ErrorCode.WRONG_TYPE)
+        if abs(time) > LONGEST:
+            sentence = f"The time of a frame must be seconds after the first, not {time:g}."
+            raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
+        frame = Frame(self._count, time, _shrunk(checked_pixels(pixels)))
+        self._count += 1
+        step = self._follower.follow(frame)
+        size = (frame.pixels.shape[1], frame.pixels.shape[0])
+        if (key := self._follower.new_key) is not None:
+            self._recognise(key)
+        followed = self._turn(step, size)
+        if not (known := self._known_at(time)).is_night:
+            self._known = known
+        if time >= self._due and followed and not known.is_night and not is_dark(frame.pixels):
+            self._look(frame, known)
+        return self._answer(followed)
+
+    def _turn(self, step: TrackedFrame, size: tuple[int, int]) -> bool:
+        """Follow the camera's turn; whether the frame's own points told it."""
+        if step.begins:
+            self._lose()
+            self._of_key = {step.key: (self._orientation, self._gain)}
+            return len(step.matches) > 0
+        base, gain = self._of_key[step.key]
+        turned = turning(step.matches, focal_of(self._lens.fov, *size), self._orientation @ base.T)
+        self._gain = gain * step.gain
+        believed = is_believed(turned, begins=False)
+        if believed:
+            self._orientation = turned.rotation @ base
+        if self._is_zoomed(step, size):
+            self._zoomed_key, self._lens, self._lens_spread = step.key, _LearntLens(None), GUESS_SPREAD
+            self._lose()
+        elif step.makes is not None and not believed:
+            self._lose()
+        if step.makes is not None:
+            self._of_key[step.makes] = (self._orientation, self._gain)
+        self._of_key = {k: v for k, v in self._of_key.items() if k >= step.key}
+        return believed
+
+    def _is_zoomed(self, step: TrackedFrame, size: tuple[int, int]) -> bool:
+        """Whether the lens was zoomed since the keyframe, asked once of a keyframe and when the next one begins."""
+        if step.makes is None and (step.key == self._zoomed_key or step.frame % ZOOM_EVERY):
+            return False
+        return self._first.fused is not None and is_zoomed(step.matches, self._lens.fov, size)
+
+    def _lose(self) -> None:
+        """Begin another chain; all begins anew where there was no answer yet."""
+        self._before = None
+        if self._first.fused is None:
+            self._bank, self._orientation, self._gain = _Bank(), np.eye(3), np.ones(3)
+            return
+        self._chains += 1
+        self._chain, self._due = self._chains, -math.inf
+
+    def _recognise(self, key: Keyframe) -> None:
+        """Compare a keyframe with those of the bank: take back what the chain has drifted, and join chains."""
+        before, self._before = self._before, key
+        near = self._bank.own(key, self._of_key[key.number][0], self._chain, 0.5 * self._lens.fov)
+        if again := self._recognised(key, near):
+            self._correct(rotation_about(RECOGNISED * rotation_vector(again[1])))
+        strange = self._recognised(key, self._bank.strangers(key, self._of_key[key.number][0], self._chain))
+        if strange:
+            self._join(*strange)
+        if again or strange:
+            return
+        if before is not None:
+            self._lens.learn(before, key)
+        self._bank.add(_Kept(key, nearest_rotation(self._of_key[key.number][0]), self._chain))
+
+    def _recognised(self, key: Keyframe, among: Sequence[_Kept]) -> tuple[_Kept, Floats] | None:
+        """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
+        for kept in among:
+            if (turn := turn_between(kept.key, key, self._lens.fov, self._lens_spread)) is not None:
+                if self._lens_spread:
+                    self._lens.count(turn)
+                return kept, self._of_key[key.number][0].T @ turn.rotation @ kept.orientation
+        return None
+
+    def _join(self, kept: _Kept, between: Floats) -> None:
+        """Turn the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
+        if kept.chain > self._chain:
+            self._bank.join(kept.chain, self._chain, between.T)
+            return
+        self._bank.join(self._chain, kept.chain, between)
+        self._correct(between)
+        self._chain, self._due = kept.chain, -math.inf
+        if self._chain == FIRST:
+            self._seen = self._first
+
+    def _correct(self, correction: Floats) -> None:
+        """Turn the camera, and the keyframes that it is followed from, by a rotation (3, 3) of their chain's frame."""
+        self._orientation = self._orientation @ correction
+        self._of_key = {k: (orientation @ correction, gain) for k, (orientation, gain) in self._of_key.items()}
+
+    def _look(self, frame: Frame, known: Known) -> None:
+        self._due = frame.time + self._look_every - 1e-6
+        seen = estimate_frame(self._model, frame.pixels, self._lens.given)
+        seen = seen.by_lens or seen
+        self._lens.see(seen.prediction.vertical_fov)
+        if self._seen.chain != self._chain:
+            self._seen = _Looks(self._chain)
+        gain = float(luminance(self._gain))
+        self._seen.add(seen, self._orientation, self._lens.fov, gain, self._in_chain(known))
+
+    def _in_chain(self, known: Known) -> Known:
+        """What is known in the frame of the present chain: a heading is that of the first frame."""
+        return known if self._chain == FIRST else replace(known, evidence=replace(known.evidence, heading=None))
+
+    def _known_at(self, time: float) -> Known:
+        """What is known of a moment, the heading being that of the first frame."""
+        known, first = self._around.known_at(time), self._around.known_at(0.0).evidence
+        compass = replace(known.evidence, heading=first.heading, heading_spread=first.heading_spread)
+        return replace(known, evidence=compass)
+
+    def _answer(self, followed: bool) -> _Sighting | None:
+        if (fused := self._seen.fused) is None:
+            return None
+        angles = self._seen.angles(self._orientation)
+        known = self._in_chain(self._known)
+        base = with_ground(build_estimate(fused, known).lighting, self._seen.light.ground)
+        lighting = as_turned(scale_exposure(base, self._gain), angles, self._lens.fov, north_of(fused, known))
+        red, green, blue = map(float, self._gain)
+        return _Sighting(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST)
+
+
+def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The frame with its longer side at most SIDE pixels."""
+    from PIL import Image
+
+    height, width = pixels.shape[:2]
+    size = shrunk(width, height, SIDE)
+    if size == (width, height):
+        return np.ascontiguousarray(pixels)
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=2.0))
