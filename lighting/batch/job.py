@@ -1,23 +1,29 @@
-"""What a batch does with each photo, and when an interrupted batch may be resumed."""
+"""Settings, photo discovery, one photo, summary."""
 
+import glob
 import json
 import os
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, reason
+from lighting.photo.linear import RAW_SUFFIXES
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from lighting.envmap import Place
-    from lighting.evidence import Given
-    from lighting.files import Target
-    from lighting.photo import Photo
-    from lighting.pipeline import Estimator
+    from lighting.envmap.surroundings import PhotoContext
+    from lighting.estimator import Estimator
+    from lighting.files.exr import Target
+    from lighting.fusion.user_input import UserInput
+    from lighting.photo.reader import Photo
     from lighting.records import Estimate, Lighting
+
+# What a batch does with each photo, and when an interrupted batch may be resumed.
 
 SETTINGS = "batch.json"
 DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits and other work may slow the machine
@@ -36,7 +42,7 @@ class Maps:
 
 
 @dataclass(frozen=True)
-class Job:
+class BatchJob:
     """What is done with each photo."""
 
     source: str  # the folder that the photos' names are relative to
@@ -52,10 +58,10 @@ class PhotoLight:
     """The light of a photo, and the place that its map shows, if it shows any."""
 
     lighting: "Lighting"
-    place: "Place | None"
+    place: "PhotoContext | None"
 
 
-def settings(job: Job) -> dict[str, object]:
+def settings(job: BatchJob) -> dict[str, object]:
     """What the results depend on, for SETTINGS; the network is identified by its SHA-256. Raises ModelError."""
     from lighting.model import network_sha256, packaged_model
 
@@ -87,46 +93,160 @@ def check_settings(found: bytes | None, asked: dict[str, object], has_results: b
         raise BatchError(f"{out} holds results of other settings ({changed}); choose another folder, or --overwrite.")
 
 
-def load_estimator(job: Job) -> "tuple[Estimator, Given]":
+def load_worker_estimator(job: BatchJob) -> "tuple[Estimator, UserInput]":
     """An estimator of one thread, since there is a process per CPU, and what is given of all photos."""
-    from lighting.evidence import Given
+    from lighting.estimator import Estimator
+    from lighting.fusion.user_input import UserInput
     from lighting.model import Model
-    from lighting.pipeline import Estimator
 
-    return Estimator(Model.load(job.model, threads=1)), Given(**job.given)
+    return Estimator(Model.load(job.model, threads=1)), UserInput(**job.given)
 
 
-def write_map(target: "Target", answer: PhotoLight, maps: Maps) -> None:
+def write_photo_map(target: "Target", answer: PhotoLight, maps: Maps) -> None:
     """Render and write an environment map; raises EnvironmentMapError."""
-    from lighting.envmap import view
-    from lighting.files import write_exr
+    from lighting.envmap.surroundings import render_view
+    from lighting.files.exr import write_exr
 
-    image, turned = view(answer.lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky, place=answer.place)
+    image, turned = render_view(
+        answer.lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky, place=answer.place
+    )
     write_exr(target, image, turned, compression=maps.compression)
 
 
-def light_or_reason(
-    estimator: "Estimator", source: Path | bytes, given: "Given", maps: Maps | None
+def estimate_or_error(
+    estimator: "Estimator", source: Path | bytes, given: "UserInput", maps: Maps | None
 ) -> PhotoLight | str:
     """The light of a photo, or one sentence that says why the photo has none; other errors are raised.
 
     The photo is decoded in a process of its own: one that would take too long or too much memory fails alone.
     """
-    from lighting.photo import read_apart
+    from lighting.photo.sandbox import read_photo_isolated
 
     try:
-        photo = read_apart(source, seconds=DECODE_SECONDS)
+        photo = read_photo_isolated(source, seconds=DECODE_SECONDS)
         estimate = estimator(photo, given)
         return PhotoLight(estimate.lighting, _place(source, photo, estimate, maps) if maps else None)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return reason(error)
 
 
-def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: Maps) -> "Place | None":
-    from lighting.envmap import place_of
-    from lighting.photo import read_apart
+def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: Maps) -> "PhotoContext | None":
+    from lighting.envmap.surroundings import photo_context_for_height
+    from lighting.photo.sandbox import read_photo_isolated
 
     def finer(side: int) -> "NDArray[np.uint8]":
-        return read_apart(source, target=side, seconds=DECODE_SECONDS).pixels
+        return read_photo_isolated(source, target=side, seconds=DECODE_SECONDS).pixels
 
-    return place_of(estimate, photo.pixels, maps.height, finer, wanted=maps.surroundings)
+    return photo_context_for_height(estimate, photo.pixels, maps.height, finer, wanted=maps.surroundings)
+
+
+# What became of a batch's photos, in one line.
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Numbers of photos, and how long this run took."""
+
+    done: int  # with a light, in all results
+    failed: int
+    earlier: int  # of both, by the runs before
+    seconds: float
+    others: Counter[str] = field(default_factory=Counter)  # pictures of kinds that are not read, by suffix
+
+    def __str__(self) -> str:
+        rate = (self.done + self.failed - self.earlier) / max(self.seconds, 1e-3)
+        before = f"{self.earlier} by an earlier run, " if self.earlier else ""
+        skipped = f"{self.others.total()} skipped{_in_words(self.others)}"
+        return f"{self.done} done, {self.failed} failed, {skipped}; {before}{rate:.1f} photos a second."
+
+
+def _in_words(others: Counter[str]) -> str:
+    """The kinds in brackets after a space, such as "(2 .gif, 1 .jxl)", the most frequent first; nothing for none."""
+    ordered = sorted(others.items(), key=lambda kind: (-kind[1], kind[0]))
+    listed = ", ".join(f"{count} {suffix}" for suffix, count in ordered)
+    return f" ({listed})" if listed else ""
+
+
+# The photos of a batch: those in a folder, or those that a glob matches.
+
+SUFFIXES = (  # of photos in a folder; a glob may match any file
+    ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".png", ".webp", ".heic", ".heif", ".hif", ".tif", ".tiff", ".avif",
+    *RAW_SUFFIXES, ".x3f",
+)  # fmt: skip
+OTHERS = (  # of pictures that are no photos, or that nothing here is known to read
+    ".heics", ".heifs", ".avifs",
+    ".srw", ".3fr", ".fff", ".iiq", ".erf", ".kdc", ".dcr", ".mrw", ".mef", ".mos",
+    ".gif", ".bmp", ".jxl", ".jp2", ".j2k", ".jxr", ".psd", ".svg", ".exr", ".hdr", ".tga", ".ppm", ".xcf", ".ico",
+)  # fmt: skip
+
+
+def find_photos(pattern: str) -> tuple[str, list[str]]:
+    """A folder, and the sorted names of photos relative to it.
+
+    `pattern` is a folder, whose photos count at any depth, or a glob, whose folder is the part before its first
+    wildcard. Raises BatchError if there is no photo, and for an empty pattern, as an unset variable of a shell is.
+    """
+    if not pattern:
+        raise BatchError("The input is empty; it must be a folder or a pattern.")
+    if Path(pattern).is_dir():
+        source, names = pattern, list(_files_below(Path(pattern), SUFFIXES))
+    else:
+        source = _fixed_part(pattern)
+        names = list(_matches(pattern, Path(source)))
+    if not names:
+        others = _in_words(other_pictures(pattern))
+        but = f"; its pictures are of kinds that are not read{others}" if others else ""
+        raise BatchError(f"{pattern} is neither a folder with photos nor a pattern that matches any{but}.")
+    return source, sorted(names)
+
+
+def other_pictures(pattern: str) -> Counter[str]:
+    """How many pictures of each kind that is not read lie in a folder, by suffix; none for a glob.
+
+    Maps that a batch wrote beside their photos are no such pictures.
+    """
+    folder = Path(pattern)
+    names = _files_below(folder, OTHERS) if folder.is_dir() else ()
+    return Counter(Path(name).suffix.lower() for name in names if not _is_map(name))
+
+
+def _is_map(name: str) -> bool:
+    """Whether a file is named as a batch names a photo's map."""
+    return name.endswith(".exr") and name.removesuffix(".exr").lower().endswith(SUFFIXES)
+
+
+def _files_below(source: Path, suffixes: tuple[str, ...]) -> Iterator[str]:
+    """Names of the files at any depth that end so, without hidden files and folders."""
+    for parent, folders, files in os.walk(source):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        below = Path(parent).relative_to(source)
+        for name in files:
+            if name.lower().endswith(suffixes) and name[0] != "." and not _would_wait(Path(parent, name)):
+                yield (below / name).as_posix()
+
+
+def _would_wait(path: Path) -> bool:
+    """Whether a file is a pipe, a socket or a device, from which reading may not end; a broken link is none."""
+    return path.exists() and not path.is_file()
+
+
+def _matches(pattern: str, source: Path) -> Iterator[str]:
+    """Names of the files that a glob matches, each once; hidden ones only where the glob names a dot.
+
+    No link to a folder is followed by `**`, for it may lead back to where it stands. Raises BatchError for a name that
+    holds `**` beside other letters.
+    """
+    parts = Path(pattern).parts[len(source.parts) :]
+    if any("**" in part and part != "**" for part in parts):
+        raise BatchError(f"{pattern} is no pattern: ** stands for folders, between slashes alone.")
+    if parts[-1] == "**":
+        parts = (*parts, "*")
+    dotted = any(part.startswith(".") for part in parts)
+    names = {path.relative_to(source) for path in source.glob(str(Path(*parts))) if path.is_file()}
+    yield from (name.as_posix() for name in names if dotted or not any(part.startswith(".") for part in name.parts))
+
+
+def _fixed_part(pattern: str) -> str:
+    parts = Path(pattern).parts[:-1]
+    plain = next((index for index, part in enumerate(parts) if glob.has_magic(part)), len(parts))
+    return str(Path(*parts[:plain]))

@@ -15,18 +15,18 @@ from typing import Any
 
 from lighting.batch.job import (
     SETTINGS,
-    Job,
+    SUFFIXES,
+    BatchJob,
     PhotoLight,
+    Summary,
     check_settings,
-    light_or_reason,
-    load_estimator,
+    estimate_or_error,
+    find_photos,
+    load_worker_estimator,
     settings,
-    write_map,
+    write_photo_map,
 )
-from lighting.batch.journal import JOURNAL, has_lights
-from lighting.batch.photos import SUFFIXES, find_photos
-from lighting.batch.summary import Summary
-from lighting.batch.table import TABLE, row, schema
+from lighting.batch.results import JOURNAL, TABLE, has_lights, row, schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")
@@ -50,7 +50,7 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
 
 
 def run_ray(
-    job: Job, names: Sequence[str], *, address: str | None, workers: int | None, overwrite: bool, progress: bool
+    job: BatchJob, names: Sequence[str], *, address: str | None, workers: int | None, overwrite: bool, progress: bool
 ) -> Summary:
     """Process the photos that are not in the results, on the cluster at `address` or on a local one.
 
@@ -70,17 +70,17 @@ def run_ray(
     return Summary(len(failures) - sum(failures), sum(failures), len(done), monotonic() - began)
 
 
-class PhotoActor:
+class _PhotoActor:
     """One estimator, from the bytes of photos to rows of the table."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: BatchJob) -> None:
         self.job = job
-        self.estimator, self.given = load_estimator(job)
+        self.estimator, self.given = load_worker_estimator(job)
         self.base = _place(job.source)[1]
 
     def __call__(self, photo: dict[str, Any]) -> dict[str, Any]:
         name = posixpath.relpath(photo["path"], self.base)
-        answer = light_or_reason(self.estimator, photo["bytes"], self.given, self.job.maps)
+        answer = estimate_or_error(self.estimator, photo["bytes"], self.given, self.job.maps)
         if isinstance(answer, str):
             return row(name, answer)
         if self.job.maps:
@@ -88,7 +88,7 @@ class PhotoActor:
         return row(name, answer.lighting)
 
 
-def _map_photos(job: Job, names: Sequence[str], workers: int | None, progress: bool) -> None:
+def _map_photos(job: BatchJob, names: Sequence[str], workers: int | None, progress: bool) -> None:
     import ray
 
     filesystem, base = _place(job.source)
@@ -99,7 +99,7 @@ def _map_photos(job: Job, names: Sequence[str], workers: int | None, progress: b
         [f"{base}/{name}" for name in names], filesystem=filesystem, include_paths=True, num_cpus=_TASK_CPUS
     )
     rows = photos.map(
-        PhotoActor,
+        _PhotoActor,
         fn_constructor_args=(job,),
         num_cpus=_ACTOR_CPUS,
         compute=ray.data.ActorPoolStrategy(min_size=1, max_size=actors, initial_size=actors),
@@ -142,7 +142,7 @@ def _place(path: str) -> tuple[Any, str]:
     return fs.FileSystem.from_uri(path) if "://" in path else (fs.LocalFileSystem(), realpath(path))
 
 
-def _open_results(filesystem: Any, out: str, job: Job, overwrite: bool) -> None:
+def _open_results(filesystem: Any, out: str, job: BatchJob, overwrite: bool) -> None:
     """Check that the folder is for this job, and write its settings."""
     from pyarrow.fs import FileType
 
@@ -188,11 +188,11 @@ def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
     return done
 
 
-def _write_map(job: Job, name: str, answer: PhotoLight) -> None:
+def _write_map(job: BatchJob, name: str, answer: PhotoLight) -> None:
     assert job.maps
     filesystem, out = _place(job.out)
     target = f"{out}/{name}.exr"
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(f"{target}.part") as stream:
-        write_map(stream, answer, job.maps)
+        write_photo_map(stream, answer, job.maps)
     filesystem.move(f"{target}.part", target)

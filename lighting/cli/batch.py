@@ -10,14 +10,20 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lighting.cli.given import given_of_many_options
-from lighting.cli.group import cli
-from lighting.cli.options import folder_name, map_options, model_option, quiet_option, surroundings_option
-from lighting.cli.words import shown
+from lighting.cli import cli
+from lighting.cli.console import escape_path
+from lighting.cli.options import (
+    folder_name,
+    given_of_many_options,
+    map_options,
+    model_option,
+    quiet_option,
+    surroundings_option,
+)
 
 if TYPE_CHECKING:
-    from lighting.batch import Job, Summary
-    from lighting.evidence import Given
+    from lighting.batch.job import BatchJob, Summary
+    from lighting.fusion.user_input import UserInput
 
 
 @dataclass(frozen=True)
@@ -38,25 +44,25 @@ class _Options:
     overwrite: bool
     engine: str
     address: str | None
-    given: "Given"
+    given: "UserInput"
     model: str | None
     quiet: bool
 
     @property
-    def job(self) -> "Job":
-        from lighting.batch import Job, Maps
+    def job(self) -> "BatchJob":
+        from lighting.batch.job import BatchJob, Maps
 
         maps = None
         if self.envmap:
             maps = Maps(self.height, self.sun, self.yaw, self.sky, self.compression or "zip", self.surroundings)
-        return Job(self.input, self.out, self.model, maps, self.engine, self.given.said())
+        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.given.said())
 
     @property
     def progress(self) -> bool:
         return not self.quiet and sys.stderr.isatty()
 
 
-@cli.command()
+@cli.command("batch")
 @click.argument("input")
 @click.argument("out", callback=folder_name)
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
@@ -73,7 +79,7 @@ class _Options:
 @model_option
 @quiet_option
 @click.pass_context
-def batch(ctx: click.Context, /, **options: Any) -> None:
+def _batch(ctx: click.Context, /, **options: Any) -> None:
     """Estimate the light of many photos.
 
     INPUT is a folder or a quoted glob such as "photos/**/*.jpg". The folder OUT receives lighting.jsonl, with the lines
@@ -86,7 +92,7 @@ def batch(ctx: click.Context, /, **options: Any) -> None:
     _refuse_idle_options(ctx)
     found = _run_ray(asked) if asked.engine == "ray" else _run_pool(asked)
     if found.failed:
-        out = shown(asked.out)
+        out = escape_path(asked.out)
         click.echo(f"Photos that failed: {found.failed}; the reasons are in {out}.", err=True)
     if not asked.quiet:
         click.echo(str(found), err=True)
@@ -106,17 +112,10 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 
 def _run_pool(asked: _Options) -> "Summary":
     """What became of the photos."""
-    from lighting.batch import (
-        TABLE,
-        Summary,
-        find_photos,
-        open_batch,
-        other_pictures,
-        require_parquet,
-        run_pool,
-        write_table,
-    )
-    from lighting.cpus import available_cpus
+    from lighting.batch.job import Summary, find_photos, other_pictures
+    from lighting.batch.pool import open_batch, run_pool
+    from lighting.batch.results import TABLE, require_parquet, write_parquet
+    from lighting.runtime import available_cpus
 
     began = monotonic()
     parquet = asked.parquet or (Path(asked.out, TABLE).is_file() and not asked.overwrite)
@@ -130,14 +129,15 @@ def _run_pool(asked: _Options) -> "Summary":
         for _name in _progress(finished, done, len(names), asked.progress):
             pass
         if parquet:
-            write_table(Path(job.out))
+            write_parquet(Path(job.out))
     done = len(journal.done) - journal.failed
     return Summary(done, journal.failed, earlier, monotonic() - began, other_pictures(asked.input))
 
 
 def _run_ray(asked: _Options) -> "Summary":
     """What became of the photos, in this run and in the earlier ones whose results are kept."""
-    from lighting.batch import find_photos_at, other_pictures, run_ray
+    from lighting.batch.job import other_pictures
+    from lighting.batch.ray import find_photos_at, run_ray
 
     source, names = find_photos_at(asked.input)
     found = run_ray(

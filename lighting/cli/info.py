@@ -10,34 +10,34 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import lighting_of, naming, open_lighting, picture_bytes
-from lighting.cli.group import cli
-from lighting.cli.silence import silence
+from lighting.cli import cli
+from lighting.cli.console import lighting_of, picture_bytes, prefix_errors, read_lighting
+from lighting.cli.process import silence
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from lighting.photo import PhotoFacts
+    from lighting.photo.metadata import PhotoMetadata
     from lighting.records import Lighting
 
 
-@cli.command()
+@cli.command("info")
 @click.argument("file")
-def info(file: str) -> None:
+def _info(file: str) -> None:
     """Describe an EXR, HDR, network, record or photo as JSON."""
     describe = _BY_SUFFIX.get(Path(file).suffix.lower(), _describe_picture)
     click.echo(json.dumps({"file": file, **describe(file)}, indent=2))
 
 
 def _describe_record(file: str) -> dict[str, Any]:
-    return _of_record(open_lighting(file))
+    return _of_record(read_lighting(file))
 
 
 def _of_record(lighting: "Lighting") -> dict[str, Any]:
-    from lighting.files import full_record
+    from lighting.records import record_with_coefficients
 
-    return {"kind": "lighting record", "lighting": full_record(lighting)}
+    return {"kind": "lighting record", "lighting": record_with_coefficients(lighting)}
 
 
 def _describe_network(file: str) -> dict[str, Any]:
@@ -47,24 +47,25 @@ def _describe_network(file: str) -> dict[str, Any]:
 
 
 def _describe_picture(file: str) -> dict[str, Any]:
-    from lighting.files import MAGIC, MAGIC_HDR, decode_hdr
-    from lighting.photo import read_photo
+    from lighting.files.exr import MAGIC
+    from lighting.files.radiance_hdr import MAGIC_HDR, decode_hdr
+    from lighting.photo.reader import read_photo
 
     data = picture_bytes(file)
     if data.startswith(MAGIC):
         return _describe_map(file, data)
     if data.startswith(MAGIC_HDR) or Path(file).suffix.lower() == ".hdr":
-        with naming(file):
+        with prefix_errors(file):
             return _map_like(decode_hdr(data))
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):
         return _of_record(lighting_of(data, file))
-    with naming(file):
+    with prefix_errors(file):
         photo = read_photo(data)
     size = {"format": photo.format, "width": photo.width, "height": photo.height}
     return {"kind": "photo", **size, "metadata": _metadata(photo.facts)}
 
 
-def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
+def _metadata(facts: "PhotoMetadata") -> dict[str, Any]:
     """The metadata that estimates use; of the place only whether it is known, since output may be passed on."""
     known = {**asdict(facts), "location": facts.latitude is not None}
     return {
@@ -75,11 +76,12 @@ def _metadata(facts: "PhotoFacts") -> dict[str, Any]:
 
 
 def _describe_map(file: str, data: bytes) -> dict[str, Any]:
-    from lighting.files import full_record, read_exr
+    from lighting.files.exr import read_exr
+    from lighting.records import record_with_coefficients
 
-    with naming(file), silence():
+    with prefix_errors(file), silence():
         image, lighting = read_exr(BytesIO(data))
-    return {**_map_like(image), "lighting": None if lighting is None else full_record(lighting)}
+    return {**_map_like(image), "lighting": None if lighting is None else record_with_coefficients(lighting)}
 
 
 def _map_like(image: "NDArray[np.float32]") -> dict[str, Any]:

@@ -1,23 +1,32 @@
-"""Options that several commands share, and their checks."""
+"""Options that several commands share."""
 
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import datetime
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from lighting.errors import LightingError, ParameterError
 from lighting.files import MAP_FORMATS
 from lighting.sky import SKY_MODELS, format_sky_models
+
+if TYPE_CHECKING:
+    from lighting.fusion.user_input import UserInput
+
+# Options that several commands share, and their checks.
 
 Command = TypeVar("Command", bound=Callable[..., None])
 
 _NAMELESS = "the name of the file is empty."
 
 
-def output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+def _output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
     """A check that refuses an output file before any work if it could not be written later."""
 
     def check(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
@@ -73,7 +82,7 @@ def _map_suffixes() -> list[str]:
 
 
 def _map_file(ctx: click.Context, param: click.Parameter, name: str | None) -> str | None:
-    return output_file(*_map_suffixes())(ctx, param, name)
+    return _output_file(*_map_suffixes())(ctx, param, name)
 
 
 def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
@@ -100,7 +109,7 @@ class FiniteRange(click.FloatRange):
         return number
 
 
-class NameIn(click.Choice):  # type: ignore[type-arg]  # which click before 8.4 knows none of
+class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click before 8.4 knows none of
     """A name in a registry, which is read when it is needed: what was added to it meanwhile counts."""
 
     def __init__(self, names: Callable[[], Iterable[str]]) -> None:
@@ -119,7 +128,7 @@ def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str
 
 def _compression(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
     from lighting.errors import EnvironmentMapError
-    from lighting.files import check_packing
+    from lighting.files.exr import check_packing
 
     try:
         if name is not None:
@@ -196,9 +205,116 @@ map_output = click.option(
     callback=_map_file,
     help=f'{_either(_map_suffixes())}; "-" is EXR on stdout.',
 )
-preview_file = output_file(".png")
+preview_file = _output_file(".png")
 model_option = click.option(
     "--model", metavar="FILE.onnx", callback=file_name, help="Another network than the one in this package."
 )
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 unwarned_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")
+
+# The options by which the user says what a photo's metadata should say.
+
+
+def read_moment(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
+    from lighting.photo.metadata import read_time
+
+    return None if text is None else _parsed(read_time, text)
+
+
+def read_zone(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
+    from lighting.photo.metadata import read_offset
+
+    return None if text is None else _parsed(read_offset, text)
+
+
+def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:
+    from lighting.fusion.multi_view import read_headings
+
+    return None if text is None else _parsed(read_headings, text)
+
+
+def _parsed(read: Callable[[str], Any], text: str) -> Any:
+    try:
+        return read(text)
+    except ParameterError as error:
+        raise click.BadParameter(str(error)) from error
+
+
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+
+_OPTIONS: dict[str, Decorator] = {  # by the fields of Given that they fill
+    "use_exif": click.option(
+        "--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
+    ),
+    "time": click.option(
+        "--time", metavar="TIME", callback=read_moment, help="When: 2024-06-01T14:30, +02:00 behind it if known."
+    ),
+    "utc_offset": click.option(
+        "--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of a local time: +02:00 or 2."
+    ),
+    "latitude": click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
+    "longitude": click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
+    "heading": click.option(
+        "--heading", type=float, metavar="DEG", help="Where the camera points, clockwise from true north."
+    ),
+    "vertical_fov": click.option("--fov", "vertical_fov", type=float, metavar="DEG", help="Vertical field of view."),
+    "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
+}
+together_option = click.option("--together", is_flag=True, help="The photos are of one place and light.")
+headings_option = click.option(
+    "--headings",
+    metavar="DEG,DEG,...",
+    callback=_headings,
+    help="Where each camera points, clockwise from any common direction.",
+)
+
+
+def _options(*names: str) -> Decorator:
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_given(*args: Any, **options: Any) -> None:
+            said = {name: options.pop(name) for name in names}
+            command(*args, given=_given(**said), **options)
+
+        decorated: Callable[..., None] = with_given
+        for name in reversed(names):
+            decorated = _OPTIONS[name](decorated)
+        return decorated
+
+    return decorate
+
+
+# What the user knows; a command receives it as `given`. Contradictions are wrong usage.
+given_options = _options(*_OPTIONS)
+given_of_many_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
+
+
+def _given(**options: Any) -> "UserInput":
+    from lighting.fusion.user_input import UserInput
+
+    with wrong_usage():
+        return UserInput(**options)
+
+
+@contextmanager
+def wrong_usage(kind: type[LightingError] = ParameterError) -> Iterator[None]:
+    """Turn errors of a kind into wrong usage, with the option in place of the field."""
+    try:
+        yield
+    except kind as error:
+        from lighting.validation import option_name
+
+        raise click.UsageError(str(error.renamed(option_name))) from error
+
+
+def check_together(photos: int, given: "UserInput", together: bool, headings: list[float] | None) -> None:
+    """Raise UsageError where what is said of several photos does not fit their number."""
+    if together and photos < 2:
+        raise click.UsageError("--together needs two photos or more.")
+    if headings is not None and not together:
+        raise click.UsageError("--headings needs --together.")
+    from lighting.fusion.multi_view import check_heading, check_headings
+
+    with wrong_usage():
+        check_headings(photos, headings)
+        check_heading(photos, given.heading)

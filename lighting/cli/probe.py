@@ -1,5 +1,6 @@
-"""Commands about measured skies: from exposures to a probe."""
+"""The commands about measured skies: probe merge, probe fit."""
 
+import json
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -7,29 +8,33 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.given import read_moment, read_zone, wrong_usage
-from lighting.cli.group import cli
-from lighting.cli.options import FiniteRange, height_option, quiet_option
-from lighting.cli.silence import silence
-from lighting.cli.words import shown
+from lighting.cli import cli
+from lighting.cli.console import escape_path, prefix_errors
+from lighting.cli.options import FiniteRange, height_option, quiet_option, read_moment, read_zone, wrong_usage
+from lighting.cli.process import silence
 from lighting.errors import ProbeError
+from lighting.formatting import aside
 
 if TYPE_CHECKING:
-    from lighting.probe import Bracket, Moment, Probe, Settings, Shot
+    from lighting.probe.bracket import Bracket, BracketFiles
+    from lighting.probe.develop import BracketSettings, Moment, Probe
+    from lighting.probe.sky_fit import SkyState
+
+# Commands about measured skies: from exposures to a probe.
 
 KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
 
-@cli.group()
-def probe() -> None:
+@cli.group("probe")
+def _probe() -> None:
     """Measure skies: merge bracketed exposures, fit the sky model."""
 
 
 def _point(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    return None if text is None else pair(text, "two numbers such as 1500,1000")
+    return None if text is None else _pair(text, "two numbers such as 1500,1000")
 
 
-def pair(text: str, what: str) -> tuple[float, float]:
+def _pair(text: str, what: str) -> tuple[float, float]:
     """Two numbers with a comma between them, which are `what`; BadParameter otherwise."""
     try:
         x, y = (float(part) for part in text.split(","))
@@ -38,7 +43,7 @@ def pair(text: str, what: str) -> tuple[float, float]:
     return x, y
 
 
-@probe.command()
+@_probe.command("merge")
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lens", "kind", type=click.Choice(KINDS), required=True, help="What took the pictures.")
 @click.option("--fov", type=float, metavar="DEG", help="Across the lens's circle. [180]")
@@ -60,7 +65,7 @@ def pair(text: str, what: str) -> tuple[float, float]:
 @height_option
 @click.option("-o", "--output", required=True, metavar="PATH", help="A file .exr, or a folder to fill.")
 @quiet_option
-def merge(
+def _merge(
     exposures: tuple[Path, ...],
     series: bool,
     output: str,
@@ -72,7 +77,7 @@ def merge(
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
     filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
     """
-    from lighting.probe import shot_of, shots_of
+    from lighting.probe.bracket import group_brackets, shot_of
 
     _check_output(output, series)
     _check_lens(options)
@@ -81,7 +86,7 @@ def merge(
     if series and when[0] is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
     settings = _settings(options)
-    shots = shots_of(exposures) if series else [shot_of(_files(exposures))]
+    shots = group_brackets(exposures) if series else [shot_of(_files(exposures))]
     moments = [_moment(shot, *when) for shot in shots]
     _check_targets(shots, moments, output)
     if series:
@@ -109,7 +114,7 @@ def _check_output(output: str, series: bool) -> None:
 
 def _check_lens(options: dict[str, Any]) -> None:
     """Raise UsageError for an option that the lens does not have."""
-    from lighting.probe import ABSENT
+    from lighting.probe.fisheye import ABSENT
 
     kind = options["kind"]
     for name in ABSENT.get(kind, ()):
@@ -117,27 +122,27 @@ def _check_lens(options: dict[str, Any]) -> None:
             raise click.UsageError(f"--{name} does not go with --lens {kind}.")
 
 
-def _settings(options: dict[str, Any]) -> "Settings":
+def _settings(options: dict[str, Any]) -> "BracketSettings":
     """The options as the library takes them; UsageError for numbers that no picture is taken by."""
-    from lighting.probe import Settings
+    from lighting.probe.develop import BracketSettings
 
     with wrong_usage(ProbeError):
-        return Settings(**options)
+        return BracketSettings(**options)
 
 
 def _check_told(
     time: datetime | None, utc_offset: float | None, latitude: float | None, longitude: float | None
 ) -> None:
     """Raise UsageError where what is told of time and place contradicts itself."""
-    from lighting.evidence import Given
+    from lighting.fusion.user_input import UserInput
 
     with wrong_usage():
-        Given(time=time, utc_offset=utc_offset, latitude=latitude, longitude=longitude)
+        UserInput(time=time, utc_offset=utc_offset, latitude=latitude, longitude=longitude)
 
 
-def _check_targets(shots: Sequence["Shot"], moments: Sequence["Moment"], output: str) -> None:
+def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"], output: str) -> None:
     """Raise UsageError where a probe would replace an exposure or another probe."""
-    from lighting.probe import target_of
+    from lighting.probe.develop import target_of
 
     targets = [target_of(output, moment.time).resolve() for moment in moments]
     if not {file.resolve() for shot in shots for file in shot.files}.isdisjoint(targets):
@@ -147,17 +152,21 @@ def _check_targets(shots: Sequence["Shot"], moments: Sequence["Moment"], output:
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:
-    from lighting.probe import pictures_in
+    from lighting.probe.bracket import pictures_in
 
     return [file for path in exposures for file in (pictures_in(path) if path.is_dir() else [path])]
 
 
 def _moment(
-    shot: "Shot", time: datetime | None, utc_offset: float | None, latitude: float | None, longitude: float | None
+    shot: "BracketFiles",
+    time: datetime | None,
+    utc_offset: float | None,
+    latitude: float | None,
+    longitude: float | None,
 ) -> "Moment":
     from dataclasses import replace
 
-    from lighting.probe import Moment
+    from lighting.probe.develop import Moment
 
     told = replace(shot, time=time) if time is not None else shot
     place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)
@@ -166,29 +175,29 @@ def _moment(
     return Moment(told.aware(utc_offset), place[0], place[1])
 
 
-def _merge_one(shot: "Shot", moment: "Moment", settings: "Settings", output: str, quiet: bool) -> None:
-    from lighting.probe import make_probe, write_probe
+def _merge_one(shot: "BracketFiles", moment: "Moment", settings: "BracketSettings", output: str, quiet: bool) -> None:
+    from lighting.probe.develop import make_probe, write_probe
 
     made = make_probe(_bracket(shot, settings), moment, settings)
     _report(made, write_probe(made, output), quiet)
 
 
 def _merge_series(
-    shots: Sequence["Shot"], moments: Sequence["Moment"], settings: "Settings", output: str, quiet: bool
+    shots: Sequence["BracketFiles"], moments: Sequence["Moment"], settings: "BracketSettings", output: str, quiet: bool
 ) -> None:
     from functools import partial
 
     from tqdm import tqdm
 
-    from lighting.probe import make_series, write_probe
+    from lighting.probe.develop import make_series, write_probe
 
     readers = [partial(_bracket, shot, settings) for shot in shots]
     for made in tqdm(make_series(readers, moments, settings), total=len(shots), unit="probe", disable=quiet or None):
         _report(made, write_probe(made, output), quiet)
 
 
-def _bracket(shot: "Shot", settings: "Settings") -> "Bracket":
-    from lighting.probe import read_bracket
+def _bracket(shot: "BracketFiles", settings: "BracketSettings") -> "Bracket":
+    from lighting.probe.bracket import read_bracket
 
     with silence():
         return read_bracket(shot.files, settings.curve)
@@ -196,7 +205,7 @@ def _bracket(shot: "Shot", settings: "Settings") -> "Bracket":
 
 def _report(made: "Probe", path: Path, quiet: bool) -> None:
     """Warnings on stderr, and on stdout where the probe is and how it fits the ephemeris."""
-    name = shown(str(path))
+    name = escape_path(str(path))
     for warning in made.warnings:
         click.echo(f"Warning: {name}: {warning}", err=True)
     if quiet:
@@ -213,3 +222,43 @@ def _fit_in_words(made: "Probe") -> str:
         words += f", lens {lens.fov:.1f}°"
         words += ", mirrored" if lens.mirrored else ""
     return words
+
+
+# The command that says what a measured sky holds.
+
+
+def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    found = None if text is None else _pair(text, "azimuth and elevation such as 120,35")
+    if found is not None and not (abs(found[0]) <= 360.0 and 0.0 <= found[1] <= 90.0):
+        raise click.BadParameter(f"{text!r} is no direction: azimuth -360 to 360, elevation 0 to 90.")
+    return found
+
+
+@_probe.command("fit")
+@click.argument("sky", metavar="PROBE.exr", type=click.Path(exists=True, dir_okay=False))
+@click.option("--sun", metavar="AZIMUTH,ELEVATION", callback=_direction, help="Where it is, deg. [found in the map]")
+@click.option("--json", "as_json", is_flag=True, help="One JSON record.")
+def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
+    """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""
+    state = _state(sky, sun)
+    if as_json:
+        click.echo(json.dumps({"file": sky, **state.to_dict()}))
+        return
+    trust = "" if state.trusted else ", not to be trusted"
+    click.echo(
+        f"{escape_path(sky)}: sun {aside(state.sun_azimuth, 1)} of the centre, "
+        f"{state.sun_elevation:.1f}° high ({state.sun_source}); "
+        f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
+        f"{trust}; cover {100 * state.cover:.0f} %"
+    )
+
+
+def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
+    """What the map in a file says; errors name the file."""
+    from lighting.files.exr import read_map
+    from lighting.probe.sky_fit import describe
+
+    with silence():
+        image = read_map(sky)
+    with prefix_errors(sky):
+        return describe(image, sun)

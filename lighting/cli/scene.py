@@ -8,12 +8,21 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lighting.cli.files import estimated, is_same_file, naming, open_lighting, photo_bytes
-from lighting.cli.given import given_options
-from lighting.cli.group import cli
+from lighting.cli import cli
+from lighting.cli.console import (
+    escape_path,
+    estimated,
+    format_summary,
+    is_same_file,
+    photo_bytes,
+    prefix_errors,
+    read_lighting,
+    report_warnings,
+)
 from lighting.cli.options import (
-    NameIn,
+    RegistryChoice,
     file_name,
+    given_options,
     height_option,
     model_option,
     results_folder,
@@ -21,11 +30,10 @@ from lighting.cli.options import (
     surroundings_option,
     unwarned_option,
 )
-from lighting.cli.words import in_words, report_warnings, shown
 from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
-    from lighting.evidence import Given
+    from lighting.fusion.user_input import UserInput
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ class _Options:
     height: int
     sun: bool | None
     surroundings: bool | None
-    given: "Given"
+    given: "UserInput"
     model: str | None
     quiet: bool
     of_tool: dict[str, str]  # those of the tools' options that were given
@@ -67,9 +75,11 @@ def _tool_options() -> list[click.Option]:
     ]
 
 
-@cli.command(cls=_SceneCommand)
+@cli.command("scene", cls=_SceneCommand)
 @click.argument("photo")
-@click.option("--for", "tool", required=True, type=NameIn(lambda: EXPORTERS), help="The tool that opens the scene.")
+@click.option(
+    "--for", "tool", required=True, type=RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
+)
 @results_folder
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; other files in it stay.")
 @click.option(
@@ -85,7 +95,7 @@ def _tool_options() -> list[click.Option]:
 @given_options
 @model_option
 @unwarned_option
-def scene(**options: Any) -> None:
+def _scene(**options: Any) -> None:
     """Write PHOTO and its light as a scene for another tool.
 
     The folder holds the camera with PHOTO behind it, the sun, the environment map without the sun's disc, a ground that
@@ -95,21 +105,22 @@ def scene(**options: Any) -> None:
     of_tool = {name: value for name in names if (value := options.pop(name)) is not None}
     asked = _Options(**options, of_tool=of_tool)
     _check(asked)
-    from lighting.envmap import known_place
-    from lighting.photo import read_photo
-    from lighting.scene import PLATE_SIDE, check_target, make_scene, write_scene
+    from lighting.envmap.surroundings import photo_context
+    from lighting.photo.reader import read_photo
+    from lighting.scene.records import PLATE_SIDE, make_scene
+    from lighting.scene.writer import check_target, write_scene
 
     check_target(Path(asked.output), overwrite=asked.overwrite)
-    with naming(asked.photo):
+    with prefix_errors(asked.photo):
         data = photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)
         estimate = None if asked.record else estimated(data, asked.given, asked.model)[1]
-        lighting = estimate.lighting if estimate else open_lighting(asked.record or "-")
-    place = known_place(estimate, plate.pixels, wanted=asked.surroundings) if estimate else None
+        lighting = estimate.lighting if estimate else read_lighting(asked.record or "-")
+    place = photo_context(estimate, plate.pixels, wanted=asked.surroundings) if estimate else None
     made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, place=place)
     write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
     if not asked.quiet:
-        click.echo(in_words(asked.photo, lighting))
+        click.echo(format_summary(asked.photo, lighting))
     report_warnings(asked.photo, made.warnings, asked.quiet)
 
 
@@ -133,17 +144,17 @@ def _check_inputs(asked: _Options) -> None:
     """Raise UsageError where a file of the scene would replace one that is read."""
     for read, name in product(filter(None, (asked.photo, asked.record, asked.model)), EXPORTERS[asked.tool].files):
         if is_same_file(str(Path(asked.output, name)), read):
-            raise click.UsageError(f"The scene would replace {shown(read)}; choose another folder.")
+            raise click.UsageError(f"The scene would replace {escape_path(read)}; choose another folder.")
 
 
 def _check_record(asked: _Options) -> None:
-    from lighting.evidence import NOTHING_GIVEN
+    from lighting.fusion.user_input import NO_USER_INPUT
 
     if asked.model is not None:
         raise click.UsageError("--lighting states the light; no network is run, so --model does not go with it.")
     if asked.surroundings is not None:
         raise click.UsageError("--lighting states the light; what lies around is not in it: leave out --surroundings.")
-    if asked.given != NOTHING_GIVEN:
+    if asked.given != NO_USER_INPUT:
         raise click.UsageError("--lighting states the light; time, place, heading and the like do not go with it.")
     if asked.photo == asked.record == "-":
         raise click.UsageError("The photo and the record cannot both be stdin.")

@@ -1,24 +1,30 @@
-"""The commands about photometric stereo outdoors: when to photograph, and normals from the photos of a day."""
+"""The commands about photometric stereo: stereo plan, stereo normals."""
 
 import json
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from lighting.cli.files import write_png
-from lighting.cli.given import read_zone, wrong_usage
-from lighting.cli.group import cli
-from lighting.cli.options import preview_file, quiet_option
-from lighting.cli.silence import silence
+from lighting.cli import cli
+from lighting.cli.console import escape_path, write_png
+from lighting.cli.options import FiniteRange, preview_file, quiet_option, read_zone, results_folder, wrong_usage
+from lighting.cli.process import silence
 
 if TYPE_CHECKING:
-    from lighting.stereo import AskedSkies, Plan, Progress, Window
+    from lighting.stereo.network import Network
+    from lighting.stereo.output import NormalsOptions, NormalsProgress, NormalsResult
+    from lighting.stereo.plan_records import Plan, Window
+    from lighting.stereo.planner import AskedSkies
+    from lighting.stereo.schedule import DayProgress
+
+# The commands about photometric stereo outdoors: when to photograph, and normals from the photos of a day.
 
 
-@cli.group()
-def stereo() -> None:
+@cli.group("stereo")
+def _stereo() -> None:
     """Photometric stereo: when to photograph, and normals.
 
     Directions are degrees clockwise from true north.
@@ -32,7 +38,7 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
         raise click.BadParameter(f"{text!r} is not a day such as 2026-06-21.") from error
 
 
-@stereo.command()
+@_stereo.command("plan")
 @click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north.")
 @click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east.")
 @click.option("--date", "first", callback=_day, metavar="DATE", help="The day: 2026-06-21.")
@@ -60,7 +66,7 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
 @click.option("-o", "--output", metavar="FILE.png", callback=preview_file, help='Also draw it; "-" is stdout.')
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of words.")
 @quiet_option
-def plan(
+def _plan(
     output: str | None, as_json: bool, quiet: bool, facing: float | None, shots: int, noise: float, **said: Any
 ) -> None:
     """When to photograph a thing so that its normals come out best.
@@ -68,7 +74,8 @@ def plan(
     Compares windows of 1, 2, 3 and 6 hours of a day, or of the best day of a range, and says how far the normals will
     be off.
     """
-    from lighting.stereo import Question, plan_photos, plan_record
+    from lighting.stereo.plan_records import Question
+    from lighting.stereo.planner import plan_photos, plan_record
 
     if output == "-" and as_json:
         raise click.UsageError('--json and "-o -" both go to stdout.')
@@ -81,12 +88,12 @@ def plan(
     if as_json:
         click.echo(json.dumps(plan_record(skies, found), indent=2, allow_nan=False))
     elif output != "-" and not (quiet and output):
-        click.echo(_in_words(skies, found))
+        click.echo(_format_plan(skies, found))
 
 
 def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "AskedSkies":
     """The skies asked for; wrong usage where what they need is missing or would do nothing."""
-    from lighting.stereo import MeasuredSkies, ModelledSkies
+    from lighting.stereo.planner import MeasuredSkies, ModelledSkies
 
     days = first.date() if first else None, last.date() if last else None
     if last and not first:
@@ -102,23 +109,25 @@ def _skies(first: datetime | None, last: datetime | None, probes: Path | None, s
     return ModelledSkies(first=days[0], last=days[1] or days[0], sky=sky or "clear", **place)
 
 
-def _progress(quiet: bool, stderr: TextIO) -> "Progress":
+def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":
     from tqdm import tqdm
 
     return lambda days: tqdm(days, unit="day", disable=quiet or len(days) < 2 or not stderr.isatty(), file=stderr)
 
 
 def _draw(output: str, skies: "AskedSkies", found: "Plan") -> None:
-    from lighting.files import encode_png
-    from lighting.stereo import conditions, draw_plan, title
+    from lighting.files.atomic import encode_png
+    from lighting.stereo.plan_figure import draw_plan
+    from lighting.stereo.planner import conditions, title
 
     headline = f"When to photograph: {title(skies, found)}"
     write_png(output, encode_png(draw_plan(found, headline, conditions(skies, found.question))))
 
 
-def _in_words(skies: "AskedSkies", found: "Plan") -> str:
+def _format_plan(skies: "AskedSkies", found: "Plan") -> str:
     """A line for each window, and a table of the errors by orientation."""
-    from lighting.stereo import conditions, shown_error, title
+    from lighting.stereo.plan_figure import shown_error
+    from lighting.stereo.planner import conditions, title
 
     names = [orientation.name for orientation in found.windows[0].orientations]
     width = max(map(len, names))
@@ -131,7 +140,8 @@ def _in_words(skies: "AskedSkies", found: "Plan") -> str:
 
 
 def _line(window: "Window") -> str:
-    from lighting.stereo import clock, shown_error
+    from lighting.stereo.plan_figure import shown_error
+    from lighting.stereo.plan_records import clock
 
     gain = f"{window.gain:.1f}" if window.gain < 1e4 else "infinite"
     return (
@@ -142,8 +152,99 @@ def _line(window: "Window") -> str:
 
 def _verdict(found: "Plan") -> list[str]:
     """A sentence where no window is any good."""
-    from lighting.stereo import HOPELESS
+    from lighting.stereo.plan_figure import HOPELESS
 
     if min(window.error for window in found.windows) <= HOPELESS:
         return []
     return ["No window resolves the normals: the light comes from nearly one direction or one plane all day."]
+
+
+# The command that finds normals from the photos of a day.
+
+_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+
+
+@_stereo.command("normals")
+@click.argument("day", type=_FOLDER)
+@results_folder
+@click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
+@click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
+@click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
+@click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
+@click.option("--pitch", type=FiniteRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
+@click.option("--roll", type=FiniteRange(-360, 360), default=0.0, metavar="DEG", help="How far it is turned clockwise.")
+@click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Of the camera's clock: +02:00 or 2.")
+@click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
+@click.option("--turbidity", type=FiniteRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
+@click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
+@click.option("--mask", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="White where the thing is.")
+@click.option("--curve", type=click.Choice(["linear", "srgb"]), help="How values are coded, against what files say.")
+@click.option("--size", type=click.IntRange(0), metavar="PIXELS", help="Longer side; 0 keeps all. [1024]")
+@click.option("--noise", type=FiniteRange(0.01, 50), metavar="PERCENT", help="Least, of the brightest pixel. [1]")
+@click.option("--network/--no-network", default=True, help="Let the network answer where it expects to err less.")
+@quiet_option
+def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool, **said: Any) -> None:
+    """Find the normals of a thing from photos of one DAY, taken by a camera that stood still.
+
+    DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos. Times and place come from EXIF, times else from times.csv,
+    the mask from mask.png. FOLDER receives normals, albedo, uncertainty and a mesh.
+    """
+    if said["probes"] and (said["sky"] or said["turbidity"]):
+        raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
+    from lighting.stereo.output import check_normals_folder, estimate_normals, write_solved
+
+    folder = Path(output)
+    if folder.resolve() == day.resolve():
+        raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
+    check_normals_folder(folder, overwrite=overwrite)
+    with silence() as stderr:
+        solved = estimate_normals(day, _told(**said), _network() if network else None, _watch(quiet, stderr))
+    write_solved(folder, solved)
+    for warning in solved.warnings:
+        click.echo(f"Warning: {warning}", err=True)
+    if not quiet:
+        click.echo(_format_normals(day, folder, solved))
+
+
+def _told(sky: str | None, noise: float | None, size: int | None, **said: Any) -> "NormalsOptions":  # noqa: ARG001
+    """What was said; what was not keeps its default."""
+    from lighting.stereo.output import NormalsOptions
+
+    given = {name: value for name, value in said.items() if value is not None}
+    if noise is not None:
+        given["noise"] = noise / 100
+    if size is not None:
+        given["size"] = size or None
+    return NormalsOptions(**given)
+
+
+def _network() -> "Network":
+    from lighting.stereo.network import Network
+
+    return Network.load()
+
+
+def _watch(quiet: bool, stderr: TextIO) -> "NormalsProgress":
+    from tqdm import tqdm
+
+    from lighting.stereo.output import NormalsProgress
+
+    shows: dict[str, Any] = {"disable": quiet or not stderr.isatty(), "file": stderr}
+
+    def photos(paths: Sequence[Path]) -> Any:
+        return tqdm(paths, desc="photos", unit="photo", **shows)
+
+    def pixels(parts: Iterable[Any], count: int) -> Any:
+        return tqdm(parts, total=count, desc="search", unit="block", **shows)
+
+    return NormalsProgress(photos, pixels)
+
+
+def _format_normals(day: Path, output: Path, solved: "NormalsResult") -> str:
+    record = solved.record
+    count = f"{record['pixels']} normals from {len(record['photos'])} photos"
+    words = f"{escape_path(str(day))}: {count} in {escape_path(str(output))}; "
+    words += f"expected error of the median pixel {record['expected_error_median']:.1f} deg"
+    if record["by_network"]:
+        words += f", {100 * record['by_network']:.0f} % by the network"
+    return words + "."

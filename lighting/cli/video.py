@@ -6,28 +6,28 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.files import refuse_collisions
-from lighting.cli.given import given_options
-from lighting.cli.group import cli
+from lighting.cli import cli
+from lighting.cli.console import escape_path, refuse_collisions
 from lighting.cli.options import (
     FiniteRange,
-    NameIn,
+    RegistryChoice,
+    given_options,
     height_option,
     model_option,
     results_folder,
     sun_option,
     unwarned_option,
 )
-from lighting.cli.words import shown
+from lighting.formatting import aside
 from lighting.scene import animated_tools
-from lighting.words import aside
 
 if TYPE_CHECKING:
-    from lighting.evidence import Given
-    from lighting.video import Done, Shot
+    from lighting.fusion.user_input import UserInput
+    from lighting.video.output import VideoResult
+    from lighting.video.shot import Shot
 
 
-@cli.command()
+@cli.command("video")
 @click.argument("clip", metavar="SHOT.mp4")
 @results_folder
 @click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     metavar="SECONDS",
     help="The network sees a frame this often; all are followed and get a record.",
 )
-@click.option("--for", "tool", type=NameIn(animated_tools), help="Also a scene, its camera with key frames.")
+@click.option("--for", "tool", type=RegistryChoice(animated_tools), help="Also a scene, its camera with key frames.")
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
 @height_option
@@ -48,12 +48,12 @@ if TYPE_CHECKING:
 @model_option
 @unwarned_option
 @click.pass_context
-def video(
+def _video(
     ctx: click.Context,
     /,
     clip: str,
     output: str,
-    given: "Given",
+    given: "UserInput",
     model: str | None,
     quiet: bool,
     **options: Any,
@@ -67,20 +67,20 @@ def video(
     """
     from lighting.errors import VideoError
     from lighting.model import Model
-    from lighting.video import FILM, PART, Job, Wanted, check_folder, process
+    from lighting.video.output import FILM, PART, OutputOptions, VideoJob, check_video_folder, process
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
-    job = Job(Path(clip), Path(output), given, every, Wanted(**options))
-    check_folder(job.folder, overwrite=overwrite)
+    job = VideoJob(Path(clip), Path(output), given, every, OutputOptions(**options))
+    check_video_folder(job.folder, overwrite=overwrite)
     refuse_collisions(clip, str(job.folder / FILM) if job.wanted.film else None)
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
             done = process(job, network, lambda time: bar.update(round(time, 2) - bar.n))
     except VideoError as error:
-        raise VideoError(f"{shown(clip)}: {error}") from error
+        raise VideoError(f"{escape_path(clip)}: {error}") from error
     except KeyboardInterrupt:
         _tell_interrupted(job.folder / PART)
         raise
@@ -91,7 +91,7 @@ def video(
 def _tell_interrupted(records: Path) -> None:
     """Where the records of what was read lie, if there are any."""
     if records.is_file() and records.stat().st_size:
-        name = shown(str(records))
+        name = escape_path(str(records))
         click.echo(f"Interrupted: what was read so far is in {name}; --overwrite starts over.", err=True)
 
 
@@ -100,28 +100,28 @@ def _progress(clip: str, quiet: bool) -> Any:
     from tqdm import tqdm
 
     form = "{desc}: {n:.1f} s of the clip [{elapsed}]"
-    return tqdm(desc=shown(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
+    return tqdm(desc=escape_path(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
 
 
-def _report(clip: str, done: "Done", quiet: bool) -> None:
+def _report(clip: str, done: "VideoResult", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
-    name = shown(clip)
+    name = escape_path(clip)
     if len(done.shots) > 1:
         click.echo(f"{name}: {len(done.shots)} shots, for there are cuts or dissolves.", err=True)
     for number, shot in enumerate(done.shots, 1):
         if isinstance(shot, Exception):
             click.echo(f"Error: {name}: {shot}", err=True)
         elif not quiet:
-            click.echo(f"{name}: {in_words(number, shot)}")
+            click.echo(f"{name}: {_in_words(number, shot)}")
             for warning in done.warnings(number):
                 click.echo(f"Warning: {name}: {warning}", err=True)
     if done.damage:
         click.echo(f"Error: {name}: {done.damage}", err=True)
 
 
-def in_words(number: int, shot: "Shot") -> str:
+def _in_words(number: int, shot: "Shot") -> str:
     """One line for people about a shot."""
-    from lighting.video import light_of
+    from lighting.video.shot import light_of
 
     path, light = shot.path, light_of(shot)
     turned = path.heading.max() - path.heading.min()

@@ -1,14 +1,21 @@
-"""The results of a batch: one line of JSON per finished photo, appended, so that a killed batch can be resumed."""
+"""JSONL journal and Parquet table."""
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, fields
+from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from types import NoneType, UnionType
+from typing import Any, BinaryIO, get_args, get_origin
 
-from lighting.errors import BatchError
-from lighting.files import replacing
+from lighting.errors import BatchError, ParameterError, require_extra
+from lighting.files.atomic import atomic_write
+from lighting.records import Lighting
+
+# The results of a batch: one line of JSON per finished photo, appended, so that a killed batch can be resumed.
 
 JOURNAL = "lighting.jsonl"
 
@@ -68,7 +75,7 @@ def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
     """A locked file with the lines of photos that did not fail alone, which has replaced the first one."""
     file.seek(0)
     with ExitStack() as stack:
-        with replacing(path) as temporary:
+        with atomic_write(path) as temporary:
             rest = stack.enter_context(temporary.open("a+b"))
             _lock(rest, path)
             rest.writelines(line for _, line in _first(pair for pair in _whole_lines(file) if "error" not in pair[0]))
@@ -98,7 +105,7 @@ def _first(pairs: Iterable[tuple[dict[str, Any], bytes]]) -> Iterator[tuple[dict
             yield record, line
 
 
-def read_records(path: Path) -> Iterator[dict[str, Any]]:
+def _read_records(path: Path) -> Iterator[dict[str, Any]]:
     """The records of a journal, in the order in which the photos were finished."""
     with path.open("rb") as file:
         yield from map(json.loads, file)
@@ -123,3 +130,75 @@ def _lock(file: BinaryIO, path: Path) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         raise BatchError(f"Another batch is running in {path.parent}.") from error
+
+
+# Results as a Parquet table (extra `parquet`): a row per photo, a column per field of Lighting.
+
+TABLE = "lighting.parquet"
+ROWS = 8192  # of a row group, which is held in memory
+
+
+def row(name: str, light: Lighting | str) -> dict[str, Any]:
+    """The row of a photo: its light, or the reason why it has none."""
+    file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
+    if isinstance(light, str):
+        return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting))}
+    return {"file": file, "error": None, **asdict(light)}
+
+
+def require_parquet(out: Path) -> None:
+    """Raise MissingExtraError if pyarrow is not installed, BatchError if the folder `out` takes no TABLE."""
+    schema()
+    check_table(out)
+
+
+def check_table(out: Path) -> None:
+    """Raise BatchError if TABLE in the folder `out` is a folder, or a link into a folder that does not exist."""
+    table = out / TABLE
+    if table.is_dir():
+        raise BatchError(f"{table} is a folder, as --engine ray writes it; choose another one for the results.")
+    if table.is_symlink() and not (parent := Path(os.path.realpath(table)).parent).is_dir():
+        raise BatchError(f"{table} is a link to a file in {parent}, which is no folder.")
+
+
+def write_parquet(out: Path) -> None:
+    """Write TABLE from the JOURNAL in the folder `out`; the file appears only when it is whole.
+
+    Raises BatchError, with the number of the line, for a light that cannot be: somebody edited it.
+    """
+    import pyarrow
+    from pyarrow.parquet import ParquetWriter
+
+    with atomic_write(out / TABLE) as path, ParquetWriter(path, schema()) as writer:
+        for part in _parts(_rows(out / JOURNAL)):
+            writer.write_table(pyarrow.Table.from_pylist(part, schema()))
+
+
+def schema() -> Any:
+    """The table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
+    pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "parquet")
+    kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
+    return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds})
+
+
+def _kind(pyarrow: Any, hint: Any) -> Any:
+    """The pyarrow type of a field of Lighting: text, number, or a list of either; any may be absent."""
+    if get_origin(hint) is UnionType:
+        return _kind(pyarrow, next(kind for kind in get_args(hint) if kind is not NoneType))
+    if get_origin(hint) is tuple:
+        return pyarrow.list_(_kind(pyarrow, get_args(hint)[0]))
+    return pyarrow.string() if hint is str else pyarrow.float64()
+
+
+def _rows(journal: Path) -> Iterator[dict[str, Any]]:
+    for number, record in enumerate(_read_records(journal), start=1):
+        try:
+            light = record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
+        except ParameterError as error:
+            raise BatchError(f"{journal}, line {number}: {error}") from error
+        yield row(record["file"], light)
+
+
+def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
+    while part := list(islice(rows, ROWS)):
+        yield part
