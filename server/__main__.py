@@ -1,34 +1,84 @@
-"""Start the service: `python -m server`, or `lighting-server`."""
+"""Lighting-server: settings, sockets, signals."""
 
 import errno
 import os
+import signal
 import socket
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Mapping, Sequence
 from functools import partial
+from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from lighting import __version__
+import uvicorn
+
 from lighting.errors import LightingError, MissingExtraError
-from server.process import prepare
+from lighting.runtime import keep_memory
+from lighting.version import __version__
 
 if TYPE_CHECKING:
-    from server.service import Service
+    from server.dependencies import Service
+
+# What signals do to the service: the first lets it finish, a second SIGINT does not.
 
 
-def main() -> None:
+class _Server(uvicorn.Server):
+    """uvicorn's server, which ends at once at a SIGINT while it finishes what runs."""
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        if self.should_exit and sig == signal.SIGINT:
+            _end(sig, frame)
+        super().handle_exit(sig, frame)
+
+
+def _end_at_signals() -> None:
+    """End the process by SIGINT, SIGTERM and SIGHUP; while a Server runs, it finishes first.
+
+    The Server raises its signal again when it is done, whatever steps still run in threads. A SIGHUP that whoever
+    started the process ignores, as nohup does, stays ignored.
+    """
+    signal.signal(signal.SIGINT, _end)
+    signal.signal(signal.SIGTERM, _end)
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
+
+
+def _end(sig: int, _: FrameType | None) -> None:
+    """End the process by a signal's default; the first process of a container has none, and exits with its status."""
+    signal.signal(sig, signal.SIG_DFL)
+    signal.raise_signal(sig)
+    os._exit(128 + sig)
+
+
+# Threads and memory of the server's process.
+
+
+def _prepare() -> None:
+    """Use one thread per photo and reuse memory; call this before numpy is imported.
+
+    OpenBLAS's own threads would compete with those that process other photos. And glibc would return each photo's
+    buffers to the system and request them again for the next photo, in one heap per thread.
+    """
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    keep_memory()
+
+
+# Start the service: `python -m server`, or `lighting-server`.
+
+
+def run_server() -> None:
     """Serve until SIGTERM, SIGINT or SIGHUP, after which running requests have `shutdown_seconds` to finish."""
-    prepare()
+    _prepare()
     try:
         if sys.argv[1:]:
-            refuse(sys.argv[1:])
-        serve()
+            _refuse(sys.argv[1:])
+        _serve()
     except ModuleNotFoundError as error:
         sys.exit(str(MissingExtraError.of(f"The service needs {error.name}", "server")))
 
 
-def refuse(arguments: Sequence[str]) -> NoReturn:
+def _refuse(arguments: Sequence[str]) -> NoReturn:
     """Print help or the version if asked for; any other argument is wrong usage, status 2."""
     from server.settings import PREFIX, Settings
 
@@ -52,20 +102,19 @@ def _default(value: object) -> str:
     return "" if value in (None, "", ()) else f" [{value}]"
 
 
-def serve() -> None:
+def _serve() -> None:
     """Read the settings, load the network and serve."""
     from pydantic import ValidationError
     from uvicorn import Config
 
-    from lighting.files import pack_in_threads
+    from lighting.files.exr import pack_in_threads
     from server.app import create_app
-    from server.ending import Server, end_at_signals
     from server.settings import PREFIX, read_settings
 
-    end_at_signals()
+    _end_at_signals()
     try:
         settings = read_settings()
-        refuse_taken(settings.host, settings.port)
+        _refuse_taken(settings.host, settings.port)
         app = create_app(settings)
         app.state.service.load()
         pack_in_threads(settings.places)
@@ -88,7 +137,7 @@ def serve() -> None:
         ws="none",
         http=_protocol(app.state.service),
     )
-    Server(config).run()
+    _Server(config).run()
 
 
 def _fault_of_setting(found: Mapping[str, Any]) -> str:
@@ -97,7 +146,7 @@ def _fault_of_setting(found: Mapping[str, Any]) -> str:
     return f"{'.'.join(map(str, found['loc'])).upper()}: {said}"
 
 
-def refuse_taken(host: str, port: int) -> None:
+def _refuse_taken(host: str, port: int) -> None:
     """Raise SettingsError where the service could not listen, before the network is loaded."""
     from server.settings import PREFIX, SettingsError
 
@@ -125,7 +174,7 @@ def _error_of_binding(family: int, address: Any) -> OSError | None:
 
 def _protocol(service: "Service") -> Any:
     """The class of a connection, with what its limits are."""
-    from server.protocol import BoundedProtocol
+    from server.h11_protocol import BoundedProtocol
 
     limits = service.settings
     return partial(
@@ -149,4 +198,4 @@ def _logging(level: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    run_server()

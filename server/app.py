@@ -10,17 +10,17 @@ from fastapi import Depends, FastAPI
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
-from lighting import __version__
-from lighting.pipeline import Estimator
-from server import operations, page, problems, routes
-from server.answers import WARNINGS
-from server.checks import refuse_repeats
+from lighting.estimator import Estimator
+from lighting.version import __version__
+from server import middleware, problems, routes, static_page
+from server.auth import SecurityHeaders, enforce_rate_limit, require_api_key
+from server.dependencies import Service
+from server.middleware import DrainBodyMiddleware
+from server.query_params import refuse_repeats
+from server.request_body import FORM, PHOTO_FIELD
+from server.responses import WARNINGS
 from server.schemas import LightingRecord, Problem
-from server.security import SecurityHeaders, authorised, unhurried
-from server.service import Service
 from server.settings import Settings, read_settings
-from server.unread import ReadOn
-from server.uploads import FORM, PHOTO_FIELD
 
 TAGS = [
     {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
@@ -61,8 +61,8 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
 
 def _include(app: FastAPI, service: Service) -> None:
     guards: list[tuple[object, Callable[..., Any], tuple[int, ...]]] = [
-        (service.rate, unhurried, (429,)),  # first, so that keys cannot be guessed quickly
-        (service.keys, authorised, (401, 403)),
+        (service.rate, enforce_rate_limit, (429,)),  # first, so that keys cannot be guessed quickly
+        (service.keys, require_api_key, (401, 403)),
     ]
     active = [(guard, statuses) for wanted, guard, statuses in guards if wanted]
     app.include_router(
@@ -70,14 +70,14 @@ def _include(app: FastAPI, service: Service) -> None:
         dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_repeats)],
         responses=problems.documented(400, 422, *(status for _, statuses in active for status in statuses)),
     )
-    app.include_router(operations.router)
-    app.include_router(page.page_router())
+    app.include_router(middleware.router)
+    app.include_router(static_page.page_router())
 
 
 def _wrap(app: FastAPI, service: Service) -> None:
     """Middleware, from the inside out."""
-    app.add_middleware(operations.Caught)
-    app.add_middleware(operations.HeadAsGet)
+    app.add_middleware(middleware.ExceptionMiddleware)
+    app.add_middleware(middleware.HeadAsGet)
     if service.settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,
@@ -87,8 +87,8 @@ def _wrap(app: FastAPI, service: Service) -> None:
             expose_headers=EXPOSED,
         )
     app.add_middleware(SecurityHeaders)
-    app.add_middleware(operations.Observed, service=service)
-    app.add_middleware(ReadOn)
+    app.add_middleware(middleware.AccessLogMiddleware, service=service)
+    app.add_middleware(DrainBodyMiddleware)
 
 
 @asynccontextmanager

@@ -4,9 +4,7 @@ from collections.abc import Callable
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
-from server.arrivals import Arrivals
-from server.limiter import Limiter
-from server.unsent import Unsent
+from server.limits import Limiter, PendingResponses, UploadLimiter
 
 SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper ends of the histograms' buckets
 
@@ -14,7 +12,7 @@ SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper
 class Metrics:
     """The service's metrics. Routes are labelled by template, which keeps the number of labels small."""
 
-    def __init__(self, limiter: Limiter, arrivals: Arrivals, unsent: Unsent) -> None:
+    def __init__(self, limiter: Limiter, arrivals: UploadLimiter, unsent: PendingResponses) -> None:
         self.registry = registry = CollectorRegistry()
         self.requests = Counter(
             "lighting_requests", "Requests answered.", ["method", "route", "status"], registry=registry

@@ -15,9 +15,8 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
-from lighting.ranges import parameter_name
-from server.arrivals import CrowdedError
-from server.limiter import BusyError
+from lighting.validation import parameter_name
+from server.limits import BusyError, TooManyUploadsError
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_SECONDS = "1"
@@ -92,7 +91,7 @@ _WORDS = {  # plainer than pydantic's, by its name of the error
     "too_short": (ErrorCode.OUT_OF_RANGE, "must have at least {min_length} values"),
     "too_long": (ErrorCode.OUT_OF_RANGE, "must have at most {max_length} values"),
 }
-_CODES = {  # of the checks of server/values.py and its like, by the name of the error
+_CODES = {  # of the checks of server/field_types.py and its like, by the name of the error
     "range": ErrorCode.OUT_OF_RANGE,
     "even": ErrorCode.OUT_OF_RANGE,
     "pair": ErrorCode.CONTRADICTION,
@@ -141,7 +140,7 @@ def all_invalid(errors: list[InvalidField]) -> ProblemError:
     return ProblemError(INVALID, detail + (f"; and {others} more" if others > 0 else ""), errors=listed)
 
 
-def response(request: Request, error: ProblemError) -> Response:
+def _response(request: Request, error: ProblemError) -> Response:
     """The answer with a problem, whose name the scope then holds for the log."""
     request.scope["problem"] = error.kind.name
     body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
@@ -169,7 +168,7 @@ def _body(kind: Kind, detail: str, instance: str, request_id: str) -> dict[str, 
     }
 
 
-def problem_of(error: Exception) -> ProblemError:
+def _problem_of(error: Exception) -> ProblemError:
     """The problem for an exception; an unexpected one becomes a 500 without internal details."""
     match error:
         case ProblemError():
@@ -186,7 +185,7 @@ def problem_of(error: Exception) -> ProblemError:
             return _contradiction(error)
         case BusyError():
             return ProblemError(BUSY, str(error), {"Retry-After": RETRY_SECONDS})
-        case CrowdedError():
+        case TooManyUploadsError():
             detail = "Too many bodies are arriving from this address; send them one after another."
             return ProblemError(TOO_MANY_UPLOADS, detail, {"Retry-After": RETRY_SECONDS})
         case ClientDisconnect():
@@ -239,14 +238,14 @@ def route_path(scope: Scope) -> str:
 
 async def answer(request: Request, error: Exception) -> Response:
     """The answer to a request that ended with an error; unexpected errors are logged."""
-    problem = problem_of(error)
+    problem = _problem_of(error)
     if problem.kind is NOT_FOUND and (instead := _REMOVED_ROUTES.get(route_path(request.scope))):
         problem = ProblemError(REMOVED, instead)
     if problem.kind is METHOD_NOT_ALLOWED:
         problem.headers = _allowed(request, (problem.headers or {}).get("Allow", ""))
     if problem.kind is INTERNAL:
         log.error("request %s failed", request.scope.get("request_id"), exc_info=error)
-    return response(request, problem)
+    return _response(request, problem)
 
 
 def _allowed(request: Request, told: str) -> dict[str, str]:
@@ -271,6 +270,6 @@ def _documented(kinds: list[Kind]) -> dict[str, Any]:
 
 def install(app: FastAPI) -> None:
     """Register the handler that answers errors with problems."""
-    own = (ProblemError, LightingError, BusyError, CrowdedError)
+    own = (ProblemError, LightingError, BusyError, TooManyUploadsError)
     for expected in (*own, HTTPException, RequestValidationError, ClientDisconnect):
         app.add_exception_handler(expected, answer)

@@ -5,20 +5,27 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 
-from lighting import turns
 from lighting.files import MAP_FORMATS
+from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import tasks
-from server.answers import WARNINGS, ZIP, caching, estimates, map_response, scene_response
-from server.checks import check_photos, refuse_given, refuse_parameters
-from server.model_figures import accuracy
+from server.dependencies import Admitted, PhotoBytes, Services, Uploads
 from server.problems import documented
-from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkyQuery, SkySceneQuery
-from server.records import parse_record
+from server.query_params import (
+    EnvmapQuery,
+    LightingQuery,
+    PhotoSceneQuery,
+    PreviewQuery,
+    SkyQuery,
+    SkySceneQuery,
+    check_photos,
+    refuse_given,
+    refuse_parameters,
+)
+from server.request_body import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type, parse_record
+from server.responses import WARNINGS, ZIP, accuracy, caching, estimates_json, map_response, scene_response
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
-from server.service import Admitted, PhotoBytes, Services, Uploads
-from server.uploads import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type
 
 BINARY = {"type": "string", "format": "binary"}
 FORM_SCHEMA = {
@@ -49,7 +56,7 @@ PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 429, 500, 503)
 router = APIRouter(prefix="/v1", tags=["lighting"])
 
 
-def body(content: dict[str, Any]) -> dict[str, Any]:
+def _body(content: dict[str, Any]) -> dict[str, Any]:
     """A request body for the OpenAPI document."""
     return {"requestBody": {"required": True, "content": content}}
 
@@ -59,7 +66,7 @@ def body(content: dict[str, Any]) -> dict[str, Any]:
     summary="The light of a photo, or of several photos of one place and light",
     response_model=LightingEstimate | LightingEstimates,
     responses=PHOTO_PROBLEMS,
-    openapi_extra=body(PHOTO_BODY | PHOTOS_FORM),
+    openapi_extra=_body(PHOTO_BODY | PHOTOS_FORM),
 )
 async def estimate_lighting(
     request: Request, admission: Admitted, photos: Uploads, query: Annotated[LightingQuery, Query()]
@@ -70,7 +77,7 @@ async def estimate_lighting(
     """
     check_photos(len(photos), query)
     found = await admission.run(tasks.estimated_together, admission.service, photos, query)
-    return JSONResponse(estimates(found, query, request.scope.get("root_path", "")))
+    return JSONResponse(estimates_json(found, query, request.scope.get("root_path", "")))
 
 
 @router.get(
@@ -93,7 +100,7 @@ async def render_envmap(request: Request, admission: Admitted, query: Annotated[
     summary="The environment map of a photo or of a lighting record",
     response_class=Response,
     responses={200: MAPS, **PHOTO_PROBLEMS},
-    openapi_extra=body(PHOTO_BODY | RECORD_BODY),
+    openapi_extra=_body(PHOTO_BODY | RECORD_BODY),
 )
 async def estimate_envmap(request: Request, admission: Admitted, query: Annotated[EnvmapQuery, Query()]) -> Response:
     """From a record nothing is estimated: edit it and render again."""
@@ -113,7 +120,7 @@ async def estimate_envmap(request: Request, admission: Admitted, query: Annotate
     response_class=Response,
     responses={200: JPEG, **PHOTO_PROBLEMS},
     dependencies=[Depends(refuse_parameters)],
-    openapi_extra=body(PHOTO_BODY),
+    openapi_extra=_body(PHOTO_BODY),
 )
 async def show_photo(admission: Admitted, photo: PhotoBytes) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
@@ -125,7 +132,7 @@ async def show_photo(admission: Admitted, photo: PhotoBytes) -> Response:
     summary="A picture of a photo's light",
     response_class=Response,
     responses={200: PNG, **PHOTO_PROBLEMS},
-    openapi_extra=body(PHOTO_BODY),
+    openapi_extra=_body(PHOTO_BODY),
 )
 async def draw_preview(admission: Admitted, photo: PhotoBytes, query: Annotated[PreviewQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
@@ -152,7 +159,7 @@ async def render_scene(request: Request, admission: Admitted, query: Annotated[S
     summary="A scene for another tool, of a photo",
     response_class=Response,
     responses={200: SCENES, **PHOTO_PROBLEMS},
-    openapi_extra=body(PHOTO_BODY),
+    openapi_extra=_body(PHOTO_BODY),
 )
 async def estimate_scene(
     admission: Admitted, photo: PhotoBytes, query: Annotated[PhotoSceneQuery, Query()]
@@ -179,7 +186,7 @@ async def describe_model(service: Services) -> ModelCard:
         licence=spec.licence,
         grid=spec.sun_grid,
         accuracy=accuracy(spec, service.model_folder),
-        matching=turns.has_opencv(),
+        matching=features.has_opencv(),
         scene_tools=list(EXPORTERS),
         sky_models=list(SKY_MODELS),
         map_formats=list(MAP_FORMATS),

@@ -6,11 +6,11 @@ from pydantic import BaseModel, ConfigDict, FailFast, Field
 
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
-from lighting.ranges import OPTIONAL_RANGES
 from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
-from server.values import (
+from lighting.validation import OPTIONAL_RANGES
+from server.field_types import (
     GROUND_COLOR,
     SKY_IRRADIANCE,
     SUN_IRRADIANCE,

@@ -11,11 +11,11 @@ from limits import RateLimitItem, parse_many
 from pydantic import BeforeValidator, Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from lighting.cpus import available_cpus
 from lighting.errors import LightingError
-from lighting.photo import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
-from lighting.photo import apart as decoding
-from lighting.turns import apart as matching
+from lighting.photo import sandbox as decoding
+from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
+from lighting.registration import photo_set as matching
+from lighting.runtime import available_cpus
 
 PREFIX = "LIGHTING_"
 

@@ -7,15 +7,24 @@ import numpy as np
 from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
-from lighting.envmap import Place, change, known_place, place_factors, place_of, view
+from lighting.envmap.relighting import edit_lighting
+from lighting.envmap.surroundings import (
+    PhotoContext,
+    photo_context,
+    photo_context_for_height,
+    render_view,
+    surroundings_gain,
+)
 from lighting.errors import PhotoError
-from lighting.files import encode_envmap, encode_jpeg
-from lighting.photo import TARGET, Photo
-from lighting.preview import PHOTO_SIDE, preview_png
+from lighting.files import encode_envmap
+from lighting.files.atomic import encode_jpeg
+from lighting.photo.reader import TARGET, Photo
+from lighting.preview.picture import PHOTO_SIDE, preview_png
 from lighting.records import Estimate, Lighting
-from lighting.scene import PLATE_SIDE, make_scene, zip_scene
-from server.matching import Matching
-from server.queries import (
+from lighting.scene.records import PLATE_SIDE, make_scene
+from lighting.scene.writer import zip_scene
+from server.dependencies import Matching, PhotoAnswer, Service
+from server.query_params import (
     EnvmapQuery,
     GivenQuery,
     LightingQuery,
@@ -25,8 +34,7 @@ from server.queries import (
     SceneQuery,
     SkySceneQuery,
 )
-from server.service import Answer, Service
-from server.uploads import Upload
+from server.request_body import Upload
 
 Pixels = NDArray[np.uint8]
 Warned = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it
@@ -38,7 +46,7 @@ SHOWN_SIDE = 2048  # pixels, the longer side of a photo for the page
 SHOWN_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def estimated_together(service: Service, files: Sequence[Upload], query: LightingQuery) -> list[Answer]:
+def estimated_together(service: Service, files: Sequence[Upload], query: LightingQuery) -> list[PhotoAnswer]:
     """The light of photos of one place; raises PhotoError, which names one of several.
 
     Where the query asks for it and the network says what lies around, each comes with `place_factors`.
@@ -47,12 +55,12 @@ def estimated_together(service: Service, files: Sequence[Upload], query: Lightin
     photos = _read_together(service, files, matching.target if matching else TARGET)
     found = service.estimate(photos, query.given(), query.turns(), matching)
     if not query.surroundings:
-        return [Answer(estimate) for estimate in found]
+        return [PhotoAnswer(estimate) for estimate in found]
     answers = []
     for photo, estimate in zip(photos, found, strict=True):
         check_cancelled()
-        place = known_place(estimate, photo.pixels)
-        answers.append(Answer(estimate, place_factors(estimate.lighting, place) if place else None))
+        place = photo_context(estimate, photo.pixels)
+        answers.append(PhotoAnswer(estimate, surroundings_gain(estimate.lighting, place) if place else None))
     return answers
 
 
@@ -75,9 +83,9 @@ def _which(number: int, files: Sequence[Upload]) -> str:
     return f"{place}, {name}" if (name := files[number - 1].name[:NAME_LETTERS]) else place
 
 
-def envmap_file(lighting: Lighting, query: MapQuery, place: Place | None = None) -> bytes:
+def envmap_file(lighting: Lighting, query: MapQuery, place: PhotoContext | None = None) -> bytes:
     """The environment map of a light as a file."""
-    image, turned = view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, place=place)
+    image, turned = render_view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, place=place)
     check_cancelled()
     return encode_envmap(image, turned, query.format, compression=query.compression)
 
@@ -90,8 +98,8 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
         return service.read_finer(data, side).pixels
 
     wanted, exposure = query.surroundings, query.photo_exposure
-    place = place_of(estimate, photo.pixels, query.height, finer, wanted=wanted, exposure=exposure)
-    return envmap_file(change(estimate.lighting, query.changes()), query, place)
+    place = photo_context_for_height(estimate, photo.pixels, query.height, finer, wanted=wanted, exposure=exposure)
+    return envmap_file(edit_lighting(estimate.lighting, query.changes()), query, place)
 
 
 def _estimated(service: Service, data: bytes, query: GivenQuery) -> tuple[Photo, Estimate]:
@@ -115,7 +123,7 @@ def preview_file(service: Service, data: bytes, query: PreviewQuery) -> bytes:
     return preview_png(pixels, estimate, surroundings=query.surroundings)
 
 
-def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: Place | None = None) -> Warned:
+def _scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: PhotoContext | None = None) -> Warned:
     """A scene as a ZIP archive, and its warnings; with a `place`, its map shows it."""
     scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, place=place)
     check_cancelled()
@@ -125,14 +133,14 @@ def scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: Place
 def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> Warned:
     """The same from a photo's bytes."""
     _, estimate = _estimated(service, data, query)
-    lighting = change(estimate.lighting, query.changes())
+    lighting = edit_lighting(estimate.lighting, query.changes())
     plate = service.read_finer(data, PLATE_SIDE)
-    place = known_place(estimate, plate.pixels, wanted=query.surroundings, exposure=query.photo_exposure)
-    return scene_file(plate, lighting, query, place)
+    place = photo_context(estimate, plate.pixels, wanted=query.surroundings, exposure=query.photo_exposure)
+    return _scene_file(plate, lighting, query, place)
 
 
 def scene_file_of_sky(query: SkySceneQuery) -> Warned:
     """The same from parameters alone; a grey plate stands where one's own picture of that size goes."""
     width, height = query.plate_width, query.plate_height
     grey = np.full((height, width, 3), MID_GREY, dtype=np.uint8)
-    return scene_file(Photo(grey, width, height, "PNG"), query.lighting(), query)
+    return _scene_file(Photo(grey, width, height, "PNG"), query.lighting(), query)

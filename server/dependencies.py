@@ -1,32 +1,79 @@
-"""What the requests of one app share, and the admission of one of them."""
+"""FastAPI dependencies: service, admission, matching."""
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from anyio import from_thread
+from anyio.from_thread import check_cancelled
 from fastapi import Depends, Request
 
-from lighting.envmap import Image
-from lighting.errors import PhotoError, PhotoExtraError
-from lighting.evidence import Given
+from lighting.envmap.latlong import Image
+from lighting.errors import LightingError, MissingExtraError, PhotoError, PhotoExtraError
+from lighting.estimator import Estimator
+from lighting.fusion.user_input import UserInput
 from lighting.model import Model, packaged_model
-from lighting.photo import TARGET, Photo, read_apart, start_decoders
-from lighting.pipeline import Estimator
-from lighting.records import Estimate
+from lighting.photo.reader import TARGET, Photo
+from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
+from lighting.records import CodedWarning, Estimate, WarningCode
+from lighting.registration import features, photo_set
 from server import problems
-from server.arrivals import Arrivals
-from server.limiter import BusyError, Limiter
-from server.matching import Matching
+from server.auth import Keys, Rate, client_name
+from server.limits import BusyError, Limiter, PendingResponses, UploadLimiter
 from server.metrics import Metrics
 from server.problems import ProblemError
-from server.security import Keys, Rate, client_name
+from server.request_body import Body, Limits, Upload
 from server.settings import Settings
-from server.unsent import Unsent
-from server.uploads import Body, Limits, Upload
+
+# Several photos of a request matched with each other, in a process of their own; or why they were not.
+
+NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
+INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
+
+
+@dataclass
+class Matching:
+    """Finds where a request's photos look, as `Estimator.together` asks for it; `failure` says why it did not."""
+
+    seconds: float  # that it may take
+    failure: str = ""
+
+    @property
+    def target(self) -> int:
+        """Pixels along the longer side in which it wants its photos."""
+        return features.MAX_SIDE if features.has_opencv() else TARGET
+
+    def __call__(self, views: Sequence[photo_set.View]) -> Sequence[photo_set.RegisteredView] | None:
+        """Where they look; None where that was not found. It ends with the request if the client goes away."""
+        if not features.has_opencv():
+            self.failure = NO_OPENCV
+            return None
+        try:
+            return photo_set.register_views_isolated(views, self.seconds, check_cancelled)
+        except MissingExtraError:
+            self.failure = NO_OPENCV
+            return None
+        except LightingError as error:
+            self.failure = str(error)
+            return None
+
+    def explained(self, estimates: list[Estimate]) -> list[Estimate]:
+        """The estimates, with a warning each where the photos were not matched."""
+        if not self.failure:
+            return estimates
+        warning = CodedWarning(f"{self.failure} {INFERRED}", WarningCode.TURN_INFERRED)
+        return [_warned(estimate, warning) for estimate in estimates]
+
+
+def _warned(estimate: Estimate, warning: CodedWarning) -> Estimate:
+    lighting = estimate.lighting
+    return replace(estimate, lighting=replace(lighting, warnings=(*lighting.warnings, warning)))
+
+
+# What the requests of one app share, and the admission of one of them.
 
 T = TypeVar("T")
 
@@ -36,7 +83,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class PhotoAnswer:
     """An estimate, and what the place makes of the cells (R, 2R, 3) of its bare map where that was asked for."""
 
     estimate: Estimate
@@ -49,8 +96,8 @@ class Service:
     def __init__(self, settings: Settings, estimator: Estimator | None = None) -> None:
         self.settings = settings
         self.limiter = Limiter(settings.places, settings.queue)
-        self.arrivals = Arrivals(settings.uploads, settings.uploads_per_client)
-        self.unsent = Unsent(settings.unsent_bytes)
+        self.arrivals = UploadLimiter(settings.uploads, settings.uploads_per_client)
+        self.unsent = PendingResponses(settings.unsent_bytes)
         self.metrics = Metrics(self.limiter, self.arrivals, self.unsent)
         self.keys = Keys(settings.all_keys())
         self.rate = Rate(settings.rate_limits)
@@ -64,7 +111,7 @@ class Service:
         """
         if self.loaded is None:
             self.loaded = Estimator(Model.load(self.settings.model, self.settings.threads))
-            start_decoders(self.settings.places)
+            start_decoder_pool(self.settings.places)
 
     def answer_once(self) -> None:
         """Estimate the light of a grey picture; from then on the service is ready."""
@@ -113,14 +160,14 @@ class Service:
         seconds = limits.decode_seconds if seconds is None else seconds
         size = {"max_bytes": limits.max_bytes, "max_pixels": limits.max_pixels}
         try:
-            return read_apart(data, **size, target=target, seconds=seconds)
+            return read_photo_isolated(data, **size, target=target, seconds=seconds)
         except PhotoExtraError as error:
             raise PhotoError(NO_HEIC) from error
 
     def estimate(
         self,
         photos: Sequence[Photo],
-        given: Given,
+        given: UserInput,
         headings: Sequence[float] | None = None,
         matching: Matching | None = None,
     ) -> list[Estimate]:
@@ -130,12 +177,12 @@ class Service:
         return matching.explained(found) if matching else found
 
 
-def service_of(request: Request) -> Service:
+def _service_of(request: Request) -> Service:
     service: Service = request.app.state.service
     return service
 
 
-class Admission:
+class _Admission:
     """A request that there is room for: it takes a place when its body has arrived and its work is asked for."""
 
     def __init__(self, request: Request, service: Service) -> None:
@@ -162,31 +209,31 @@ class Admission:
             return await self.service.limiter.run(self.request.receive, checked)
 
 
-Services = Annotated[Service, Depends(service_of)]
+Services = Annotated[Service, Depends(_service_of)]
 
 
-async def admitted(request: Request, service: Services) -> Admission:
+async def _admitted(request: Request, service: Services) -> _Admission:
     """Admit a request; raises BusyError at once where the queue is full or too much waits, before the body is read."""
     if service.limiter.full:
         raise BusyError
     service.unsent.check()
-    return Admission(request, service)
+    return _Admission(request, service)
 
 
-Admitted = Annotated[Admission, Depends(admitted)]
+Admitted = Annotated[_Admission, Depends(_admitted)]
 
 
-async def photo_bytes(request: Admitted) -> bytes:
+async def _photo_bytes(request: Admitted) -> bytes:
     """The photo that a request brings; raises ProblemError."""
     return await request.body.photo()
 
 
-PhotoBytes = Annotated[bytes, Depends(photo_bytes)]
+PhotoBytes = Annotated[bytes, Depends(_photo_bytes)]
 
 
-async def uploads(request: Admitted) -> list[Upload]:
+async def _uploads(request: Admitted) -> list[Upload]:
     """The photos of one place that a request brings; raises ProblemError."""
     return await request.body.photos(request.service.settings.max_photos)
 
 
-Uploads = Annotated[list[Upload], Depends(uploads)]
+Uploads = Annotated[list[Upload], Depends(_uploads)]

@@ -88,7 +88,7 @@ _bearer = HTTPBearer(auto_error=False, description="One of the service's API key
 Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 
 
-async def authorised(request: Request, credentials: Credentials) -> None:
+async def require_api_key(request: Request, credentials: Credentials) -> None:
     """Refuse a request without a key, or with a wrong one."""
     challenge = {"WWW-Authenticate": "Bearer"}
     if credentials is None or not credentials.credentials:
@@ -98,7 +98,7 @@ async def authorised(request: Request, credentials: Credentials) -> None:
         raise ProblemError(problems.FORBIDDEN, "The API key that was sent is none of the service's.", challenge)
 
 
-async def unhurried(request: Request) -> None:
+async def enforce_rate_limit(request: Request) -> None:
     """Refuse a request that exceeds its client's rate limit."""
     wait = request.app.state.service.rate.seconds_to_wait(client_name(request))
     if wait:

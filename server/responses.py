@@ -1,56 +1,60 @@
-"""What answers hold beside a lighting record: links, the sun's probability, files with their headers."""
+"""Answers, cache headers, links."""
 
 import json
 from collections.abc import Sequence
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
 from fastapi import Request, Response
 
-from lighting.envmap import Image
-from lighting.files import MAP_FORMATS, full_record
+from lighting.envmap.latlong import Image
+from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
-from lighting.ranges import COLOUR_RANGES
-from lighting.records import Lighting, SunDistribution, significant, warning_code
+from lighting.model import figures_path
+from lighting.records import Lighting, ModelSpec, SunDistribution, record_with_coefficients, significant, warning_code
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
+from lighting.validation import COLOUR_RANGES
 from lighting.version import __version__
-from server.queries import LightingQuery, Query
-from server.service import Answer, Service
+from server.dependencies import PhotoAnswer, Service
+from server.query_params import LightingQuery, Query
+
+# What answers hold beside a lighting record: links, the sun's probability, files with their headers.
 
 WARNINGS = "Lighting-Warnings"
 ZIP = "application/zip"
 
 
-def estimates(found: Sequence[Answer], query: LightingQuery, root: str) -> dict[str, Any]:
+def estimates_json(found: Sequence[PhotoAnswer], query: LightingQuery, root: str) -> dict[str, Any]:
     """The JSON of one estimate, or of several in a list; with the sun's probability where the query asks for it."""
-    records = [answer_record(answer, root, query.probability) for answer in found]
+    records = [_answer_record(answer, root, query.probability) for answer in found]
     return records[0] if len(records) == 1 else {"lightings": records}
 
 
-def answer_record(answer: Answer, root: str, probability: bool) -> dict[str, Any]:
+def _answer_record(answer: PhotoAnswer, root: str, probability: bool) -> dict[str, Any]:
     """The JSON of an answer, with a link to its environment map."""
     lighting = answer.estimate.lighting
-    record = {**full_record(lighting), "links": {"envmap": envmap_link(lighting, root)}}
+    record = {**record_with_coefficients(lighting), "links": {"envmap": _envmap_link(lighting, root)}}
     if lighting.warnings:
         record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
     if probability:
-        record["probability"] = sun_probability(answer.estimate.distribution)
+        record["probability"] = _sun_probability(answer.estimate.distribution)
     if answer.factors is not None:
-        record["surroundings"] = surroundings(answer.factors)
+        record["surroundings"] = _surroundings(answer.factors)
     return record
 
 
-def surroundings(factors: Image) -> dict[str, Any]:
+def _surroundings(factors: Image) -> dict[str, Any]:
     """Factors (R, 2R, 3) on the cells of a map, cell by cell."""
     rows, columns = factors.shape[:2]
     cells = [[float(f"{value:.3g}") for value in cell] for cell in factors.reshape(-1, 3)]
     return {"rows": rows, "columns": columns, "factors": cells}
 
 
-def envmap_link(lighting: Lighting, root: str) -> str:
+def _envmap_link(lighting: Lighting, root: str) -> str:
     """Where the environment map of a light is on this host; the service lives under the path `root`."""
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo")
     values = {name: getattr(lighting, name) for name in names}
@@ -60,7 +64,7 @@ def envmap_link(lighting: Lighting, root: str) -> str:
     return f"{root}/v1/envmap?{urlencode({**values, 'sun': str(lighting.sun_painted).lower()}, safe=',')}"
 
 
-def sun_probability(sun: SunDistribution) -> dict[str, Any]:
+def _sun_probability(sun: SunDistribution) -> dict[str, Any]:
     """The probability of each cell of the sun grid with the cell's angles [deg]."""
     azimuth, elevation = angles(grid_directions(sun.grid))
     return {
@@ -82,7 +86,7 @@ def scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str]
     return Response(data, media_type=ZIP, headers={**(headers or {}), **told})
 
 
-def cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:
+def _cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:
     """Headers that let caches keep a map; the tag is weak since the last bit may differ between machines."""
     digest = sha256(f"{__version__} {query.model_dump_json()}".encode()).hexdigest()[:32]
     scope = "public" if public else "private"
@@ -91,12 +95,21 @@ def cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:
 
 def caching(request: Request, service: Service, query: Query) -> tuple[dict[str, str], Response | None]:
     """The headers that let caches keep an answer, and the 304 for a client whose copy is still good."""
-    headers = cache_headers(query, service.settings.cache_seconds, public=not service.keys)
-    return headers, Response(status_code=304, headers=headers) if is_fresh(request, headers["ETag"]) else None
+    headers = _cache_headers(query, service.settings.cache_seconds, public=not service.keys)
+    return headers, Response(status_code=304, headers=headers) if _is_fresh(request, headers["ETag"]) else None
 
 
-def is_fresh(request: Request, etag: str) -> bool:
+def _is_fresh(request: Request, etag: str) -> bool:
     """Whether the client's copy has this tag."""
     known = request.headers.get("if-none-match", "")
     tags = {tag.strip().removeprefix("W/") for tag in known.split(",")}
     return known.strip() == "*" or etag.removeprefix("W/") in tags
+
+
+# The accuracy that was measured for a network, as the service returns it.
+
+
+def accuracy(spec: ModelSpec, folder: Path) -> dict[str, Any]:
+    """Figures by protocol and name, from the JSON file in a network's folder; empty if there is none."""
+    path = figures_path(spec, folder)
+    return dict(json.loads(path.read_text(encoding="utf-8"))["accuracy"]) if path.is_file() else {}

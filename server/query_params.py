@@ -1,19 +1,24 @@
-"""The parameters in the URLs of requests, with units and ranges."""
+"""Query models of every route and cross-field checks."""
 
+from collections import Counter
 from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
+from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from lighting.evidence import Given, read_headings
-from lighting.files import COMPRESSIONS, MAP_FORMATS
-from lighting.photo import MIN_SIDE
-from lighting.ranges import parameter_name
+from lighting.errors import ErrorCode, ParameterError
+from lighting.files import MAP_FORMATS
+from lighting.files.exr import COMPRESSIONS
+from lighting.fusion.multi_view import check_heading, check_headings, read_headings
+from lighting.fusion.user_input import UserInput
+from lighting.photo.reader import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
-from lighting.scene import EXPORTERS, PLATE_SIDE, unsupported_options
-from server.texts import Headings, Irradiances, Offset, Reflectances, Time, in_words, misfit
-from server.values import (
+from lighting.scene import EXPORTERS, unsupported_options
+from lighting.scene.records import PLATE_SIDE
+from lighting.validation import parameter_name
+from server.field_types import (
     CAMERA_ELEVATION,
     CAMERA_ROLL,
     EXPOSURE,
@@ -31,17 +36,27 @@ from server.values import (
     FlagOrAuto,
     FormatName,
     GroundAlbedo,
+    Headings,
     Height,
-    NameIn,
-    Omissible,
+    Irradiances,
+    NotNull,
+    Offset,
+    Reflectances,
+    RegistryName,
     SkyCover,
     SkyName,
     SunAzimuth,
     SunElevation,
+    Time,
     Turbidity,
     VerticalFov,
+    field_error,
+    in_words,
     named,
 )
+from server.problems import InvalidField, all_invalid, invalid
+
+# The parameters in the URLs of requests, with units and ranges.
 
 BY_DEFAULT = "by default where the light states its power, or where it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
@@ -78,9 +93,9 @@ class GivenQuery(Query):
         in_words(lambda _: self.given())("")
         return self
 
-    def given(self) -> Given:
+    def given(self) -> UserInput:
         """The same as the library takes it; raises ParameterError for what contradicts itself."""
-        return Given(**{field.name: getattr(self, parameter_name(field.name)) for field in fields(Given)})
+        return UserInput(**{field.name: getattr(self, parameter_name(field.name)) for field in fields(UserInput)})
 
 
 class LightingQuery(GivenQuery):
@@ -109,8 +124,8 @@ class MapQuery(Query):
     height: Height = 512
     yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
     format: FormatName = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
-    sky: Annotated[SkyName | None, Omissible()] = Field(None, description="another shape of the sky than the record's")
-    compression: Annotated[str, NameIn(COMPRESSIONS)] = Field(
+    sky: Annotated[SkyName | None, NotNull()] = Field(None, description="another shape of the sky than the record's")
+    compression: Annotated[str, RegistryName(COMPRESSIONS)] = Field(
         "zip", description="how an EXR is packed; `pxr24` is the fastest"
     )
 
@@ -118,7 +133,7 @@ class MapQuery(Query):
     def _of_this_format(self) -> Self:
         if "compression" in self.stated() and not MAP_FORMATS[self.format].takes_compression:
             packed = [name for name, entry in MAP_FORMATS.items() if entry.takes_compression]
-            raise misfit("compression", f"compression goes with format={' or '.join(packed)}")
+            raise field_error("compression", f"compression goes with format={' or '.join(packed)}")
         return self
 
 
@@ -127,7 +142,7 @@ class StatedQuery(Query):
 
     sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
     sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
-    sky_cover: Annotated[SkyCover | None, Omissible()] = None
+    sky_cover: Annotated[SkyCover | None, NotNull()] = None
     ground_color: Reflectances = Field(None, description=GROUND_COLOR)
 
     @field_validator("sky_irradiance")
@@ -203,13 +218,13 @@ class SkyQuery(MapQuery, SkyParameters):
 
 
 class _ToolQuery(Query):
-    tool: Annotated[str, NameIn(EXPORTERS)] = Field(description="the tool that opens it")
+    tool: Annotated[str, RegistryName(EXPORTERS)] = Field(description="the tool that opens it")
 
 
 def _options_of_tools() -> Any:
     """_ToolQuery with a field for each option of EXPORTERS."""
     options: dict[str, Any] = {
-        name: (Annotated[str, NameIn(option.choices)], Field(option.default, description=f"with `tool={tool}`"))
+        name: (Annotated[str, RegistryName(option.choices)], Field(option.default, description=f"with `tool={tool}`"))
         for tool, entry in EXPORTERS.items()
         for name, option in entry.options.items()
     }
@@ -233,7 +248,7 @@ class SceneQuery(_ToolOptionsQuery):
         others = unsupported_options(self.stated(), self.tool)
         if others:
             wanted = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
-            raise misfit(min(others), wanted)
+            raise field_error(min(others), wanted)
         return self
 
     def options(self) -> dict[str, Any]:
@@ -254,3 +269,36 @@ class SkySceneQuery(SceneQuery, SkyParameters):
     vertical_fov: VerticalFov = 50.0
     plate_width: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1440
     plate_height: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1080
+
+
+# What the parameters of one request must fit: its photos, its body, each other.
+
+
+async def refuse_repeats(request: Request) -> None:
+    """Raise ProblemError for a request that gives a parameter twice."""
+    times = Counter(name for name, _ in request.query_params.multi_items())
+    detail = "is given more than once"
+    if often := [name for name, count in times.items() if count > 1]:
+        raise all_invalid([InvalidField(name, "query", detail, ErrorCode.DUPLICATE) for name in often])
+
+
+async def refuse_parameters(request: Request) -> None:
+    """Raise ProblemError for any parameter: the route takes none."""
+    if names := list(request.query_params):
+        raise all_invalid([InvalidField(name, "query", "is not known here", ErrorCode.UNKNOWN) for name in names])
+
+
+def check_photos(photos: int, query: LightingQuery) -> None:
+    """Raise ProblemError where what is said of headings does not fit the number of photos."""
+    try:
+        check_headings(photos, query.turns())
+        check_heading(photos, query.heading)
+    except ParameterError as error:
+        raise invalid(error.field or "headings", str(error), code=error.code) from error
+
+
+def refuse_given(query: EnvmapQuery) -> None:
+    """Raise ProblemError where a lighting record comes with parameters that describe or need a photo."""
+    for name in (*GivenQuery.model_fields, *ChangeQuery.model_fields, "surroundings"):
+        if name in query.stated():
+            raise invalid(name, "It goes with a photo; a lighting record is rendered as it is.")

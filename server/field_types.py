@@ -1,6 +1,8 @@
-"""The values of parameters and of records: each with its unit, its range and an example in the OpenAPI document."""
+"""Annotated types with unit, range, example."""
 
+import re
 from collections.abc import Callable, Collection
+from datetime import datetime
 from typing import Annotated, Any
 
 from pydantic import (
@@ -9,19 +11,25 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationError,
+    WithJsonSchema,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, core_schema
 
+from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
-from lighting.ranges import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
+from lighting.fusion.multi_view import read_headings
+from lighting.photo.metadata import read_offset, read_time
 from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
 from lighting.sky import SKY_MODELS
+from lighting.validation import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
+
+# The values of parameters and of records: each with its unit, its range and an example in the OpenAPI document.
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 
 
-class Omissible:
+class NotNull:
     """A parameter that may be left out is never null, whatever its type in Python says."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -29,7 +37,7 @@ class Omissible:
         return {**plain.pop("anyOf", [{}])[0], **plain}
 
 
-class NameIn:
+class RegistryName:
     """A name in a registry, which is read when it is needed: what was added to it meanwhile counts."""
 
     def __init__(self, registry: Collection[str]) -> None:
@@ -48,7 +56,7 @@ class NameIn:
         raise PydanticKnownError("literal_error", {"expected": f"{', '.join(others)} or {last}"})
 
 
-class Between(Omissible):
+class Between(NotNull):
     """A number must lie in [low, high]; the error for any other value states that range."""
 
     def __init__(self, low: float, high: float, **documented: Any) -> None:
@@ -93,7 +101,7 @@ def _flag(value: object) -> object:
 
 
 Flag = Annotated[bool, BeforeValidator(_flag)]
-FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), Omissible()]
+FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), NotNull()]
 Height = Annotated[
     int,
     Between(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),
@@ -115,11 +123,87 @@ CameraElevation = Annotated[float, CAMERA_ELEVATION]
 CameraRoll = Annotated[float, CAMERA_ROLL]
 GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
 VerticalFov = Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)]
-FormatName = Annotated[str, NameIn(MAP_FORMATS)]
-SkyName = Annotated[str, NameIn(SKY_MODELS)]
+FormatName = Annotated[str, RegistryName(MAP_FORMATS)]
+SkyName = Annotated[str, RegistryName(SKY_MODELS)]
 SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
 Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]
 Reflectance = Annotated[float, Between(*COLOUR_RANGES["ground_color"])]
 SUN_IRRADIANCE = "red, green, blue of a surface that faces the sun, in the photo's linear units"
 SKY_IRRADIANCE = "red, green, blue of open level ground by the sky without the sun, in the photo's linear units"
 GROUND_COLOR = "red, green, blue: the ground's reflectance; unknown, `ground_albedo` counts, or 0.12 with irradiances"
+
+# Parameters that come as texts: how each is read, and its pattern in the OpenAPI document.
+
+_DATE, _CLOCK, _OFFSET = (
+    r"[0-9]{4}-[01][0-9]-[0-3][0-9]",
+    r"[0-2][0-9]:[0-5][0-9](:[0-5][0-9])?",
+    r"[0-1][0-9]:[0-5][0-9]",
+)
+
+
+def field_error(field: str | None, reason: str, code: ErrorCode = ErrorCode.CONTRADICTION) -> PydanticCustomError:
+    """An error that names the field at fault itself, as a check of several fields together must."""
+    context = {"reason": reason, "code": code.value} | ({"field": field} if field else {})
+    return PydanticCustomError("parameter", "{reason}", context)
+
+
+def in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """The reader, with its ParameterError turned into the error of a field."""
+
+    def parsed(text: str) -> Any:
+        try:
+            return read(text)
+        except ParameterError as error:
+            named = error.renamed(parameter_name)
+            raise field_error(named.field, str(named), named.code) from error
+
+    return parsed
+
+
+def _time(text: str) -> datetime:
+    """Read a time; the plus sign of its offset may have become a space in the URL."""
+    return read_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
+
+
+def _headings(text: str) -> str:
+    """Check the text and return it: pydantic would read a list from repeated parameters."""
+    read_headings(text)
+    return text
+
+
+def _text(pattern: str, example: str) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "pattern": f"^{pattern}$", "examples": [example]})
+
+
+Time = Annotated[
+    datetime | None,
+    BeforeValidator(in_words(_time)),
+    _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T08:53"),
+]
+Offset = Annotated[
+    float | None,
+    BeforeValidator(in_words(read_offset)),
+    _text(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
+]
+Headings = Annotated[
+    str | None,
+    BeforeValidator(in_words(_headings)),
+    _text(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
+]
+
+
+def _triple(text: Any) -> list[str] | None:
+    """Split "0.9,0.8,0.7", which comes as a list of one text, or of three."""
+    if text is None:
+        return None
+    joined = text if isinstance(text, str) else ",".join(map(str, text))
+    numbers = joined.split(",")
+    if len(numbers) != 3:
+        raise ParameterError(f"{joined!r} is not three numbers such as 0.9,0.8,0.7.", code=ErrorCode.MALFORMED)
+    return numbers
+
+
+_NUMBER = r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?"
+_AS_TEXT = (BeforeValidator(in_words(_triple)), _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"))
+Irradiances = Annotated[tuple[Irradiance, Irradiance, Irradiance] | None, *_AS_TEXT]
+Reflectances = Annotated[tuple[Reflectance, Reflectance, Reflectance] | None, *_AS_TEXT]

@@ -1,4 +1,4 @@
-"""For operators: health, metrics, one log line per request, and a handler for unexpected errors."""
+"""Request id, access log, metrics, HEAD, errors, body drain; health routes."""
 
 import asyncio
 import logging
@@ -6,16 +6,19 @@ import re
 import secrets
 import time
 
+from anyio import move_on_after
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
-from server.limiter import BusyError
+from server.dependencies import Service, Services
+from server.limits import BusyError
 from server.problems import ProblemError, route_path
 from server.schemas import Status
-from server.service import Service, Services
+
+# For operators: health, metrics, one log line per request, and a handler for unexpected errors.
 
 UNCOUNTED = ("/livez", "/readyz", "/metrics")
 SHUT_DOWN = "The service shut down before this request was finished; send it again."
@@ -56,7 +59,7 @@ async def metrics(service: Services) -> Response:
     return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
-class Observed:
+class AccessLogMiddleware:
     """Gives each request an id, counts and logs it.
 
     The log holds its route and the name of its problem, never its query, body or file names.
@@ -111,7 +114,7 @@ def _request_id(headers: Headers) -> str:
     return given if _REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
 
 
-class Caught:
+class ExceptionMiddleware:
     """Answers 500 without internal details for errors that nothing else handled, and logs them.
 
     A request that a shutdown ends, because its time is over, is answered 503.
@@ -162,3 +165,52 @@ class HeadAsGet:
             await self.app(inner, receive, without_body)
         finally:
             scope.update({name: inner.get(name) for name in ("route", "endpoint", "problem")})
+
+
+# What a client still sends of a body that is answered before it was read.
+
+SECONDS = 5.0  # for the rest of a body, as long as a connection that stays open is kept
+
+
+class DrainBodyMiddleware:
+    """Reads and drops the rest of a body before a connection closes that the client wants closed after the answer.
+
+    A connection that is closed with bytes unread takes its answer with it; one that stays open is read on anyway.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http" and _closes(scope):
+            await self._with_all_read(scope, receive, send)
+        else:
+            await self.app(scope, receive, send)
+
+    async def _with_all_read(self, scope: Scope, receive: Receive, send: Send) -> None:
+        left = True
+
+        async def reading() -> Message:
+            nonlocal left
+            message = await receive()
+            left = message.get("more_body", False)
+            return message
+
+        async def answering(message: Message) -> None:
+            last = message["type"] == "http.response.body" and not message.get("more_body")
+            if last and left:
+                await send({**message, "more_body": True})
+                with move_on_after(SECONDS):
+                    while left:
+                        await reading()
+                message = {"type": "http.response.body"}
+            await send(message)
+
+        await self.app(scope, reading, answering)
+
+
+def _closes(scope: Scope) -> bool:
+    """Whether the client wants its connection closed, and sends its body unasked."""
+    headers = Headers(scope=scope)
+    wanted = scope["http_version"] == "1.0" or "close" in headers.get("connection", "").lower()
+    return wanted and "expect" not in headers

@@ -1,5 +1,6 @@
-"""Request bodies: photos as files of a form or as the body itself, or a lighting record. Nothing is written to disk."""
+"""Uploads and JSON records."""
 
+import json
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import AbstractContextManager, asynccontextmanager
 from dataclasses import dataclass
@@ -7,13 +8,18 @@ from typing import TypeVar
 
 from anyio import CancelScope, current_time
 from fastapi import Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import ValidationError
+from pydantic_core import from_json
 from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
-from lighting.errors import ErrorCode
-from lighting.files import MAX_RECORD_BYTES
+from lighting.errors import ErrorCode, ParameterError
+from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
+from lighting.validation import record_path
 from server import problems
 from server.problems import InvalidField, ProblemError
+from server.schemas import LightingRecord
 
 T = TypeVar("T")
 
@@ -180,3 +186,29 @@ def _refuse_others(form: FormData) -> None:
 def _check(size: int, limit: int) -> None:
     if size > limit:
         raise ProblemError(problems.TOO_LARGE, f"The body is larger than the limit of {limit / 1e6:g} MB.")
+
+
+# Lighting records that clients send.
+
+
+def parse_record(data: bytes) -> Lighting:
+    """The light in a JSON record, bare or in the line that `lighting estimate --json` printed.
+
+    It is UTF-8, with or without a byte order mark, or UTF-16, as PowerShell redirects that line.
+    Raises ProblemError for what is not JSON, a key given twice, an error, an answer about several photos and fields
+    that do not fit each other, RequestValidationError for wrong fields.
+    """
+    try:
+        text = data.decode(json.detect_encoding(data))
+        from_json(text)  # refuses what is nested too deep, and half a surrogate pair
+    except ValueError as error:
+        raise ProblemError(problems.UNREADABLE_BODY, f"The body is not JSON: {error}.") from error
+    try:
+        content = unwrap_record(json.loads(text, object_pairs_hook=reject_duplicate_keys))
+        return LightingRecord.model_validate(content).lighting()
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in found]) from error
+    except ParameterError as error:
+        named = error.renamed(record_path)
+        raise problems.invalid(named.field or "body", str(named), "body", named.code) from error

@@ -1,7 +1,10 @@
-"""HTTP/1.1 by h11: heads that are small and come in time, bodies of one end and without crumbs, answers that are taken.
+"""Hardened HTTP/1.1 (optional behind a proxy).
 
 uvicorn's own class knows no time for a head or an answer, answers 400 to a head that is too large, and hands h11 as
 much at once as the socket held: of a head sixteen times what h11 is told to take, of a body forty thousand chunks.
+
+A chunk of a byte costs as much time as one of a thousand; and who reads the one of two ends that h11 drops takes what
+lies between them for another request.
 """
 
 import asyncio
@@ -13,9 +16,45 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server import problems
-from server.chunks import Connection, CrumbsError
+from server.limits import PendingResponses
 from server.problems import Kind
-from server.unsent import Unsent
+
+# h11's connection, which refuses a body in crumbs, and one that says twice where it ends.
+
+MOST_CHUNKS = 4096  # of a body, unless they hold LEAST_CHUNK bytes in the mean
+LEAST_CHUNK = 64
+TWO_ENDS = "Content-Length and Transfer-Encoding both say where the body ends; send one of them"
+
+
+class _CrumbsError(h11.RemoteProtocolError):
+    """A body comes in very many tiny chunks."""
+
+
+class _Connection(h11.Connection):
+    """Counts a body's chunks; next_event raises CrumbsError, too, and RemoteProtocolError for two ends of a body."""
+
+    chunked = False  # whether the last request's body is
+    _chunks = 0
+    _size = 0
+
+    def next_event(self) -> h11.Event | type[h11.NEED_DATA] | type[h11.PAUSED]:
+        event = super().next_event()
+        if isinstance(event, h11.Request):
+            names = {name for name, _ in event.headers}
+            self.chunked = b"transfer-encoding" in names
+            self._chunks = self._size = 0
+            if self.chunked and b"content-length" in names:
+                raise h11.RemoteProtocolError(TWO_ENDS)
+        elif isinstance(event, h11.Data):
+            self._count(event)
+        return event
+
+    def _count(self, data: h11.Data) -> None:
+        self._chunks += data.chunk_start
+        self._size += len(data.data)
+        if self._chunks > MOST_CHUNKS and self._size < LEAST_CHUNK * self._chunks:
+            raise _CrumbsError(f"The body has over {MOST_CHUNKS} chunks of fewer than {LEAST_CHUNK} bytes in the mean.")
+
 
 HEADER_BYTES = 16384  # of a request line and its headers
 ANSWER_GRACE = 30.0  # seconds in which an answer may be taken more slowly than at its least rate
@@ -35,9 +74,11 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
     per second after ANSWER_GRACE, how fast at least an answer must be taken; `unsent` counts what has not been.
     """
 
-    def __init__(self, *arguments: Any, head_seconds: float, answer_rate: int, unsent: Unsent, **more: Any) -> None:
+    def __init__(
+        self, *arguments: Any, head_seconds: float, answer_rate: int, unsent: PendingResponses, **more: Any
+    ) -> None:
         super().__init__(*arguments, **more)
-        self.conn: Connection = Connection(h11.SERVER, HEADER_BYTES)
+        self.conn: _Connection = _Connection(h11.SERVER, HEADER_BYTES)
         self._head_seconds = head_seconds
         self._answer_rate = answer_rate
         self._unsent = unsent
@@ -56,7 +97,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         super().connection_lost(exc)
         self._relax()
 
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002, asyncio's hint is always -1
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002
         """Room for what is read next; other connections have their turn before what comes after it."""
         self._buffer = bytearray(self._piece())
         return self._buffer
@@ -81,7 +122,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
     def send_400_response(self, msg: str) -> None:
         """Answer what h11 could not read; the exception that is handled just now says why."""
         error = sys.exception()
-        if isinstance(error, CrumbsError):
+        if isinstance(error, _CrumbsError):
             self._refuse(problems.UNREADABLE_BODY, str(error))
         elif getattr(error, "error_status_hint", 400) == problems.HEADERS_TOO_LARGE.status:
             self._refuse(problems.HEADERS_TOO_LARGE, f"The request line and the headers exceed {HEADER_BYTES} bytes.")
