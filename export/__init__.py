@@ -1,1 +1,24 @@
-"""Panoramas to labels, crops, training, evaluation and ONNX; runs from a checkout."""
+"""Paths and shared option types."""
+
+from pathlib import Path
+
+import click
+
+# What the commands of `python -m export` take: paths, and parts of reports.
+
+PATH = click.Path(path_type=Path)  # a folder, or a file to read
+FILE = click.Path(path_type=Path, dir_okay=False)  # to write
+
+PHOTO_SET_PARTS = ("pairs", "zooms", "walks", "sets", "overlap")  # of `report photo-sets`
+VIDEO_PARTS = ("clips", "dissolves", "streams")  # of `report video`
+CLIP_KINDS = (  # by what is hard in a clip
+    "pan",
+    "tilt",
+    "hand",
+    "moving things",
+    "crowd",
+    "motion blur",
+    "exposure",
+    "zoom",
+    "walk",
+)

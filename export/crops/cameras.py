@@ -30,7 +30,7 @@ def paper_camera(rng: np.random.Generator) -> Camera:
     return Camera(rng.uniform(-180, 180), rng.uniform(-20, 20), 0.0, rng.uniform(35, 68), 4 / 3)
 
 
-def phone_camera(rng: np.random.Generator) -> Camera:
+def _phone_camera(rng: np.random.Generator) -> Camera:
     """What phones take: elevation within 35 deg, roll within 10, vertical field of view 25 to 90, 9:16 to 16:9."""
     aspect = float(rng.choice(PHONE_ASPECTS))
     widest = np.degrees(2 * np.arctan(np.tan(np.radians(MAX_HORIZONTAL_FOV / 2)) / aspect))
@@ -44,7 +44,7 @@ def training_camera(rng: np.random.Generator) -> Camera:
     One in seven of the phones is tilted, by up to TILTED.
     """
     if rng.random() < 0.5:
-        camera = phone_camera(rng)
+        camera = _phone_camera(rng)
         if rng.random() < 1 / 7:
             camera = replace(camera, roll=rng.uniform(-TILTED, TILTED))
     else:
@@ -76,6 +76,6 @@ def pixel_of(camera: Camera, azimuth: float, elevation: float, width: int, heigh
 
 PROTOCOLS: dict[str, Callable[[np.random.Generator], Camera]] = {
     "paper": paper_camera,
-    "phone": phone_camera,
+    "phone": _phone_camera,
     "train": training_camera,
 }

@@ -1,21 +1,147 @@
-"""Limited-view crops of panoramas: the picture a camera standing there would have taken, with its targets.
+"""Crop a panorama with its targets, sources, seeds, anisotropic scaling.
 
 A crop depends on its panorama's name, its index and its protocol alone: adding panoramas changes no other crop.
+
+A stretch of the world upwards or along the ground is linear. It keeps straight lines, upright things and what lies on
+the ground, and it turns the sun's rays as it turns the shadows that they cast. Seen from the camera, where it is
+centred, it moves directions by themselves, whatever their depth. So a panorama tells exactly what its stretched world
+looks like: a place whose sun stands at 30 degrees shows it at 22 or 39, with the shadows of such suns.
 """
 
+import hashlib
+import math
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from export.crops.cameras import Camera, pinhole, pixel_of
-from export.crops.exposure import automatic_gain
-from export.crops.sources import Source
-from export.data import decode
-from lighting.geometry import Floats, camera_directions, direction, sample_latlong, wrap_azimuth
-from lighting.photo import fit_size
+from export.data.labels import Label, labels_of
+from export.data.panoramas import Panorama, decode_srgb, read_picture
+from lighting.color import luminance
+from lighting.geometry import Floats, angles, camera_directions, direction, sample_latlong, wrap_azimuth
+from lighting.photo.preprocess import fit_size
 from lighting.records import ModelSpec
+
+UPWARDS = 0.6  # octaves, largest stretch or squeeze upwards
+ALONG = 0.25  # octaves, along the ground
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """By how much the world is stretched upwards, and along the ground in one heading of the panorama's frame."""
+
+    upwards: float = 1.0
+    along: float = 1.0
+    heading: float = 0.0  # deg
+
+    @property
+    def largest(self) -> float:
+        """The largest factor by which the panorama's pixels grow, 1 at least."""
+        return max(self.upwards, self.along, 1.0 / self.along, 1.0)
+
+    def applied(self, vectors: Floats) -> Floats:
+        """Vectors (..., 3) of the world as vectors of the stretched world; unit vectors do not stay unit vectors."""
+        return np.asarray(vectors @ self._matrix)
+
+    def undone(self, vectors: Floats) -> Floats:
+        """Vectors (..., 3) of the stretched world as vectors of the world, of any length."""
+        return np.asarray(vectors @ np.linalg.inv(self._matrix).astype(vectors.dtype))
+
+    @property
+    def _matrix(self) -> Floats:
+        """The stretch (3, 3), which is symmetric."""
+        ahead = direction(self.heading, 0.0)
+        matrix = np.eye(3) + (self.along - 1.0) * np.outer(ahead, ahead)
+        matrix[1, 1] = self.upwards
+        return matrix
+
+
+NOT_STRETCHED = Stretch()
+
+
+def any_stretch(rng: np.random.Generator) -> Stretch:
+    """A stretch or a squeeze, each as likely, by at most UPWARDS and ALONG."""
+    upwards, along = 2.0 ** rng.uniform((-UPWARDS, -ALONG), (UPWARDS, ALONG))
+    return Stretch(float(upwards), float(along), rng.uniform(0.0, 180.0))
+
+
+# Panoramas in memory, from which crops are taken, and how often each is drawn.
+
+FEWEST_ROWS = 192  # of the smallest level
+
+
+@dataclass(frozen=True)
+class Source:
+    """A panorama with its label, at several resolutions, so that wide crops do not alias."""
+
+    panorama: Panorama
+    levels: tuple[NDArray[Any], ...]  # (H, 2H, 3), (H/2, H, 3), ...; uint8 sRGB or float32 linear
+    label: Label
+    stretch: Stretch = NOT_STRETCHED  # of the world that the crops show
+
+
+def load_sources(panoramas: Sequence[Panorama], labels: str | Path) -> list[Source]:
+    """Panoramas with their labels, which are read from a file; DataError if a label is missing."""
+    known = labels_of(panoramas, labels)
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(_load_source, panoramas, known))
+
+
+def _load_source(panorama: Panorama, label: Label) -> Source:
+    """Read a panorama and halve it repeatedly, down to FEWEST_ROWS or a little more."""
+    levels = [read_picture(panorama)]
+    while levels[-1].shape[0] >= 2 * FEWEST_ROWS:
+        levels.append(_halve(levels[-1]))
+    return Source(panorama, tuple(levels), label)
+
+
+def anisotropic_scale(source: Source, stretch: Stretch) -> Source:
+    """A panorama whose world is stretched, and its sun with it; the sky fitted around its own sun is unknown."""
+    if stretch == NOT_STRETCHED:
+        return source
+    label = replace(source.label, fit_ok=False)
+    if math.isfinite(label.sun_azimuth):
+        azimuth, elevation = angles(stretch.applied(direction(label.sun_azimuth, label.sun_elevation)))
+        label = replace(label, sun_azimuth=float(azimuth), sun_elevation=float(elevation))
+    return replace(source, label=label, stretch=stretch)
+
+
+def _halve(image: NDArray[Any]) -> NDArray[Any]:
+    height, width = image.shape[0] // 2, image.shape[1] // 2
+    mean = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3), dtype=np.float32)
+    return np.asarray(np.round(mean).astype(np.uint8) if image.dtype == np.uint8 else mean)
+
+
+def sampling_weights(sources: Sequence[Source]) -> Floats:
+    """Chances (N,) of drawing each panorama: places count by the root of their size, rare sun elevations more."""
+    places = Counter(s.panorama.place for s in sources)
+    size = np.array([places[s.panorama.place] for s in sources], dtype=np.float64)
+    elevation = np.array([s.label.sun_elevation for s in sources])
+    bins = np.where(np.isfinite(elevation), np.nan_to_num(np.maximum(elevation, 0)) // 15, -1)
+    crowd = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
+    weight = size**-0.5 * crowd**-0.75
+    return np.asarray(weight / max(weight.sum(), 1e-12))
+
+
+# The exposure that a camera sets by itself.
+
+WHITE, BRIGHT = 0.7, 80  # linear value that this percentile of the luminance has in a photo
+LEAST = 1e-6  # luminance
+
+
+def automatic_gain(linear: NDArray[np.floating]) -> float:
+    """The factor that brings a scene-referred view (H, W, 3) to a photo's exposure, its brighter parts near white."""
+    return float(WHITE / max(float(np.percentile(luminance(linear), BRIGHT)), LEAST))
+
+
+# Limited-view crops of panoramas: the picture a camera standing there would have taken, with its targets.
 
 _KERNELS = {  # a bicubic filter would draw a black ring around the sun of an HDR panorama
     "ldr": Image.Resampling.BICUBIC,
@@ -103,7 +229,7 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     rays = source.stretch.undone(camera_directions(pinhole(camera, columns, rows, camera.azimuth)).astype(np.float32))
     sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
     ldr = source.panorama.kind == "ldr"
-    return decode(np.round(sampled).astype(np.uint8)) if ldr else sampled
+    return decode_srgb(np.round(sampled).astype(np.uint8)) if ldr else sampled
 
 
 def is_resolved(source: Source, camera: Camera, rows: float) -> bool:
@@ -123,3 +249,12 @@ def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Re
     planes = [Image.fromarray(np.ascontiguousarray(image[..., c])) for c in range(3)]
     resized = [np.asarray(p.resize((width, height), kernel)) for p in planes]
     return np.asarray(np.maximum(np.stack(resized, axis=-1), 0.0))
+
+
+# Randomness that does not change when panoramas are added or left out.
+
+
+def generator(name: str, index: int, purpose: str) -> np.random.Generator:
+    """A generator whose seed is made of a panorama's name, a crop's index and a purpose, and of nothing else."""
+    digest = hashlib.sha256(f"{purpose}/{name}/{index}".encode()).digest()
+    return np.random.default_rng(int.from_bytes(digest[:8], "little"))

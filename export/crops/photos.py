@@ -12,9 +12,11 @@ from PIL import Image
 
 from export.crops.cameras import PHONE_ASPECTS, Camera
 from export.crops.crops import VISIBILITY, Crop
-from export.data import PhotoRow, decode
+from export.data.panoramas import decode_srgb
+from export.data.photos import PhotoRow
 from lighting.geometry import Floats, angles, wrap_azimuth
-from lighting.photo import fit_size, read_photo
+from lighting.photo.preprocess import fit_size
+from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
@@ -71,7 +73,7 @@ def take_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec, up
     mirrored = bool(rng.random() < 0.5)
     nan = math.nan
     return Crop(
-        linear=decode(pixels[:, ::-1] if mirrored else pixels),
+        linear=decode_srgb(pixels[:, ::-1] if mirrored else pixels),
         camera=Camera(0.0, nan, nan, fov, width / tall, mirrored),
         sun_azimuth=-azimuth if mirrored else azimuth,
         sun_elevation=math.degrees(math.atan(upwards * math.tan(math.radians(row.sun_elevation)))),

@@ -1,10 +1,11 @@
-"""A folder of 360° x 180° panoramas with what is known about each: `panoramas.csv` and the pictures it names.
+"""Panoramas.csv, patches, image reading.
 
 Only the columns `name`, `file`, `kind`, `place` and `split` are required; export/README.md documents the format.
 Pictures of one place share sky and ground, so all of a place belong to one split. `labels_patch.csv`, beside this
 file, corrects given labels that turned out to be wrong.
 """
 
+import csv
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,7 +13,50 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from export.data.tables import DataError, read_table, write_table
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from lighting.color import SRGB_LINEAR
+from lighting.envmap.latlong import shrink
+from lighting.errors import LightingError
+from lighting.files.atomic import atomic_write
+
+# CSV tables with a header, read and written whole.
+
+
+class DataError(LightingError):
+    """Panoramas, labels or a training run are missing, incomplete or contradict each other."""
+
+
+def read_table(path: str | Path, required: Iterable[str] = ()) -> list[dict[str, str]]:
+    """The rows by column, with "" for missing fields; DataError if the file or a `required` column is missing."""
+    try:
+        with Path(path).open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, restval="")
+            missing = [name for name in required if name not in (reader.fieldnames or ())]
+            if missing:
+                raise DataError(f"{path} has no column {', '.join(missing)}.")
+            return list(reader)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except (ValueError, csv.Error) as error:
+        raise DataError(f"{path} cannot be read: {error}.") from error
+
+
+def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write rows in the order of `header`; the file appears whole or not at all. DataError if it cannot be written."""
+    try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(header)
+            writer.writerows(rows)
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {error.strerror or error}.") from error
+
+
+# A folder of 360° x 180° panoramas with what is known about each: `panoramas.csv` and the pictures it names.
 
 INDEX = "panoramas.csv"
 REQUIRED = ("name", "file", "kind", "place", "split")
@@ -71,7 +115,7 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
     `split` keeps one split, which must not be empty; `licensed_only` keeps the rows that `is_permissive` accepts.
     """
     root = Path(folder).resolve()
-    patch = read_patch(PATCH)
+    patch = _read_patch(PATCH)
     panoramas = [
         _panorama(root, {**row, **patch.get(row["name"].strip(), {})}, f"{root / INDEX}, line {line}")
         for line, row in enumerate(_rows(root), start=2)
@@ -119,7 +163,7 @@ def _rows(root: Path) -> list[dict[str, str]]:
     return read_table(root / INDEX, REQUIRED)
 
 
-def read_patch(path: Path) -> dict[str, dict[str, str]]:
+def _read_patch(path: Path) -> dict[str, dict[str, str]]:
     """Corrected fields by the panorama's name; a sun that becomes "none" or "unknown" loses its direction."""
     patch: dict[str, dict[str, str]] = {}
     for line, row in enumerate(read_table(path, ("name", *PATCHED, "reason")), start=2):
@@ -185,3 +229,61 @@ def _check_places(panoramas: Iterable[Panorama]) -> None:
     for panorama in panoramas:
         if split.setdefault(panorama.place, panorama.split) != panorama.split:
             raise DataError(f"The place {panorama.place} is in both splits, so val would not be unseen.")
+
+
+# The pixels of panoramas: as published, as linear values, and reduced.
+
+_LARGEST_HALF = 65504.0  # half floats end here
+
+
+def read_picture(panorama: Panorama) -> NDArray[Any]:
+    """Pixels (H, 2H, 3) as published: uint8 sRGB of an LDR picture, float32 linear Rec.709 of an HDR one.
+
+    Raises DataError if the picture cannot be read or is not twice as wide as high.
+    """
+    try:
+        pixels = _read_ldr(panorama.path) if panorama.kind == "ldr" else _read_hdr(panorama.path)
+    except DataError:
+        raise
+    except UnidentifiedImageError as error:  # its text names the file once more
+        raise DataError(f"The panorama {panorama.path} cannot be read: it is no JPEG, PNG or WebP.") from error
+    except OSError as error:
+        raise DataError(f"The panorama {panorama.path} cannot be read: {error.strerror or error}.") from error
+    except Exception as error:  # the EXR reader raises bare RuntimeErrors, Pillow half a dozen kinds
+        raise DataError(f"The panorama {panorama.path} cannot be read: {error}.") from error
+    height, width = pixels.shape[:2]
+    if width != 2 * height:
+        raise DataError(f"The panorama {panorama.path} is {width} x {height} pixels, not twice as wide as high.")
+    return pixels
+
+
+def read_linear_panorama(panorama: Panorama, height: int) -> NDArray[np.float32]:
+    """Linear Rec.709 float32 (H, 2H, 3), reduced to `height` rows if the picture has more."""
+    return shrink(linear_of(panorama, read_picture(panorama)), height)
+
+
+def linear_of(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
+    """Linear values of pixels of any shape, which are as `read_picture` returns them."""
+    return decode_srgb(pixels) if panorama.kind == "ldr" else pixels
+
+
+def decode_srgb(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Linear values in [0, 1] of an 8-bit sRGB picture of any shape."""
+    return SRGB_LINEAR[picture]
+
+
+def _read_ldr(path: Path) -> NDArray[np.uint8]:
+    with Image.open(path, formats=["JPEG", "PNG", "WEBP"]) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.uint8)
+
+
+def _read_hdr(path: Path) -> NDArray[np.float32]:
+    import OpenEXR
+
+    with OpenEXR.File(str(path)) as file:
+        channels = file.channels()
+        name = next((key for key in ("RGB", "RGBA") if key in channels), None)
+        if name is None:
+            raise DataError(f"The panorama {path} has no channels R, G and B.")
+        pixels = np.array(channels[name].pixels[..., :3], dtype=np.float32)
+    return np.maximum(np.nan_to_num(pixels, nan=0.0, posinf=_LARGEST_HALF, neginf=0.0), 0.0)

@@ -4,8 +4,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from export.data.panoramas import is_permissive
-from export.data.tables import DataError, read_table
+from export.data.panoramas import DataError, is_permissive, read_table
 
 PHOTOS = "photos_train.csv"
 COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation", "direct", "hfov", "expected_azimuth_error")

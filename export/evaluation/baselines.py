@@ -1,14 +1,16 @@
-"""Answers that look at no pixel: what a network has to beat."""
+"""Constant and random answers, per place."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from export.data import Label
-from export.evaluation.metrics import median
-from export.evaluation.records import Answers, Truth, answers
+from export.data.labels import Label
+from export.evaluation.metrics import Answers, Bools, Names, Truth, answers, auc, elevation_error, median, sun_error
+from lighting.circular import weighted_median
 from lighting.geometry import Floats, angle_between, direction
+
+# Answers that look at no pixel: what a network has to beat.
 
 CONSTANT = "constant direction"
 MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
@@ -17,7 +19,7 @@ MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of v
 def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answers]:
     """Each baseline's answers; the constants are the best for the training panoramas."""
     count = len(truth.scored)
-    elevation = sun_elevations(training)
+    elevation = _sun_elevations(training)
     fits = [label for label in training if label.fit_ok]
     uniform = np.full(count, math.log(2 * math.pi))
     constants = {
@@ -27,7 +29,7 @@ def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answer
         "exposure": np.full(count, median(np.array([label.exposure for label in fits]))),
     }
     azimuth = np.random.default_rng(0).uniform(-180, 180, count)
-    constant = np.tile(direction(0.0, best_constant(elevation)), (count, 1))
+    constant = np.tile(direction(0.0, _best_constant(elevation)), (count, 1))
     return {
         CONSTANT: answers(constant, nll=uniform, **constants),
         "zenith": answers(np.tile([0.0, 1.0, 0.0], (count, 1)), nll=uniform),
@@ -35,15 +37,43 @@ def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answer
     }
 
 
-def sun_elevations(labels: Sequence[Label]) -> Floats:
+def _sun_elevations(labels: Sequence[Label]) -> Floats:
     """Sun elevations [deg] of the panoramas that have a sun."""
     return np.array([label.sun_elevation for label in labels if math.isfinite(label.sun_elevation)])
 
 
-def best_constant(elevation: Floats) -> float:
+def _best_constant(elevation: Floats) -> float:
     """Elevation [deg] of the direction with the least median error to suns at these elevations and any azimuth."""
     azimuth = np.linspace(-180, 180, 72, endpoint=False)
     suns = direction(azimuth[None, :], elevation[:, None])
     candidates = np.arange(0.0, 91.0)
     errors = [np.median(angle_between(suns, direction(0.0, candidate))) for candidate in candidates]
     return float(candidates[int(np.argmin(errors))])
+
+
+def place_figures(truth: Truth, said: Answers, heights: dict[str, Bools]) -> dict[str, float]:
+    """Sun figures over scored crops by place, and those of each group of true elevations (N,) by its own places."""
+    error, bias, weight = sun_error(truth, said), elevation_error(truth, said), _place_weights(truth.place)
+    figures = {
+        "places": float(len(np.unique(truth.place))),
+        "median": weighted_median(error, weight),
+        "< 22.5° %": 100 * float(np.sum(weight * (error < 22.5))),
+        "< 45° %": 100 * float(np.sum(weight * (error < 45))),
+    }
+    for name, chosen in heights.items():
+        own = _place_weights(truth.place[chosen])
+        figures[name] = weighted_median(error[chosen], own)
+        figures[f"{name}, bias"] = weighted_median(bias[chosen], own)
+    return figures
+
+
+def visibility_by_place(truth: Truth, said: Answers) -> float:
+    """Area under the ROC curve of direct sunlight, yes against no, over all crops by place."""
+    known = np.isin(truth.visibility, (0.0, 1.0))
+    return auc(said.visibility[known], truth.visibility[known] == 1.0, _place_weights(truth.place[known]))
+
+
+def _place_weights(places: Names) -> Floats:
+    """Weights (N,) of crops that sum to 1, and to the same over each place."""
+    _, index, count = np.unique(places, return_inverse=True, return_counts=True)
+    return np.asarray(1.0 / (count[index] * max(len(count), 1)))

@@ -6,24 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops import Source, load_sources, take
-from export.data import Label, labels_of, read_index, write_table
+from export.crops.crops import Source, load_sources, take
+from export.data.labels import Label, labels_of
+from export.data.panoramas import read_index, write_table
 from export.evaluation.baselines import without_network
-from export.evaluation.diagnostics import Judged, diagnostic_sections
-from export.evaluation.evidence import evidence_report, in_view_evidence
-from export.evaluation.figures import Figures, stated_figures
-from export.evaluation.groups import groups_report
-from export.evaluation.light import light_report
-from export.evaluation.metrics import sun_error
-from export.evaluation.models import load_models
-from export.evaluation.photos import photo_report
-from export.evaluation.records import select
-from export.evaluation.relight import relight
-from export.evaluation.report import in_view_report, report
-from export.evaluation.simulated_metadata import take_metadata
-from export.evaluation.views import CROPS_EACH, aimed, cameras, interpret, look
-from lighting.colour import tone_map
-from lighting.files import replacing
+from export.evaluation.failures import ScoredCrops, diagnostic_sections
+from export.evaluation.irradiance import light_report
+from export.evaluation.metadata import evidence_report, in_view_evidence, take_metadata
+from export.evaluation.metrics import select, sun_error
+from export.evaluation.multi_view import groups_report
+from export.evaluation.predictions import CROPS_EACH, cameras, interpret, load_models, predict_views, sun_centered
+from export.evaluation.relighting import relight
+from export.evaluation.report import Figures, format_report, in_view_report, photo_report, stated_figures
+from lighting.color import tone_map
+from lighting.files.atomic import atomic_write
 from lighting.model import Model
 
 SCORED = ("paper", "phone")  # protocols
@@ -59,7 +55,7 @@ class _Methods:
     training: Sequence[Label]
 
 
-def evaluate(options: Options) -> Evaluation:
+def evaluate_networks(options: Options) -> Evaluation:
     """Score the networks on the `val` split; writes the report into `options.out`.
 
     Raises DataError for data or labels that cannot be used and ModelError for a missing network.
@@ -74,40 +70,42 @@ def evaluate(options: Options) -> Evaluation:
         lit.append(light_report(options.data, options.labels, options.models))
     judged = {protocol: _judge(methods, sources, protocol) for protocol in SCORED}
     for protocol, j in judged.items():
-        write_crops(options.out / f"crops-{protocol}.csv", j)
+        _write_crops(options.out / f"crops-{protocol}.csv", j)
     text = "\n\n".join([*_sections(options, methods, sources, judged), *lit]) + "\n"
-    with replacing(options.out / "report.md") as path:
+    with atomic_write(options.out / "report.md") as path:
         path.write_text(text)
     return Evaluation(text, {p: stated_figures(j.truth, j.said[j.ours]) for p, j in judged.items()})
 
 
-def _judge(methods: _Methods, sources: Sequence[Source], protocol: str) -> Judged:
+def _judge(methods: _Methods, sources: Sequence[Source], protocol: str) -> ScoredCrops:
     views = cameras(sources, protocol)
-    looked = look(methods.models, views)
+    looked = predict_views(methods.models, views)
     truth, ours = looked.truth, next(iter(methods.models))
     alone, said = ({n: interpret(p, truth.sun) for n, p in by.items()} for by in (looked.alone, looked.said))
     said |= without_network(truth, methods.training)
-    return Judged(views, truth, looked.said[ours], looked.with_lens, said, alone)
+    return ScoredCrops(views, truth, looked.said[ours], looked.with_lens, said, alone)
 
 
-def _sections(options: Options, methods: _Methods, sources: Sequence[Source], judged: dict[str, Judged]) -> list[str]:
-    sections = [report(protocol, j.truth, j.said, j.alone, j.ours) for protocol, j in judged.items()]
-    sections += sun_in_view(sources, methods.models)
+def _sections(
+    options: Options, methods: _Methods, sources: Sequence[Source], judged: dict[str, ScoredCrops]
+) -> list[str]:
+    sections = [format_report(protocol, j.truth, j.said, j.alone, j.ours) for protocol, j in judged.items()]
+    sections += _sun_in_view(sources, methods.models)
     if (options.data / PHOTOS).exists():
         sections.append(photo_report(options.data / PHOTOS, methods.models))
     scored = {protocol: j for protocol, j in judged.items() if j.truth.scored.any()}
     sections += diagnostic_sections(scored, options.out, failures=options.failures)
     if options.with_metadata:
-        sections += [section for protocol, j in scored.items() for section in metadata_sections(protocol, j)]
+        sections += [section for protocol, j in scored.items() for section in _metadata_sections(protocol, j)]
     return sections
 
 
-def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str]:
+def _sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str]:
     """The section about crops that show the sun; none if no panorama shows its sun."""
-    views = aimed(sources)
+    views = sun_centered(sources)
     if not views:
         return []
-    looked = look(models, views)
+    looked = predict_views(models, views)
     truth = looked.truth
     chosen = truth.scored & (truth.in_view == "sun in view")
     said = {name: select(interpret(predictions, truth.sun), chosen) for name, predictions in looked.said.items()}
@@ -120,7 +118,7 @@ def sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str
     return [in_view_report(select(truth, chosen), said, known)]
 
 
-def metadata_sections(protocol: str, judged: Judged) -> list[str]:
+def _metadata_sections(protocol: str, judged: ScoredCrops) -> list[str]:
     """Our network's answers with simulated metadata, and with several views of a panorama."""
     taken = take_metadata(judged.truth, CROPS_EACH)
     azimuth = np.array([camera.azimuth for _, camera in judged.views])
@@ -130,7 +128,7 @@ def metadata_sections(protocol: str, judged: Judged) -> list[str]:
     ]
 
 
-def write_crops(path: Path, judged: Judged) -> None:
+def _write_crops(path: Path, judged: ScoredCrops) -> None:
     """One line per crop, with its camera and each method's error, for looking at failures."""
     truth = judged.truth
     errors = {name: sun_error(truth, said) for name, said in judged.said.items()}

@@ -1,4 +1,7 @@
-"""The worst crops, sorted by cause: as counts and as a CSV file."""
+"""Worst crops, diagnostics.
+
+It shows pictures of the data: it is for looking at failures, and never published.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -7,12 +10,33 @@ from pathlib import Path
 from textwrap import fill
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
-from export.data import write_table
-from export.evaluation.metrics import FLIP, azimuth_error, elevation_error, sun_error
-from export.evaluation.records import Answers, Truth
-from export.evaluation.tables import table
+from export.crops.crops import take
+from export.data.panoramas import write_table
+from export.evaluation.baselines import CONSTANT
+from export.evaluation.metrics import (
+    FLIP,
+    Answers,
+    Names,
+    Truth,
+    azimuth_error,
+    difference_interval,
+    elevation_error,
+    interval,
+    select,
+    sun_error,
+    table,
+)
+from export.evaluation.predictions import View
+from export.evaluation.reliability import curves, draw, reliability_report, temperature_report
+from lighting.color import tone_map
+from lighting.files.atomic import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
+from lighting.records import Prediction
+
+# The worst crops, sorted by cause: as counts and as a CSV file.
 
 WORST = 50  # crops shown
 MOST_EACH = 3  # of one panorama, so that one odd picture does not fill the list
@@ -22,7 +46,7 @@ SUNSHINE = {1.0: "yes", 0.5: "partly", 0.0: "no"}
 
 
 @dataclass(frozen=True)
-class Failure:
+class _Failure:
     """One of the worst crops; angles in deg, azimuths relative to the camera."""
 
     index: int  # of the crop
@@ -42,11 +66,11 @@ class Failure:
         return next(name for name, (_, holds) in CAUSES.items() if holds(self))
 
 
-def _mirrored(f: Failure) -> bool:
+def _mirrored(f: _Failure) -> bool:
     return float(angle_between(direction(-f.said[0], f.said[1]), direction(*f.sun))) < NEAR
 
 
-CAUSES: dict[str, tuple[str, Callable[[Failure], bool]]] = {  # the first that holds is the cause
+CAUSES: dict[str, tuple[str, Callable[[_Failure], bool]]] = {  # the first that holds is the cause
     "no sky": ("under a tenth of the frame looks above the horizon", lambda f: f.in_view == "no sky"),
     "sun not shining": ("direct sunlight reaches the scene partly or not", lambda f: f.direct in ("partly", "no")),
     "wide distribution": (
@@ -60,7 +84,7 @@ CAUSES: dict[str, tuple[str, Callable[[Failure], bool]]] = {  # the first that h
 }
 
 
-def worst(truth: Truth, said: Answers) -> list[Failure]:
+def _worst(truth: Truth, said: Answers) -> list[_Failure]:
     """The WORST scored crops, beginning with the largest error; at most MOST_EACH of a panorama."""
     error = np.where(truth.scored, sun_error(truth, said), -np.inf)
     taken: Counter[str] = Counter()
@@ -69,13 +93,13 @@ def worst(truth: Truth, said: Answers) -> list[Failure]:
         taken[truth.panorama[i]] += 1
         if taken[truth.panorama[i]] <= MOST_EACH:
             chosen.append(int(i))
-    return [failure(truth, said, i) for i in chosen[:WORST]]
+    return [_failure(truth, said, i) for i in chosen[:WORST]]
 
 
-def failure(truth: Truth, said: Answers, index: int) -> Failure:
+def _failure(truth: Truth, said: Answers, index: int) -> _Failure:
     """One crop as a failure."""
     (azimuth, elevation), (said_azimuth, said_elevation) = (angles(of.sun[index]) for of in (truth, said))
-    return Failure(
+    return _Failure(
         index=index,
         panorama=str(truth.panorama[index]),
         in_view=str(truth.in_view[index]),
@@ -89,7 +113,7 @@ def failure(truth: Truth, said: Answers, index: int) -> Failure:
     )
 
 
-def failures_report(found: Sequence[Failure]) -> str:
+def _failures_report(found: Sequence[_Failure]) -> str:
     """A table with the number of failures by cause."""
     counts = Counter(f.cause for f in found)
     rows = [
@@ -99,7 +123,7 @@ def failures_report(found: Sequence[Failure]) -> str:
     return "\n\n".join(["## Where it fails", _summary(found), table(["", "rule", "crops", "panoramas"], rows)])
 
 
-def _summary(found: Sequence[Failure]) -> str:
+def _summary(found: Sequence[_Failure]) -> str:
     panoramas = len({f.panorama for f in found})
     flips = sum(abs(f.azimuth_error) > FLIP for f in found)
     return fill(
@@ -111,7 +135,7 @@ def _summary(found: Sequence[Failure]) -> str:
     )
 
 
-def write_failures(path: Path, found: Sequence[Failure], azimuth: Floats) -> None:
+def _write_failures(path: Path, found: Sequence[_Failure], azimuth: Floats) -> None:
     """One line per failure; `azimuth` (N,) is where each crop's camera points in its panorama."""
     header = ["panorama", "azimuth", "error", "azimuth_error", "elevation_error", "in_view", "direct", "cause"]
     rows = []
@@ -119,3 +143,133 @@ def write_failures(path: Path, found: Sequence[Failure], azimuth: Floats) -> Non
         numbers = (f"{value:.1f}" for value in (azimuth[f.index], f.error, f.azimuth_error, f.elevation_error))
         rows.append([f.panorama, *numbers, f.in_view, f.direct, f.cause])
     write_table(path, header, rows)
+
+
+# A contact sheet of failures: each crop with its true and its estimated sun, in numbers and on a dial.
+
+ACROSS = 5  # crops in a row
+THUMBNAIL = (320, 240)  # pixels
+TEXT, LINE = 13, 16  # pixels, height of letters and of lines
+DIAL = 26  # pixels, radius
+TRUE, SAID = (255, 200, 0), (90, 180, 255)
+
+
+def _sheet(found: Sequence[_Failure], pictures: Sequence[NDArray[np.uint8]]) -> Image.Image:
+    """The failures in rows of ACROSS, each picture (h, w, 3) with three lines under it."""
+    height = THUMBNAIL[1] + 3 * LINE + 6
+    whole = Image.new("RGB", (ACROSS * (THUMBNAIL[0] + 4), -(-len(found) // ACROSS) * height), "white")
+    for i, (one, picture) in enumerate(zip(found, pictures, strict=True)):
+        corner = (i % ACROSS * (THUMBNAIL[0] + 4), i // ACROSS * height)
+        whole.paste(_with_dial(Image.fromarray(picture).resize(THUMBNAIL), one), corner)
+        text = "\n".join(_lines(i + 1, one))
+        font = ImageFont.load_default(TEXT)
+        ImageDraw.Draw(whole).multiline_text((corner[0] + 2, corner[1] + THUMBNAIL[1]), text, "black", font, spacing=2)
+    return whole
+
+
+def _lines(number: int, f: _Failure) -> tuple[str, str, str]:
+    return (
+        f"{number}: {f.error:.0f}° {f.panorama}",
+        f"true {f.sun[0]:.0f}, {f.sun[1]:.0f}   said {f.said[0]:.0f}, {f.said[1]:.0f} ± {f.radius_50:.0f}",
+        f"{f.cause}; {f.in_view}; direct {f.direct or 'unknown'}",
+    )
+
+
+def _with_dial(picture: Image.Image, f: _Failure) -> Image.Image:
+    """The picture with a dial of the suns from above: the zenith in the middle, the camera's azimuth at the top."""
+    draw = ImageDraw.Draw(picture)
+    middle = np.array(picture.size) - DIAL - 4
+    draw.ellipse([*(middle - DIAL), *(middle + DIAL)], fill=(60, 60, 60), outline="white")
+    draw.line([*middle, middle[0], middle[1] - DIAL], fill="white")
+    for (azimuth, elevation), colour in ((f.sun, TRUE), (f.said, SAID)):
+        turn, reach = np.radians(azimuth), DIAL * (1 - elevation / 90)
+        spot = middle + reach * np.array([np.sin(turn), -np.cos(turn)])
+        draw.ellipse([*(spot - 4), *(spot + 4)], fill=colour)
+    return picture
+
+
+def _write_sheet(path: Path, found: Sequence[_Failure], pictures: Sequence[NDArray[np.uint8]]) -> None:
+    """The sheet as a PNG file."""
+    with atomic_write(path) as temporary:
+        _sheet(found, pictures).save(temporary, "PNG")
+
+
+# Whether the estimated turbidity beats the best constant.
+
+MEANING = fill(
+    "Median absolute error against the skies fitted to the panoramas, of the network and of a constant, the median of "
+    "the training skies; 95 % intervals of the network's error minus the constant's. LDR skies count only if their fit "
+    "is trusted.",
+    120,
+)
+
+
+def _turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answers, kind: Names) -> str:
+    """The table of one protocol; `kind` (N,) is "hdr" or "ldr", the panorama's."""
+    known = np.isfinite(truth.turbidity)
+    rows = {"HDR": known & (kind == "hdr"), "LDR, clean sky": known & (kind == "ldr"), "both": known}
+    lines = [
+        _line(name, select(truth, chosen), select(ours, chosen), select(constant, chosen))
+        for name, chosen in rows.items()
+        if chosen.any()
+    ]
+    header = ["", "crops", "panoramas", "places", "network", "constant", "minus it, panoramas", "minus it, places"]
+    return f"## Turbidity, protocol `{protocol}`\n\n{MEANING}\n\n{table(header, lines)}"
+
+
+def _line(name: str, truth: Truth, ours: Answers, constant: Answers) -> list[str]:
+    error, other = (np.abs(said.turbidity - truth.turbidity) for said in (ours, constant))
+    counts = (len(error), len(np.unique(truth.panorama)), len(np.unique(truth.place)))
+    less = [interval(difference_interval(error, other, units), 2) for units in (truth.panorama, truth.place)]
+    return [name, *map(str, counts), f"{np.median(error):.2f}", f"{np.median(other):.2f}", *less]
+
+
+# The report's sections after the figures: reliability of the probabilities, turbidity, failures.
+
+RELIABILITY_FILE = "reliability.png"
+
+
+@dataclass(frozen=True)
+class ScoredCrops:
+    """The answers for the crops of one protocol."""
+
+    views: Sequence[View]
+    truth: Truth
+    predictions: Sequence[Prediction]  # of our network
+    with_lens: Sequence[Prediction]  # the same, of photos that state their lens
+    said: dict[str, Answers]  # of each method, our network first
+    alone: dict[str, Answers]  # of each network without what else the pictures show
+
+    @property
+    def ours(self) -> str:
+        """The name of our network."""
+        return next(iter(self.said))
+
+
+def diagnostic_sections(judged: dict[str, ScoredCrops], out: Path, *, failures: bool) -> list[str]:
+    """The sections about the protocols that have a sun to score.
+
+    Writes reliability.png into `out`, and with `failures` also failures.csv and failures.png.
+    """
+    levels = {protocol: curves(j.truth, j.predictions) for protocol, j in judged.items()}
+    sections = [reliability_report(protocol, found) for protocol, found in levels.items()]
+    sections += [temperature_report(protocol, j.truth, j.predictions) for protocol, j in judged.items()]
+    if levels:
+        draw(levels, out / RELIABILITY_FILE)
+    if "paper" in judged:
+        sections += _of_paper(judged["paper"], out, failures=failures)
+    return sections
+
+
+def _of_paper(judged: ScoredCrops, out: Path, *, failures: bool) -> list[str]:
+    kind = np.array([source.panorama.kind for source, _ in judged.views])
+    found = _worst(judged.truth, judged.said[judged.ours])
+    if failures:
+        _write_failures(out / "failures.csv", found, np.array([camera.azimuth for _, camera in judged.views]))
+        spec = judged.predictions[0].spec
+        shown = [take(*judged.views[f.index], spec) for f in found]
+        _write_sheet(out / "failures.png", found, [tone_map(crop.linear) for crop in shown])
+    return [
+        _turbidity_report("paper", judged.truth, judged.said[judged.ours], judged.said[CONSTANT], kind),
+        _failures_report(found),
+    ]

@@ -9,32 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops import (
-    augment,
-    clear_ratio,
-    generator,
-    irradiance_of,
-    load_sources,
-    paper_camera,
-    take,
-    training_camera,
-)
-from export.data import DataError, needed_photo_rows, read_index
-from export.evaluation.intervals import clustered_error
-from export.evaluation.light import WEATHER, Judged, by_network, estimates, judged, judged_of
-from export.evaluation.records import Bools, Names
-from export.evaluation.tables import table
-from lighting.colour import luminance, tone_map
-from lighting.decoding import lighting_from
-from lighting.envmap import level_irradiance
-from lighting.envmap.ground import brightness_below, photo_ground
-from lighting.envmap.sky_colour import sky_ratio
+from export.crops.augmentation import augment
+from export.crops.cameras import paper_camera, training_camera
+from export.crops.crops import generator, load_sources, take
+from export.crops.targets import clear_ratio, panorama_irradiance
+from export.data.panoramas import DataError, read_index
+from export.data.photos import needed_photo_rows
+from export.evaluation.irradiance import WEATHER, Judged, by_network, estimate_crops, judged, judged_of
+from export.evaluation.metrics import Bools, Names, clustered_error, table
+from lighting.color import luminance, tone_map
+from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
+from lighting.envmap.appearance import brightness_below, estimate_ground_albedo, sky_ratio
+from lighting.envmap.render import level_irradiance
 from lighting.errors import ModelError
-from lighting.evidence import said_of
+from lighting.fusion.estimate import predict_photo
 from lighting.geometry import Floats, angle_between
 from lighting.model import Model
-from lighting.photo import Photo, photo_of, read_photo
-from lighting.strength import toward_clear
+from lighting.photo.reader import Photo, photo_from_array, read_photo
 
 SPLITS = ("train", "val")
 GROUND_SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground under a clear sky, tried
@@ -54,7 +45,7 @@ _NO_LIGHT = "The network states no light."
 
 
 @dataclass(frozen=True, eq=False)
-class GroundSamples:
+class _GroundSamples:
     """Log2 of the ground's luminance in crops that show ground."""
 
     photo: Floats  # (N,) by the photo's pixels
@@ -70,7 +61,7 @@ class GroundSamples:
         return np.abs(self.photo + share_here * (self.around + darker - self.photo) - self.true)
 
 
-def sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> GroundSamples:
+def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> _GroundSamples:
     """The grounds of a split's panoramas of WEATHER, of 8 bits as well, at places that the folder `seen` has not.
 
     DataError where there are none or their crops show no ground, ModelError if the network states no light.
@@ -80,14 +71,14 @@ def sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path
     shown = judged_of(panoramas, labels, model.spec)
     found: list[tuple[float, ...]] = []
     kinds: list[tuple[str, str]] = []
-    answers = estimates(model, shown.crops)
+    answers = estimate_crops(model, shown.crops)
     for (estimate, place), truth, weather, (source, _) in zip(
         answers, shown.truth, shown.sunny, shown.views, strict=True
     ):
         light = estimate.lighting
         if light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
-        reflectance = photo_ground(place.photo, light)
+        reflectance = estimate_ground_albedo(place.photo, light)
         if reflectance is None or place.around is None:
             continue
         radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
@@ -96,10 +87,10 @@ def sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path
         kinds.append((str(weather), source.panorama.place))
     if not found:
         raise DataError(f"No crop of the panoramas of {part} that are sunny or overcast shows ground.")
-    return GroundSamples(*np.array(found).T, *np.array(kinds).T)
+    return _GroundSamples(*np.array(found).T, *np.array(kinds).T)
 
 
-def fit_ground_share(grounds: GroundSamples) -> tuple[float, float]:
+def _fit_ground_share(grounds: _GroundSamples) -> tuple[float, float]:
     """The smallest share, with its stops, that is no worse than the best one by more than a standard error.
 
     The error is that of their difference in the mean, for the same crops judge both, over places, for the crops of one
@@ -114,10 +105,10 @@ def fit_ground_share(grounds: GroundSamples) -> tuple[float, float]:
     return float(GROUND_SHARES[share]), float(GROUND_STOPS[darker[share]])
 
 
-def report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:
+def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:
     """The fit on places of `train` that the folder `seen` has not, both weathers alike, and errors in both splits."""
-    parts = {part: sample_grounds(model, data, labels, part, seen if part == "train" else None) for part in SPLITS}
-    share, darker = fit_ground_share(_balanced(parts["train"]))
+    parts = {part: _sample_grounds(model, data, labels, part, seen if part == "train" else None) for part in SPLITS}
+    share, darker = _fit_ground_share(_balanced(parts["train"]))
     rows = []
     for part, grounds in parts.items():
         groups = {str(weather): grounds.weather == weather for weather in np.unique(grounds.weather)}
@@ -127,21 +118,21 @@ def report_ground(model: Model, data: Path, labels: Path, seen: Path | None = No
     return f"{first}\n\n{table(['split', 'weather', 'crops', *names], rows)}"
 
 
-def _balanced(grounds: GroundSamples) -> GroundSamples:
+def _balanced(grounds: _GroundSamples) -> _GroundSamples:
     """The same with the rarer weather repeated, so that both count alike."""
     kinds, counts = np.unique(grounds.weather, return_counts=True)
     chosen = np.concatenate([
         np.resize(np.flatnonzero(grounds.weather == kind), int(counts.max())) for kind in kinds
     ])  # fmt: skip
     known = (grounds.photo, grounds.around, grounds.true, grounds.cover, grounds.weather, grounds.place)
-    return GroundSamples(*(values[chosen] for values in known))
+    return _GroundSamples(*(values[chosen] for values in known))
 
 
 # The sky's colour: how far that of the sky in a photo may be trusted for the whole sky.
 
 
 @dataclass(frozen=True, eq=False)
-class SkySamples:
+class _SkySamples:
     """Crops whose sky's power is known, in the colours of many cameras."""
 
     ratio: Floats  # (N, 3) of the sky in the picture to the map, green 1; NaN where none is seen
@@ -150,13 +141,13 @@ class SkySamples:
     true: Floats  # (N, 3)
 
     @property
-    def seen(self) -> "SkySamples":
+    def seen(self) -> "_SkySamples":
         """Those whose picture shows sky."""
         there = np.isfinite(self.ratio[:, 0])
-        return SkySamples(self.ratio[there], self.cover[there], self.said[there], self.true[there])
+        return _SkySamples(self.ratio[there], self.cover[there], self.said[there], self.true[there])
 
 
-def sample_skies(model: Model, data: Path, labels: Path, part: str) -> SkySamples:
+def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> _SkySamples:
     """Crops of all panoramas of a split that tell the power of their sky, by the pixels alone.
 
     DataError if there is none, ModelError if the network states no light.
@@ -164,12 +155,12 @@ def sample_skies(model: Model, data: Path, labels: Path, part: str) -> SkySample
     rows = list(_sky_rows(model, data, labels, part))
     if not rows:
         raise DataError(f"No panorama of {data} in `{part}` tells the power of its sky.")
-    return SkySamples(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
+    return _SkySamples(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
 
 
 def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[Floats, float, Floats, Floats]]:
     for source in load_sources(read_index(data, part), labels):
-        true = irradiance_of(source).sky
+        true = panorama_irradiance(source).sky
         if not np.isfinite(true).all():
             continue
         for number, camera in enumerate(SKY_CAMERAS):
@@ -189,7 +180,7 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
             )
 
 
-def fit_sky_trust(skies: SkySamples) -> Floats:
+def _fit_sky_trust(skies: _SkySamples) -> Floats:
     """The power (2,) of the ratio under a clear sky, and what the square of the cover adds to it."""
     shift, wanted = (_chroma(values) for values in (skies.ratio, skies.true / skies.said))
     terms = (np.stack([np.ones_like(skies.cover), skies.cover**2], axis=1)[:, None] * shift[..., None]).reshape(-1, 2)
@@ -201,21 +192,21 @@ def fit_sky_trust(skies: SkySamples) -> Floats:
     return np.asarray(trust)
 
 
-def sky_color_errors(skies: SkySamples, trust: Floats) -> Floats:
+def _sky_color_errors(skies: _SkySamples, trust: Floats) -> Floats:
     """Angle [deg] (N,) between the colours of the sky's irradiance, said and true, with that trust in the picture."""
     said = skies.said * skies.ratio ** (trust[0] + trust[1] * skies.cover**2)[:, None]
     return angle_between(said, skies.true)
 
 
-def report_sky_color(model: Model, data: Path, labels: Path) -> str:
+def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     """The fit on `train`, and errors of the sky's colour in both splits, by the cover that the network says."""
-    parts = {part: sample_skies(model, data, labels, part) for part in SPLITS}
-    trust = fit_sky_trust(parts["train"].seen)
+    parts = {part: _sample_skies(model, data, labels, part) for part in SPLITS}
+    trust = _fit_sky_trust(parts["train"].seen)
     rows = []
     for part, skies in parts.items():
         seen = skies.seen
         groups = {f"{low:g} to {min(high, 1):g}": (seen.cover >= low) & (seen.cover < high) for low, high in COVERS}
-        rows += _error_rows(part, groups, sky_color_errors(seen, np.zeros(2)), sky_color_errors(seen, trust), (1, 2))
+        rows += _error_rows(part, groups, _sky_color_errors(seen, np.zeros(2)), _sky_color_errors(seen, trust), (1, 2))
     shown = sum(len(skies.seen.cover) for skies in parts.values()) / sum(len(skies.cover) for skies in parts.values())
     names = ["network, median [deg]", "with the photo", "network, mean", "with the photo"]
     first = f"Power of the ratio: {trust[0]:.2f} + {trust[1]:.2f} cover^2"
@@ -236,7 +227,7 @@ def _chroma(values: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class SunSample:
+class _SunSample:
     """A sun as it is and as the network states it, in one crop."""
 
     place: str
@@ -248,44 +239,44 @@ class SunSample:
     unclipped: bool  # whether the panorama's notes say so of it
 
 
-def sample_suns(model: Model, shown: Judged) -> list[SunSample]:
+def _sample_suns(model: Model, shown: Judged) -> list[_SunSample]:
     """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
     found = []
     for (source, _), crop, truth in zip(shown.views, shown.crops, shown.truth, strict=True):
         if truth.sun_direction is None:
             continue
-        light = lighting_from(said_of(model, photo_of(tone_map(crop.linear))))
+        light = lighting_from_prediction(predict_photo(model, photo_from_array(tone_map(crop.linear))))
         if light.sun_irradiance is None or light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
         level = truth.sun_irradiance * truth.sun_direction[1] + truth.sky_irradiance
         said, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
         if light.sun_shines:
             shot, true = source.panorama, truth.sun_irradiance
-            found.append(SunSample(shot.place, true, said, level, sky, light.sun_elevation, shot.sun_is_unclipped))
+            found.append(_SunSample(shot.place, true, said, level, sky, light.sun_elevation, shot.sun_is_unclipped))
     if not found:
         raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
     return found
 
 
-def sun_color_errors(suns: Sequence[SunSample], power: float) -> Floats:
+def _sun_color_errors(suns: Sequence[_SunSample], power: float) -> Floats:
     """Angles (2,) between colours [deg], of the sun and of the light on level ground: means of the places' medians."""
     places: dict[str, list[Floats]] = {}
     for sun in suns:
-        colour = toward_clear(sun.said, sun.elevation, power)
+        colour = blend_to_clear_sun(sun.said, sun.elevation, power)
         level = colour * np.sin(np.radians(sun.elevation)) + sun.said_sky
         both = angle_between(colour, sun.true), angle_between(level, sun.true_level)
         places.setdefault(sun.place, []).append(np.array(both, dtype=np.float64))
     return np.asarray(np.mean([np.median(found, axis=0) for found in places.values()], axis=0))
 
 
-def report_sun_color(model: Model, data: Path, labels: Path) -> str:
+def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
     """The errors of colour by power, on `train` and on `val`."""
-    train, val = (sample_suns(model, judged(data, labels, model.spec, part)) for part in SPLITS)
+    train, val = (_sample_suns(model, judged(data, labels, model.spec, part)) for part in SPLITS)
     unclipped = [sun for sun in train if sun.unclipped]
     parts = {"train": train, **({"train, unclipped": unclipped} if unclipped else {}), "val": val}
     rows = []
     for power in SUN_POWERS:
-        pairs = (sun_color_errors(suns, power) for suns in parts.values())
+        pairs = (_sun_color_errors(suns, power) for suns in parts.values())
         rows.append([f"{power:g}", *(f"{sun:.1f}° / {level:.1f}°" for sun, level in pairs)])
     counts = ", ".join(f"{len(suns)} crops of `{part}`" for part, suns in parts.items())
     header = ["power", *(f"{part}: sun / level light" for part in parts)]
@@ -298,7 +289,7 @@ def report_sun_color(model: Model, data: Path, labels: Path) -> str:
 # with the suns of the unclipped HDR panoramas, by the ratio of sun to sky over that of a clear sky with a sun as high.
 
 
-def stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
+def _stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
     """Stops (N,) of the luminance of suns (3,) over that of skies (3,) above clear skies with suns at elevations [deg].
 
     Of a clear sky it is the luminance of the channels' ratios: it only has to be the same for all that are compared.
@@ -308,32 +299,32 @@ def stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Se
     return np.asarray(np.log2(said / clear))
 
 
-def panorama_sun_stops(data: Path, labels: Path) -> Floats:
+def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
     """What the sunny HDR panoramas of `train` with an unclipped sun have over a clear sky [stops]."""
     panoramas = [p for p in read_index(data, "train") if p.kind == "hdr" and p.direct == "yes"]
-    known = [(s, irradiance_of(s)) for s in load_sources(panoramas, labels)]
+    known = [(s, panorama_irradiance(s)) for s in load_sources(panoramas, labels)]
     seen = [(s.label.sun_elevation, light) for s, light in known if s.panorama.sun_is_unclipped]
     if not seen:
         raise DataError(f"{data} has no sunny HDR panorama in `train` whose sun is unclipped.")
-    return stops_over_clear([light.sun for _, light in seen], [light.sky for _, light in seen], [e for e, _ in seen])
+    return _stops_over_clear([light.sun for _, light in seen], [light.sky for _, light in seen], [e for e, _ in seen])
 
 
-def photo_sun_stops(model: Model, data: Path) -> Floats:
+def _photo_sun_stops(model: Model, data: Path) -> Floats:
     """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
     rows = [r for r in needed_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= MIN_ELEVATION]
-    lights = [said_of(model, read_photo(row.path)).light for row in rows]
+    lights = [predict_photo(model, read_photo(row.path)).light for row in rows]
     said = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
     if not said:
         raise DataError(f"No photo of {data} was taken in direct sun, or the network says nothing of the light.")
     suns, skies = ([getattr(light, name) for light, _ in said] for name in ("sun_irradiance", "sky_irradiance"))
-    return stops_over_clear(suns, skies, [elevation for _, elevation in said])
+    return _stops_over_clear(suns, skies, [elevation for _, elevation in said])
 
 
-def report_sun_power(model: Model, data: Path, labels: Path) -> str:
+def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
     """The stops that are missing, and quartiles of both sides."""
     sides = {
-        "HDR panoramas, unclipped sun": panorama_sun_stops(data, labels),
-        "photos, as said": photo_sun_stops(model, data),
+        "HDR panoramas, unclipped sun": _panorama_sun_stops(data, labels),
+        "photos, as said": _photo_sun_stops(model, data),
     }
     true, said = (float(np.median(values)) for values in sides.values())
     header = ["`train`, in direct sun", "number", "sun / sky over a clear sky, median [stops]", "quartiles"]
@@ -345,10 +336,10 @@ def report_sun_power(model: Model, data: Path, labels: Path) -> str:
 
 
 FITS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`
-    "ground": report_ground,
-    "sky-color": report_sky_color,
-    "sun-color": report_sun_color,
-    "sun-power": report_sun_power,
+    "ground": _report_ground,
+    "sky-color": _report_sky_color,
+    "sun-color": _report_sun_color,
+    "sun-power": _report_sun_power,
 }
 
 

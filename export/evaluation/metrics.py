@@ -1,9 +1,69 @@
-"""Accuracy figures of answers against the truth, as functions of arrays; angles in deg."""
+"""Errors, AUC, intervals, tables, Truth and Answers.
+
+AUC of errors as in GeoCalib (Veicht et al., ECCV 2024); the horizon's error and its AUC as in HLW (Workman et al.,
+BMVC 2016): the largest distance between the true and the estimated horizon inside the picture, over its height.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from export.evaluation.records import Answers, Bools, Truth
 from lighting.geometry import Floats, angle_between, angles, wrap_azimuth
+
+# What is true of a set of crops, and what a method says about them, as arrays; angles in deg.
+
+Bools = NDArray[np.bool_]
+Names = NDArray[np.str_]
+Record = TypeVar("Record", "Truth", "Answers")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The truth about N crops; NaN where it is unknown."""
+
+    panorama: Names  # (N,) name
+    place: Names  # (N,) where it was taken; panoramas of one place are not independent
+    scored: Bools  # (N,) the sun's direction is known well enough to score
+    sun: Floats  # (N, 3)
+    camera: Floats  # (N, 3) elevation, roll, vertical field of view
+    aspect: Floats  # (N,) width over height
+    visibility: Floats  # (N,) 1 direct sun, 0.5 partly, 0 none
+    turbidity: Floats  # (N,)
+    exposure: Floats  # (N,)
+    in_view: Names  # (N,) "sun in view", "sky in view" or "no sky"
+
+
+@dataclass(frozen=True)
+class Answers:
+    """The answers of one method for N crops; NaN where it has none."""
+
+    sun: Floats  # (N, 3)
+    radius_50: Floats  # (N,)
+    radius_90: Floats  # (N,)
+    nll: Floats  # (N,) negative log density [nat, of 1/sr] at the true sun
+    camera: Floats  # (N, 3) as in Truth
+    visibility: Floats  # (N,) probability of direct sun
+    turbidity: Floats  # (N,)
+    exposure: Floats  # (N,)
+
+
+def select(record: Record, chosen: Bools) -> Record:
+    """The same record, of the chosen crops alone."""
+    return type(record)(**{f.name: getattr(record, f.name)[chosen] for f in fields(record)})
+
+
+def answers(sun: Floats, **given: Floats) -> Answers:
+    """Answers of a method that gives the sun (N, 3) and the fields in `given`, and nothing else."""
+    unknown = np.full(len(sun), np.nan)
+    values = {f.name: unknown for f in fields(Answers)} | {"camera": np.full((len(sun), 3), np.nan), "sun": sun}
+    return Answers(**(values | given))
+
+
+# Accuracy figures of answers against the truth, as functions of arrays; angles in deg.
 
 FLIP = 135.0  # deg of azimuth error from which the sun is on the wrong side, front for back
 
@@ -83,3 +143,118 @@ def auc(score: Floats, positive: Bools, weight: Floats | None = None) -> float:
     above = np.sign(score[positive][:, None] - score[~positive][None, :])
     each = None if weight is None else np.outer(weight[positive], weight[~positive])
     return float(np.average(above + 1, weights=each) / 2)
+
+
+# The camera scored as calibration papers score it: the area under the recall of errors up to a few degrees.
+
+ANGLES = {"elevation": 0, "roll": 1, "fov": 2}  # columns of a camera
+UP_TO = (1.0, 5.0, 10.0)  # deg
+HORIZON_UP_TO = 0.25  # of the picture's height
+NOTICED = 0.05  # of the picture's height; most people see a horizon that is further off
+
+
+def camera_scores(truth: Truth, said: Answers) -> dict[str, float]:
+    """Figures of all crops, in percent; the horizon's median error in percent of the picture's height."""
+    errors = np.abs(said.camera - truth.camera)
+    found = {
+        f"{name} AUC {limit:g}°": _recall_area(errors[:, column], limit)
+        for name, column in ANGLES.items()
+        for limit in UP_TO
+    }
+    horizon = np.abs(_horizon_ends(said.camera, truth.aspect) - _horizon_ends(truth.camera, truth.aspect)).max(axis=1)
+    return {
+        **found,
+        "horizon AUC": _recall_area(horizon, HORIZON_UP_TO),
+        "horizon off %": 100 * median(horizon),
+        f"horizon < {100 * NOTICED:g} %": share(horizon < NOTICED),
+    }
+
+
+def _recall_area(errors: Floats, limit: float) -> float:
+    """Area [%] under the share of errors (N,) below a threshold, over thresholds from 0 to `limit`."""
+    return float(100 * np.mean(np.clip(1 - errors / limit, 0, 1)))
+
+
+def _horizon_ends(camera: Floats, aspect: Floats) -> Floats:
+    """Heights (N, 2) of the horizon at the picture's left and right edge, in picture heights above its centre.
+
+    `camera` (N, 3) holds elevation, roll and vertical field of view in deg, `aspect` (N,) width over height.
+    """
+    elevation, roll, fov = np.radians(camera).T
+    focal = 0.5 / np.tan(fov / 2)
+    sides = np.stack([-aspect / 2, aspect / 2], axis=1)
+    return np.asarray((np.sin(roll)[:, None] * sides - (focal * np.tan(elevation))[:, None]) / np.cos(roll)[:, None])
+
+
+# Tables in Markdown.
+
+DECIMALS = {  # 1 in all other columns
+    "crops": 0,
+    "places": 0,
+    "fitted to": 0,
+    "temperature": 2,
+    "NLL": 2,
+    "NLL, before": 2,
+    "NLL, after": 2,
+    "visibility AUC": 2,
+}
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def figures_table(rows: dict[str, dict[str, float]]) -> str:
+    """One row per method or group, one column per figure."""
+    columns = list(next(iter(rows.values())))
+    return table(["", *columns], [[name, *(_number(row[c], c) for c in columns)] for name, row in rows.items()])
+
+
+def _number(value: float, column: str) -> str:
+    """A figure as the tables show it; "-" if there is none."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.{decimals(column)}f}"
+
+
+def decimals(column: str) -> int:
+    """How many decimals a column shows."""
+    return DECIMALS.get(column, 1)
+
+
+def interval(ends: tuple[float, float], decimals: int = 1) -> str:
+    """An interval as the tables show it."""
+    return f"{ends[0]:.{decimals}f} to {ends[1]:.{decimals}f}"
+
+
+# Confidence intervals by bootstrap over whole panoramas or places, whose crops are not independent.
+
+REPEATS = 2000
+
+
+def _bootstrap(units: Names, figure: Callable[[NDArray[np.intp]], float]) -> tuple[float, float]:
+    """95 % interval of `figure(indices)` when whole units (N,), panoramas or places, are drawn with replacement."""
+    rng = np.random.default_rng(0)
+    members = [np.flatnonzero(units == unit) for unit in np.unique(units)]
+    draws = rng.integers(len(members), size=(REPEATS, len(members)))
+    values = [figure(np.concatenate([members[i] for i in draw])) for draw in draws]
+    low, high = np.percentile(values, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def median_interval(error: Floats, units: Names) -> tuple[float, float]:
+    """95 % interval of the median error."""
+    return _bootstrap(units, lambda i: float(np.median(error[i])))
+
+
+def difference_interval(ours: Floats, theirs: Floats, units: Names) -> tuple[float, float]:
+    """95 % interval of our median error minus theirs on the same crops; below zero, ours is better."""
+    return _bootstrap(units, lambda i: float(np.median(ours[i]) - np.median(theirs[i])))
+
+
+def clustered_error(values: Floats | Bools, places: Names) -> float:
+    """The standard error of the mean of values (N,), of which those of one place are not independent."""
+    _, index = np.unique(places, return_inverse=True)
+    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))

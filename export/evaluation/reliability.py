@@ -1,31 +1,35 @@
-"""Calibration of the sun's distribution: how often the true sun lies in the region that holds the probability p.
+"""Calibration curves, temperature.
 
 Two regions are tested: the cells of highest density, and the cone around the answer, whose radii are `radius_50` and
 `radius_90`.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import compress
 from pathlib import Path
 from textwrap import fill
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from export.evaluation.metrics import share
-from export.evaluation.records import Truth, select
+from export.evaluation.metrics import Bools, Truth, answers, figures_table, select, share, sun_figures
+from export.evaluation.multi_view import halves_of
+from export.evaluation.predictions import LEAST_DENSITY
 from export.evaluation.report import IN_VIEW, bins
-from export.evaluation.tables import figures_table
-from lighting.decoding import best_guess
-from lighting.files import replacing
-from lighting.geometry import Floats, angle_between
+from lighting.decoding import bayes_direction, sun_of
+from lighting.files.atomic import atomic_write
+from lighting.geometry import Floats, angle_between, direction
 from lighting.records import Prediction
-from lighting.sun_grid import cones, grid_directions, grid_solid_angle
+from lighting.sun_grid import cumulative_by_angle, density, grid_directions, grid_solid_angle
+
+# Calibration of the sun's distribution: how often the true sun lies in the region that holds the probability p.
 
 LEVELS = tuple(range(5, 100, 5))  # %, drawn
 QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
 DENSEST, CONE = "all", "all, cone around the answer"
-MEANING = fill(
+RELIABILITY_MEANING = fill(
     "Share [%] of true suns inside the region that holds p of the probability: the cells of highest density, and in "
     "the last row the cone around the answer, whose radii are `radius_50` and `radius_90`. A calibrated distribution "
     "has p in the column p. `largest gap` is the largest difference over p = 5 to 95 %, in percentage points.",
@@ -33,7 +37,7 @@ MEANING = fill(
 )
 
 
-def density_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
+def _density_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
     """Probability (N,) of the region of highest density that just reaches each true sun (N, 3).
 
     It holds all cells that are denser than the sun's own, and half of those that are equally dense.
@@ -47,27 +51,31 @@ def density_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
     return np.asarray(held.sum(axis=1) / probability.sum(axis=1))
 
 
-def cone_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
+def _cone_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
     """Probability (N,) of the cone around each answer that just reaches the true sun (N, 3)."""
     return np.array([_cone_level(p, towards) for p, towards in zip(said, sun, strict=True)])
 
 
 def _cone_level(said: Prediction, sun: Floats) -> float:
     layout = said.spec.sun_grid
-    answer = best_guess(said.sun_probability, layout)
-    return float(np.interp(angle_between(sun, answer), *cones(said.sun_probability, grid_directions(layout), answer)))
+    answer = bayes_direction(said.sun_probability, layout)
+    return float(
+        np.interp(
+            angle_between(sun, answer), *cumulative_by_angle(said.sun_probability, grid_directions(layout), answer)
+        )
+    )
 
 
 def curves(truth: Truth, said: Sequence[Prediction]) -> dict[str, Floats]:
     """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones."""
     scored = select(truth, truth.scored)
     known = list(compress(said, truth.scored))
-    levels = density_levels(known, scored.sun)
+    levels = _density_levels(known, scored.sun)
     by_group = {name: levels[chosen] for name, chosen in bins(scored).items()}
-    return {DENSEST: levels, **by_group, CONE: cone_levels(known, scored.sun)}
+    return {DENSEST: levels, **by_group, CONE: _cone_levels(known, scored.sun)}
 
 
-def inside(levels: Floats, expected: Sequence[float]) -> Floats:
+def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
     """Share [%] of the suns inside the regions of each probability [%]."""
     return np.array([share(levels <= p / 100) for p in expected])
 
@@ -77,12 +85,13 @@ def reliability_report(protocol: str, found: dict[str, Floats]) -> str:
     rows = {
         name: {
             "crops": float(len(levels)),
-            **{f"{p} %": float(value) for p, value in zip(QUOTED, inside(levels, QUOTED), strict=True)},
-            "largest gap": float(np.abs(inside(levels, LEVELS) - LEVELS).max()),
+            **{f"{p} %": float(value) for p, value in zip(QUOTED, _inside(levels, QUOTED), strict=True)},
+            "largest gap": float(np.abs(_inside(levels, LEVELS) - LEVELS).max()),
         }
         for name, levels in found.items()
     }
-    return f"## Reliability of the sun's distribution, protocol `{protocol}`\n\n{MEANING}\n\n{figures_table(rows)}"
+    title = f"## Reliability of the sun's distribution, protocol `{protocol}`"
+    return f"{title}\n\n{RELIABILITY_MEANING}\n\n{figures_table(rows)}"
 
 
 def draw(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
@@ -98,7 +107,7 @@ def draw(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
             _panel(panel, {n: v for n, v in found.items() if n in (DENSEST, CONE) or (n in IN_VIEW) == views})
     for panel in panels[:, 0]:
         panel.set_ylabel("true suns inside [%]")
-    with replacing(path) as temporary:
+    with atomic_write(path) as temporary:
         figure.savefig(temporary, format="png", dpi=100, pil_kwargs={"optimize": True})
 
 
@@ -111,8 +120,74 @@ STYLES: dict[str, dict[str, Any]] = {
 def _panel(panel: Any, found: dict[str, Floats]) -> None:
     panel.plot([0, 100], [0, 100], color="0.7", linewidth=1)
     for name, levels in found.items():
-        shown = np.concatenate([[0.0], inside(levels, LEVELS), [100.0]])
+        shown = np.concatenate([[0.0], _inside(levels, LEVELS), [100.0]])
         panel.plot([0, *LEVELS, 100], shown, label=f"{name} ({len(levels)})", **STYLES.get(name, {}))
     panel.set(xlim=(0, 100), ylim=(0, 100), aspect="equal")
     panel.grid(alpha=0.25)
     panel.legend(frameon=False, fontsize=8)
+
+
+TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
+COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
+TEMPERATURE_MEANING = fill(
+    "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own: fitted by NLL on one half of "
+    "the places and tested on the other (`all`: fitted and tested on all). Regions are cones around the answer. The "
+    "network ships with the right temperature if T is near 1 in both halves and changes little.",
+    120,
+)
+
+
+def temperature_report(protocol: str, truth: Truth, said: Sequence[Prediction]) -> str:
+    """The table of one protocol."""
+    halves = halves_of(truth)
+    half = np.array([halves.get(str(place), -1) for place in truth.place])
+    rows = {}
+    for name, fit, measured in (("half A", 0, 1), ("half B", 1, 0), ("all", None, None)):
+        learning, tested = (truth.scored if h is None else truth.scored & (half == h) for h in (fit, measured))
+        if learning.any() and tested.any():
+            rows[name] = _row(truth, said, learning, tested)
+    return f"## Temperature, protocol `{protocol}`\n\n{TEMPERATURE_MEANING}\n\n{figures_table(rows)}"
+
+
+def _row(truth: Truth, said: Sequence[Prediction], learning: Bools, tested: Bools) -> dict[str, float]:
+    divisor = _fitted(list(compress(said, learning)), truth.sun[learning])
+    shown, known = list(compress(said, tested)), select(truth, tested)
+    before, after = (_figures(known, [_tempered(p, t) for p in shown]) for t in (1.0, divisor))
+    both = {f"{name}, {when}": of[name] for name in COLUMNS for when, of in (("before", before), ("after", after))}
+    return {"fitted to": float(np.count_nonzero(learning)), "temperature": divisor, "crops": float(len(shown)), **both}
+
+
+def _fitted(said: Sequence[Prediction], sun: Floats) -> float:
+    """The one of TEMPERATURES under which the true suns (N, 3) are most likely."""
+    cells, area = (of(said[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
+    own = np.argmax(sun @ cells.T, axis=1)
+    log = np.log(np.maximum([p.sun_probability for p in said], LEAST_DENSITY * area))
+    costs = {t: _cost(log / t, own) for t in TEMPERATURES}
+    return min(costs, key=costs.__getitem__)
+
+
+def _cost(log: Floats, own: NDArray[np.intp]) -> float:
+    """Mean negative log probability of the cells `own` (N,), from unnormalised logarithms (N, G)."""
+    highest = log.max(axis=1, keepdims=True)
+    total = np.log(np.exp(log - highest).sum(axis=1)) + highest[:, 0]
+    return float(np.mean(total - log[np.arange(len(own)), own]))
+
+
+def _tempered(said: Prediction, temperature: float) -> Prediction:
+    """The prediction with its sun's logits divided by another temperature."""
+    power = said.sun_probability.astype(np.float64) ** (1 / temperature)
+    return replace(said, sun_probability=(power / power.sum()).astype(np.float32))
+
+
+def _figures(truth: Truth, said: Sequence[Prediction]) -> dict[str, float]:
+    """COLUMNS over crops that all have a sun."""
+    suns = [sun_of(p) for p in said]
+    probability = np.array([p.sun_probability for p in said])
+    values = answers(
+        direction([s.azimuth for s in suns], [s.elevation for s in suns]),
+        radius_50=np.array([s.radius_50 for s in suns]),
+        radius_90=np.array([s.radius_90 for s in suns]),
+        nll=-np.log(np.maximum(density(probability, truth.sun, said[0].spec.sun_grid), LEAST_DENSITY)),
+    )
+    measured = sun_figures(truth, values)
+    return {name: measured[column] for name, column in COLUMNS.items()}

@@ -1,20 +1,49 @@
-"""The tables that `python -m export evaluate` prints, in Markdown."""
+"""Tables per protocol, figures, photos."""
+
+import json
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 
-from export.evaluation.camera_scores import camera_scores
-from export.evaluation.intervals import difference_interval, median_interval
-from export.evaluation.metrics import camera_figures, sun_error, sun_figures
-from export.evaluation.places import place_figures, visibility_by_place
-from export.evaluation.records import Answers, Bools, Truth, select
-from export.evaluation.tables import figures_table, interval, table
-from lighting.geometry import angles
+from export.data.panoramas import read_table
+from export.evaluation.baselines import place_figures, visibility_by_place
+from export.evaluation.metrics import (
+    Answers,
+    Bools,
+    Names,
+    Truth,
+    camera_figures,
+    camera_scores,
+    decimals,
+    difference_interval,
+    figures_table,
+    interval,
+    median,
+    median_interval,
+    select,
+    share,
+    sun_error,
+    sun_figures,
+    table,
+)
+from lighting.decoding import lighting_from_prediction
+from lighting.files.atomic import atomic_write
+from lighting.fusion.estimate import predict_photo
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
+from lighting.model import Model, figures_path
+from lighting.photo.reader import Photo, read_photo
+from lighting.records import ModelSpec
+
+# The tables that `python -m export evaluate` prints, in Markdown.
 
 ELEVATIONS = ((0, 20), (20, 45), (45, 90))  # deg, bins of the true sun
 IN_VIEW = ("sun in view", "sky in view", "no sky")
 
 
-def report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[str, Answers], ours: str) -> str:
+def format_report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[str, Answers], ours: str) -> str:
     """All tables of one protocol; `said` has each method's answers, `alone` those of the networks without lines."""
     scored = select(truth, truth.scored)
     answered = {name: select(a, truth.scored) for name, a in said.items()}
@@ -27,12 +56,12 @@ def report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[st
             "Sun [deg, nat]",
             figures_table({name: sun_figures(scored, a) for name, a in answered.items()}),
             "Median sun error with 95 % intervals: bootstrap over panoramas and over places",
-            intervals_table(scored, answered, ours),
+            _intervals_table(scored, answered, ours),
             "Each place counted alike, however many panoramas it has [deg]",
-            places_table(truth, said),
+            _places_table(truth, said),
             f"`{ours}` by true sun elevation, and by what is in view",
-            figures_table(breakdown(scored, answered[ours])),
-            *[f"`{name}` by the same\n\n{figures_table(breakdown(scored, answered[name]))}" for name in others],
+            figures_table(_breakdown(scored, answered[ours])),
+            *[f"`{name}` by the same\n\n{figures_table(_breakdown(scored, answered[name]))}" for name in others],
             "Camera and sky, over all crops [deg]",
             figures_table({name: camera_figures(truth, a) for name, a in cameras.items()}),
             "Camera as calibration papers score it: area under the recall of errors, and the horizon [%]",
@@ -51,7 +80,7 @@ def in_view_report(truth: Truth, said: dict[str, Answers], known: str) -> str:
     ours = next(iter(said))
     counts = f"{len(truth.sun)} crops of {len(np.unique(truth.panorama))} panoramas"
     rows = {name: sun_figures(truth, a) for name, a in said.items()}
-    heights = {name: figures for name, figures in breakdown(truth, said[ours]).items() if name not in IN_VIEW}
+    heights = {name: figures for name, figures in _breakdown(truth, said[ours]).items() if name not in IN_VIEW}
     return "\n\n".join(
         [
             f"## Sun in the picture: {counts} [deg, nat]",
@@ -65,7 +94,7 @@ def in_view_report(truth: Truth, said: dict[str, Answers], known: str) -> str:
     )
 
 
-def intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
+def _intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
     """Each method's median error with its intervals, and those of our median minus that of the method."""
     errors = {name: sun_error(truth, a) for name, a in said.items()}
     rows = []
@@ -78,7 +107,7 @@ def intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
     return table(["", "median", "over panoramas", "ours minus this", "over places", "ours minus this"], rows)
 
 
-def places_table(truth: Truth, said: dict[str, Answers]) -> str:
+def _places_table(truth: Truth, said: dict[str, Answers]) -> str:
     """Figures of the sun by place, over the crops that are scored, and of visibility over all."""
     scored = select(truth, truth.scored)
     heights = {name: chosen for name, chosen in bins(scored).items() if name not in IN_VIEW}
@@ -89,7 +118,7 @@ def places_table(truth: Truth, said: dict[str, Answers]) -> str:
     return figures_table(rows)
 
 
-def breakdown(truth: Truth, said: Answers) -> dict[str, dict[str, float]]:
+def _breakdown(truth: Truth, said: Answers) -> dict[str, dict[str, float]]:
     """Sun figures by true elevation and by what is in view."""
     return {n: sun_figures(select(truth, chosen), select(said, chosen)) for n, chosen in bins(truth).items()}
 
@@ -100,3 +129,116 @@ def bins(truth: Truth) -> dict[str, Bools]:
     found = {f"sun {low} to {high}°": (elevation >= low) & (elevation < high) for low, high in ELEVATIONS}
     found |= {name: truth.in_view == name for name in IN_VIEW}
     return {name: chosen for name, chosen in found.items() if chosen.any()}
+
+
+# Accuracy on ordinary photos whose true sun is known, as medians over scenes.
+
+COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation")
+HEIGHTS = ((-10, 10), (10, 20), (-10, 20), (20, 45), (45, 90))  # deg, bins of the true sun; refraction lifts some
+
+
+def _photo_suns(model: Model, photos: Sequence[Photo]) -> Floats:
+    """Directions (N, 3), decoded as users get them."""
+    return np.array([lighting_from_prediction(predict_photo(model, photo)).sun_direction for photo in photos])
+
+
+def photo_report(index: Path, models: dict[str, Model]) -> str:
+    """Tables of the real photos that `photos.csv` lists: medians over scenes, with direct sun and of all photos."""
+    rows = [row for row in read_table(index, COLUMNS) if row["sun_elevation"]]
+    elevation = np.array([float(r["sun_elevation"]) for r in rows])
+    truth = direction([float(r["sun_azimuth"] or "nan") for r in rows], np.maximum(elevation, 0.0))
+    scenes = np.array([r["group"] for r in rows])
+    photos = [read_photo(index.parent / r["file"]) for r in rows]
+    suns = {name: _photo_suns(model, photos) for name, model in models.items()}
+    direct = np.array([r.get("direct") == "yes" for r in rows])
+    known = np.isfinite(truth[:, 0])
+    parts = {"All that have an azimuth": known, "Direct sun": known & direct}
+    sections = [
+        f"{name}: {len(np.unique(scenes[chosen]))} scenes, {chosen.sum()} photos\n\n"
+        + figures_table({m: _photo_figures(truth[chosen], sun[chosen], scenes[chosen]) for m, sun in suns.items()})
+        for name, chosen in parts.items()
+        if chosen.any()
+    ]
+    if direct.any():
+        sections.append(
+            f"Elevation less the true one, direct sun, medians over scenes: {direct.sum()} photos\n\n"
+            + figures_table({m: _photo_bias(elevation, sun, scenes, direct) for m, sun in suns.items()})
+        )
+    return "\n\n".join(["## Real photos: medians over scenes [deg]", *sections])
+
+
+def _photo_bias(elevation: Floats, sun: Floats, scenes: Names, chosen: Bools) -> dict[str, float]:
+    """Median over scenes of how much too high the chosen suns are, by true elevation (N,)."""
+    off = angles(sun)[1] - elevation
+    found = {}
+    for low, high in HEIGHTS:
+        here = chosen & (elevation >= low) & (elevation < high)
+        found[f"{max(low, 0):g} to {high:g}°"] = _by_scene(off[here], scenes[here]) if here.any() else float("nan")
+    return found
+
+
+def _photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float]:
+    """Errors of suns (N, 3), medians over scenes."""
+    (azimuth, elevation), (true_azimuth, true_elevation) = angles(sun), angles(truth)
+    error = angle_between(truth, sun)
+    errors = {
+        "sun": error,
+        "azimuth": np.abs(wrap_azimuth(azimuth - true_azimuth)),
+        "elevation": np.abs(elevation - true_elevation),
+    }
+    return {key: _by_scene(value, scenes) for key, value in errors.items()} | {"photos < 45° %": share(error < 45)}
+
+
+def _by_scene(error: Floats, scenes: Names) -> float:
+    """Median over scenes of each scene's median."""
+    return median(np.array([np.median(error[scenes == scene]) for scene in np.unique(scenes)]))
+
+
+# The figures of a network that its model card states and that the service returns, as JSON beside the network.
+
+Figures = dict[str, float | None]
+
+SUN = {  # column of the report's table of the sun: name in the file
+    "crops": "crops",
+    "median": "sun_median",
+    "quartile 1": "sun_quartile_1",
+    "quartile 3": "sun_quartile_3",
+    "azimuth": "sun_azimuth_median",
+    "elevation": "sun_elevation_median",
+    "< 22.5° %": "within_22_5",
+    "< 45° %": "within_45",
+    "in 50 % region": "in_50_region",
+    "in 90 % region": "in_90_region",
+}
+CAMERA_AND_SKY = {
+    "elevation": "camera_elevation_median",
+    "roll": "camera_roll_median",
+    "fov": "vertical_fov_median",
+    "turbidity": "turbidity_median",
+    "exposure, stops": "exposure_median",
+}
+
+
+def stated_figures(truth: Truth, ours: Answers) -> Figures:
+    """Our network's figures for one protocol, rounded as the report prints them; None where nothing was measured."""
+    sun = sun_figures(select(truth, truth.scored), select(ours, truth.scored))
+    measured = ((sun, SUN), (camera_figures(truth, ours), CAMERA_AND_SKY))
+    return {name: _rounded(values[column], column) for values, names in measured for column, name in names.items()}
+
+
+def _rounded(value: float, column: str) -> float | None:
+    return round(value, decimals(column) or None) if math.isfinite(value) else None
+
+
+def write_figures(spec: ModelSpec, figures: dict[str, Figures], folder: Path) -> Path:
+    """Write the figures of each protocol into the network's folder; returns the file's path."""
+    record = {
+        "name": spec.name,
+        "version": spec.version,
+        "date": datetime.now(UTC).date().isoformat(),
+        "accuracy": {protocol: values for protocol, values in figures.items() if None not in values.values()},
+    }
+    target = figures_path(spec, folder)
+    with atomic_write(target) as path:
+        path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    return target

@@ -4,7 +4,7 @@ import math
 
 from torch import Tensor, nn
 
-from export.networks.layers import Said, nothing
+from export.networks.backbone import Said, nothing
 from lighting.model import PARAMETERS
 from lighting.records import ModelSpec
 

@@ -1,6 +1,6 @@
 """What several photos of one place make of the sun: overlapping sets, and how the errors of views correlate.
 
-The numbers in lighting/evidence/overlap.py are those with the least negative log density at the true suns of one half
+The numbers in lighting/fusion/likelihood.py are those with the least negative log density at the true suns of one half
 of the places that the network never saw, over groups of neighbours and groups dealt at random.
 """
 
@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from export.crops import PROTOCOLS, Camera, generator
-from export.data import Panorama
-from export.evaluation.intervals import clustered_error
+from export.crops.cameras import PROTOCOLS, Camera
+from export.crops.crops import generator
+from export.data.panoramas import Panorama
+from export.evaluation.metrics import clustered_error
 from export.reports.registration import (
     PHOTO_FOVS,
     PHOTO_HEIGHT,
@@ -26,14 +27,17 @@ from export.reports.registration import (
     photograph_sweep,
 )
 from lighting.decoding import sun_of
-from lighting.evidence import Evidence, Fused, fuse_together, said_of, seen_from
-from lighting.evidence.overlap import SUN, Correlation, axes, counts, multiplied
+from lighting.fusion.estimate import predict_photo
+from lighting.fusion.likelihood import SUN, Correlation, axes, effective_weights, pool_log_likelihoods, rotate_density
+from lighting.fusion.multi_view import fuse_views
+from lighting.fusion.single_view import Observations, Posterior
 from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
 from lighting.model import Model
-from lighting.photo import photo_of
+from lighting.photo.reader import photo_from_array
 from lighting.records import Prediction, SunEstimate
+from lighting.registration.features import detect_features
+from lighting.registration.photo_set import RegisteredView, ViewFeatures, register_views
 from lighting.sun_grid import grid_directions, grid_solid_angle
-from lighting.turns import Placed, Shot, features, place
 
 # Sets of 3 to 5 overlapping photos: their headings, their lens, and what that makes of the sun.
 
@@ -41,53 +45,53 @@ SET_SIZES = (3, 4, 5)
 
 
 @dataclass(frozen=True, eq=False)
-class PhotoSet:
+class _PhotoSet:
     """One set and all that was said of it."""
 
     taken: list[PanoramaPhoto]
     said: list[Prediction]
-    placed: tuple[Placed, ...]
-    matched: tuple[Fused, ...]  # with the turns by matches
-    true: tuple[Fused, ...]  # with the true headings
-    blind: tuple[Fused, ...]  # with unknown headings
+    placed: tuple[RegisteredView, ...]
+    matched: tuple[Posterior, ...]  # with the turns by matches
+    true: tuple[Posterior, ...]  # with the true headings
+    blind: tuple[Posterior, ...]  # with unknown headings
     sun: Floats | None  # (3,) true, from azimuth 0 of the panorama
 
 
-def fuse_sets(model: Model, panoramas: Sequence[Panorama]) -> list[PhotoSet]:
+def fuse_sets(model: Model, panoramas: Sequence[Panorama]) -> list[_PhotoSet]:
     """A set of each panorama, of 3, 4 and 5 photos in turn."""
     return [_fuse_set(model, p, SET_SIZES[i % len(SET_SIZES)]) for i, p in enumerate(tqdm(panoramas, unit="set"))]
 
 
-def _fuse_set(model: Model, panorama: Panorama, size: int) -> PhotoSet:
+def _fuse_set(model: Model, panorama: Panorama, size: int) -> _PhotoSet:
     taken = photograph_sweep(panorama, size, "set")
-    said = predict_sweep(model, taken)
-    placed = place(
+    said = _predict_sweep(model, taken)
+    placed = register_views(
         [
-            Shot(features(t.pixels), p.camera_elevation, p.camera_roll, p.vertical_fov)
+            ViewFeatures(detect_features(t.pixels), p.camera_elevation, p.camera_roll, p.vertical_fov)
             for t, p in zip(taken, said, strict=True)
         ]
     )
-    nothing, headings = [Evidence()] * size, [t.camera.azimuth for t in taken]
+    nothing, headings = [Observations()] * size, [t.camera.azimuth for t in taken]
     sun = None
     if panorama.sun_azimuth is not None and panorama.sun_elevation is not None:
         sun = direction(panorama.sun_azimuth, max(panorama.sun_elevation, 0.0))
-    return PhotoSet(
+    return _PhotoSet(
         taken,
         said,
         placed,
-        fuse_together(said, nothing, None, placed),
-        fuse_together(said, nothing, headings),
-        fuse_together(said, nothing),
+        fuse_views(said, nothing, None, placed),
+        fuse_views(said, nothing, headings),
+        fuse_views(said, nothing),
         sun,
     )
 
 
-def predict_sweep(model: Model, taken: Sequence[PanoramaPhoto]) -> list[Prediction]:
+def _predict_sweep(model: Model, taken: Sequence[PanoramaPhoto]) -> list[Prediction]:
     """What the network says of each photo alone."""
-    return [said_of(model, photo_of(t.pixels)) for t in taken]
+    return [predict_photo(model, photo_from_array(t.pixels)) for t in taken]
 
 
-def set_figures(found: Sequence[PhotoSet]) -> dict[str, float]:
+def set_figures(found: Sequence[_PhotoSet]) -> dict[str, float]:
     """Of all photos of all sets; angles in deg, shares in %."""
     heading = np.concatenate([_heading_errors(g) for g in found])
     known = np.isfinite(heading)
@@ -109,14 +113,14 @@ def set_figures(found: Sequence[PhotoSet]) -> dict[str, float]:
     }
 
 
-def set_sun_figures(found: Sequence[PhotoSet]) -> dict[str, dict[str, float]]:
+def set_sun_figures(found: Sequence[_PhotoSet]) -> dict[str, dict[str, float]]:
     """Errors of the sun over sets that have one, by what is known of the headings."""
     lit = [g for g in found if g.sun is not None]
     ways = {"headings unknown": "blind", "headings by matches": "matched", "true headings": "true"}
     return {name: _sun_row(lit, attribute) for name, attribute in ways.items()}
 
 
-def _sun_row(lit: Sequence[PhotoSet], attribute: str) -> dict[str, float]:
+def _sun_row(lit: Sequence[_PhotoSet], attribute: str) -> dict[str, float]:
     error = np.concatenate([_sun_errors(g, getattr(g, attribute)) for g in lit])
     answers = [f for g in lit for f in getattr(g, attribute)]
     return {
@@ -128,28 +132,28 @@ def _sun_row(lit: Sequence[PhotoSet], attribute: str) -> dict[str, float]:
     }
 
 
-def _suns(answers: Sequence[Fused]) -> Floats:
+def _suns(answers: Sequence[Posterior]) -> Floats:
     return direction([f.sun.azimuth for f in answers], [f.sun.elevation for f in answers])
 
 
-def _sun_errors(group: PhotoSet, answers: Sequence[Fused]) -> Floats:
+def _sun_errors(group: _PhotoSet, answers: Sequence[Posterior]) -> Floats:
     turned = [f.sun.azimuth + t.camera.azimuth for f, t in zip(answers, group.taken, strict=True)]
     assert group.sun is not None
     return angle_between(direction(turned, [f.sun.elevation for f in answers]), group.sun)
 
 
-def _connected(group: PhotoSet) -> bool:
+def _connected(group: _PhotoSet) -> bool:
     return len({p.group for p in group.placed}) == 1
 
 
-def _heading_errors(group: PhotoSet) -> Floats:
+def _heading_errors(group: _PhotoSet) -> Floats:
     """Errors (n - 1,) against the first photo, NaN for photos that are not connected with it."""
     true = np.array([t.camera.azimuth for t in group.taken])
     found = np.array([p.heading if p.group == group.placed[0].group else np.nan for p in group.placed])
     return np.abs(wrap_azimuth(found - (true - true[0])))[1:]
 
 
-def _fov_errors(group: PhotoSet) -> Floats:
+def _fov_errors(group: _PhotoSet) -> Floats:
     return np.array(
         [
             np.nan if p.vertical_fov is None else abs(p.vertical_fov - t.camera.vertical_fov)
@@ -158,7 +162,7 @@ def _fov_errors(group: PhotoSet) -> Floats:
     )
 
 
-def _network_fov_errors(group: PhotoSet) -> Floats:
+def _network_fov_errors(group: _PhotoSet) -> Floats:
     return np.array([abs(p.vertical_fov - t.camera.vertical_fov) for p, t in zip(group.said, group.taken, strict=True)])
 
 
@@ -179,7 +183,7 @@ _MIN_DENSITY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class PanoramaViews:
+class _PanoramaViews:
     """What the views of one panorama say, in its frame."""
 
     log: Floats  # (n, N) log densities over the cells
@@ -189,7 +193,7 @@ class PanoramaViews:
     place: str
 
 
-def predict_panoramas(model: Model, panoramas: Sequence[Panorama], *, tilted: bool = False) -> list[PanoramaViews]:
+def predict_panoramas(model: Model, panoramas: Sequence[Panorama], *, tilted: bool = False) -> list[_PanoramaViews]:
     """The views of panoramas whose sun is known."""
     around = _tilted if tilted else _around
     return [_predict_panorama(model, panorama, around(panorama)) for panorama in tqdm(panoramas, unit="panorama")]
@@ -200,15 +204,15 @@ def has_certain_sun(panorama: Panorama) -> bool:
     return panorama.sun_azimuth is not None and (panorama.sun_uncertainty or np.inf) <= CERTAIN_SUN
 
 
-def _predict_panorama(model: Model, panorama: Panorama, taken: Sequence[PanoramaPhoto]) -> PanoramaViews:
-    said = predict_sweep(model, taken)
+def _predict_panorama(model: Model, panorama: Panorama, taken: Sequence[PanoramaPhoto]) -> _PanoramaViews:
+    said = _predict_sweep(model, taken)
     azimuth = np.array([t.camera.azimuth for t in taken])
     layout = model.spec.sun_grid
-    density = [seen_from(p.sun_probability, -a, layout) for p, a in zip(said, azimuth, strict=True)]
+    density = [rotate_density(p.sun_probability, -a, layout) for p, a in zip(said, azimuth, strict=True)]
     assert panorama.sun_azimuth is not None
     assert panorama.sun_elevation is not None
     sun = direction(panorama.sun_azimuth, max(panorama.sun_elevation, 0.0))
-    return PanoramaViews(np.log(np.maximum(density, _MIN_DENSITY)), azimuth, said, sun, panorama.place)
+    return _PanoramaViews(np.log(np.maximum(density, _MIN_DENSITY)), azimuth, said, sun, panorama.place)
 
 
 def _around(panorama: Panorama) -> list[PanoramaPhoto]:
@@ -232,13 +236,13 @@ def _tilted(panorama: Panorama) -> list[PanoramaPhoto]:
     return [PanoramaPhoto(photograph_panorama(linear, camera, np.ones(3), VIEW_ROWS), camera) for camera in cameras]
 
 
-def deal_groups(views: Sequence[PanoramaViews], size: int, kind: str) -> list[tuple[PanoramaViews, Indices]]:
+def _deal_groups(views: Sequence[_PanoramaViews], size: int, kind: str) -> list[tuple[_PanoramaViews, Indices]]:
     """Groups of views, several of each panorama."""
     rng = np.random.default_rng(size)
     return [(v, part) for v in views for part in _dealt(v, size, kind, rng)]
 
 
-def _dealt(views: PanoramaViews, size: int, kind: str, rng: np.random.Generator) -> list[Indices]:
+def _dealt(views: _PanoramaViews, size: int, kind: str, rng: np.random.Generator) -> list[Indices]:
     count = len(views.said)
     if size == count:
         return [np.arange(count)]
@@ -253,17 +257,17 @@ def group_kinds(size: int) -> tuple[str, ...]:
     return GROUP_KINDS if 1 < size < VIEWS_EACH else GROUP_KINDS[:1]
 
 
-def fit_correlation(views: Sequence[PanoramaViews]) -> dict[str, float]:
+def fit_correlation(views: Sequence[_PanoramaViews]) -> dict[str, float]:
     """The numbers with the least mean negative log density [nat], that, and what those that ship give."""
     loss = {
-        (far, misled): mean_log_loss(views, Correlation(far, misled))
+        (far, misled): _mean_log_loss(views, Correlation(far, misled))
         for far, misled in itertools.product(CORRELATIONS_FAR, OUTLIER_RATES)
     }
     far, misled = min(loss, key=lambda pair: loss[pair])
-    return {"far": far, "misled": misled, "NLL": loss[far, misled], "NLL, as shipped": mean_log_loss(views, SUN)}
+    return {"far": far, "misled": misled, "NLL": loss[far, misled], "NLL, as shipped": _mean_log_loss(views, SUN)}
 
 
-def cross_fit_correlation(views: Sequence[PanoramaViews]) -> dict[str, dict[str, float]]:
+def cross_fit_correlation(views: Sequence[_PanoramaViews]) -> dict[str, dict[str, float]]:
     """What each half of the places teaches, and what that gives on the other one."""
     own = [[v for v in views if zlib.crc32(v.place.encode()) % 2 == half] for half in (0, 1)]
     if not all(own):
@@ -271,36 +275,36 @@ def cross_fit_correlation(views: Sequence[PanoramaViews]) -> dict[str, dict[str,
     learnt = [fit_correlation(part) for part in own]
     return {
         f"half {half + 1} of the places": known
-        | {"NLL of the other half": mean_log_loss(own[1 - half], Correlation(known["far"], known["misled"]))}
+        | {"NLL of the other half": _mean_log_loss(own[1 - half], Correlation(known["far"], known["misled"]))}
         for half, known in enumerate(learnt)
     }
 
 
-def mean_log_loss(views: Sequence[PanoramaViews], correlation: Correlation) -> float:
+def _mean_log_loss(views: Sequence[_PanoramaViews], correlation: Correlation) -> float:
     """The mean negative log density [nat] at the true suns over all sizes and kinds of groups, which count alike."""
-    dealt = [deal_groups(views, size, kind) for size in VIEW_COUNTS[1:] for kind in group_kinds(size)]
+    dealt = [_deal_groups(views, size, kind) for size in VIEW_COUNTS[1:] for kind in group_kinds(size)]
     return float(np.mean([np.mean([_loss(v, part, correlation) for v, part in d]) for d in dealt]))
 
 
-def _together(views: PanoramaViews, part: Indices, correlation: Correlation) -> Floats:
+def _together(views: _PanoramaViews, part: Indices, correlation: Correlation) -> Floats:
     """Probabilities (N,) of the cells by some of the views."""
-    share = counts(*axes([views.said[i] for i in part], views.azimuth[part]), correlation)
-    return multiplied(views.log[part], share, correlation, grid_solid_angle(views.said[0].spec.sun_grid))
+    share = effective_weights(*axes([views.said[i] for i in part], views.azimuth[part]), correlation)
+    return pool_log_likelihoods(views.log[part], share, correlation, grid_solid_angle(views.said[0].spec.sun_grid))
 
 
-def _loss(views: PanoramaViews, part: Indices, correlation: Correlation) -> float:
+def _loss(views: _PanoramaViews, part: Indices, correlation: Correlation) -> float:
     layout = views.said[0].spec.sun_grid
     cell = int(np.argmax(grid_directions(layout) @ views.sun))
     density = _together(views, part, correlation)[cell] / grid_solid_angle(layout)[cell]
     return float(-np.log(max(density, _MIN_DENSITY)))
 
 
-def region_coverage(views: Sequence[PanoramaViews], size: int, kind: str) -> dict[str, float]:
+def region_coverage(views: Sequence[_PanoramaViews], size: int, kind: str) -> dict[str, float]:
     """Error [deg] and shares [%] inside the regions of groups, as shipped; each group counts alike, as in `evaluate`.
 
     `+-` is the standard error of a share by which places were chosen.
     """
-    dealt = deal_groups(views, size, kind)
+    dealt = _deal_groups(views, size, kind)
     suns = [_fused_sun(v, part) for v, part in dealt]
     error = np.array(
         [angle_between(v.sun, direction(s.azimuth, s.elevation)) for (v, _), s in zip(dealt, suns, strict=True)]
@@ -319,5 +323,5 @@ def region_coverage(views: Sequence[PanoramaViews], size: int, kind: str) -> dic
     }
 
 
-def _fused_sun(views: PanoramaViews, part: Indices) -> SunEstimate:
+def _fused_sun(views: _PanoramaViews, part: Indices) -> SunEstimate:
     return sun_of(replace(views.said[0], sun_probability=_together(views, part, SUN)))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from export.arguments import PHOTO_SET_PARTS
-from export.data import DataError, Panorama, read_index
-from export.evaluation.tables import table
+from export import PHOTO_SET_PARTS
+from export.data.panoramas import DataError, Panorama, read_index
+from export.evaluation.metrics import table
 from export.reports.multi_view import (
     GROUP_KINDS,
     TILTED_EACH,

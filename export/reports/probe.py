@@ -16,23 +16,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import luminance
-from lighting.envmap import render, sun_irradiance
-from lighting.evidence import sun_position
+from lighting.color import luminance
+from lighting.envmap.render import render
+from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import Floats, angle_between, camera_axes, direction, latlong_directions
-from lighting.photo import LinearPhoto
-from lighting.probe.align import yaw_rotation
-from lighting.probe.develop import Probe, make_probe, make_series
-from lighting.probe.exposures import Bracket, bracket_of
-from lighting.probe.lens import Kind, Lens, lens_directions, lens_of, lens_pixels
-from lighting.probe.mapping import to_latlong
-from lighting.probe.orientation import SUN_CLEARANCE, Orientation, Scan, log_errors, orient
-from lighting.probe.ratios import clipped
-from lighting.probe.settings import Moment, Settings
+from lighting.photo.linear import LinearPhoto
+from lighting.probe.alignment import SUN_CLEARANCE, ProbeOrientation, Scan, log_errors, orient, yaw_rotation
+from lighting.probe.bracket import Bracket, bracket_of
+from lighting.probe.develop import BracketSettings, Moment, Probe, make_probe, make_series
+from lighting.probe.fisheye import Kind, Lens, fisheye_lens, lens_directions, lens_pixels, to_latlong
+from lighting.probe.hdr_merge import clipped
 from lighting.records import GROUND_ALBEDO, Lighting
 from lighting.sky.cie import general_luminance, overcast_luminance
 from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.sky.perez import perez_luminance
+from lighting.solar_position import sun_position
 
 # Bracketed exposures of known skies: a camera in front of a rendered map, with its noise and its bits.
 
@@ -95,7 +93,7 @@ def expose_bracket(
     return photos
 
 
-def bracket_gain(picture: NDArray[np.float32], camera: BracketCamera, times: Sequence[float] = BRACKET_TIMES) -> float:
+def _bracket_gain(picture: NDArray[np.float32], camera: BracketCamera, times: Sequence[float] = BRACKET_TIMES) -> float:
     """Merged radiance / true radiance of such a bracket."""
     return camera.fill / (float(picture.max()) * min(times))
 
@@ -143,7 +141,7 @@ SCAN_MODELS: dict[str, SkyShape] = {
 }
 
 
-def scan_residuals(scans: list[Scan], sense: int, offset: float, model: SkyShape) -> Floats:
+def _scan_residuals(scans: list[Scan], sense: int, offset: float, model: SkyShape) -> Floats:
     """Relative error (S,) of a model at its best in each scan: root mean square of the logarithm, free of scale."""
     result = []
     for scan in scans:
@@ -157,13 +155,13 @@ def _rms(error: Floats) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-def report_scans(path: Path = SCANS) -> str:
+def _report_scans(path: Path = SCANS) -> str:
     """What the scans say, as tables in Markdown."""
     parts = []
     for day, scans in read_sky_scans(path).items():
         found = orient(scans)
         sense = "clockwise" if found.sense > 0 else "counter-clockwise"
-        far = offset_along_sky(scans, found, found.offset)
+        far = _offset_along_sky(scans, found, found.offset)
         parts.append(
             f"### {day}, {len(scans)} scans\n\nazimuths run {sense} from {found.offset:.1f}° (error {found.error:.3f}, "
             f"the other sense {found.other:.3f}); each scan alone says {found.offsets.min():.0f} to "
@@ -171,13 +169,13 @@ def report_scans(path: Path = SCANS) -> str:
             f"most {far:.1f}° from it\n\n| model | median error | least | largest |\n|---|---:|---:|---:|"
         )
         for name, model in SCAN_MODELS.items():
-            error = 100 * scan_residuals(scans, found.sense, found.offset, model)
+            error = 100 * _scan_residuals(scans, found.sense, found.offset, model)
             parts.append(f"| {name} | {np.median(error):.0f} % | {error.min():.0f} % | {error.max():.0f} % |")
         parts.append("")
     return "\n".join(parts)
 
 
-def offset_along_sky(scans: list[Scan], found: Orientation, offset: float) -> float:
+def _offset_along_sky(scans: list[Scan], found: ProbeOrientation, offset: float) -> float:
     """How far [deg] along the sky, at the sun's height, a single scan's azimuths are at most from those by `offset`."""
     height = np.radians([scan.sun[1] for scan in scans])
     return float(np.max(np.abs(found.offsets - offset) * np.cos(height)))
@@ -196,7 +194,7 @@ _DARK = 0.05  # quantile that counts as the darkest sky
 
 
 @dataclass(frozen=True)
-class BracketErrors:
+class _BracketErrors:
     """A merged synthetic bracket against its truth."""
 
     sky: float  # root mean square of the relative error over the sky
@@ -213,9 +211,9 @@ def clear_sky_at(moment: Moment) -> Lighting:
     return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=TURBIDITY, exposure=1.0)
 
 
-def measure_bracket(
+def _measure_bracket(
     camera: BracketCamera, moment: Moment, lens: Lens, yaw: float, seed: int = 0, times: Sequence[float] = BRACKET_TIMES
-) -> BracketErrors:
+) -> _BracketErrors:
     """Photograph a clear sky, merge it and compare."""
     lighting, rotation = clear_sky_at(moment), yaw_rotation(yaw)
     picture = photograph_sky(lighting, lens, rotation)
@@ -223,21 +221,21 @@ def measure_bracket(
     probe = make_probe(bracket, moment, _settings(lens))
     assert probe.spot is not None
     assert probe.alignment is not None
-    gain = bracket_gain(picture, camera, times)
+    gain = _bracket_gain(picture, camera, times)
     power = probe.spot.irradiance / gain / sun_irradiance(lighting) - 1
     longest = bracket.photos[-1]
     single = to_latlong(longest.pixels / np.float32(times[-1]), clipped(longest), lens, rotation, MAP_HEIGHT)[0]
-    return BracketErrors(
-        sky=sky_error(probe.image, lighting, gain),
-        alone=sky_error(single, lighting, gain),
+    return _BracketErrors(
+        sky=_sky_error(probe.image, lighting, gain),
+        alone=_sky_error(single, lighting, gain),
         steps=float(np.quantile(picture[picture.any(axis=-1), 0], _DARK) * gain * times[-1] / longest.step),
         sun=float(np.abs(power).max()),
         clipped=probe.spot.clipped,
-        turn=rotation_between(probe.alignment.rotation, rotation),
+        turn=_rotation_between(probe.alignment.rotation, rotation),
     )
 
 
-def sky_error(image: NDArray[np.float32], lighting: Lighting, gain: float) -> float:
+def _sky_error(image: NDArray[np.float32], lighting: Lighting, gain: float) -> float:
     """Relative root mean square over the sky above 5 deg and 5 deg from the sun, of a map (H, 2H, 3)."""
     towards = latlong_directions(len(image))
     sky = (towards[..., 1] > np.sin(np.radians(5))) & (angle_between(towards, lighting.sun_direction) > 5)
@@ -245,7 +243,7 @@ def sky_error(image: NDArray[np.float32], lighting: Lighting, gain: float) -> fl
     return float(np.sqrt(np.mean((image[sky] / gain / truth - 1) ** 2)))
 
 
-def rotation_between(a: Floats, b: Floats) -> float:
+def _rotation_between(a: Floats, b: Floats) -> float:
     """The angle [deg] of the rotation between two."""
     return float(np.degrees(np.arccos(np.clip((np.trace(a @ b.T) - 1) / 2, -1, 1))))
 
@@ -255,10 +253,10 @@ def _merging_table() -> Iterator[str]:
     yield f"## Seven exposures of 1/8000 to 1 s, {PICTURE_SIDE} x {PICTURE_SIDE} pixels, map of {MAP_HEIGHT} rows\n"
     yield "| bits | exposed for | sky, relative RMSE | sun's irradiance | the probe says | alignment |"
     yield "|---:|---|---:|---:|---|---:|"
-    lens, moment = lens_of("equidistant", PICTURE_SIDE, PICTURE_SIDE), Moment(SKY_DAY, *SKY_PLACE)
+    lens, moment = fisheye_lens("equidistant", PICTURE_SIDE, PICTURE_SIDE), Moment(SKY_DAY, *SKY_PLACE)
     for bits in (8, 12, 14):
         for fill, name in ((0.8, "the sun"), (SKY_FILL, "the sky")):
-            got = measure_bracket(BracketCamera(bits, fill), moment, lens, 40.0)
+            got = _measure_bracket(BracketCamera(bits, fill), moment, lens, 40.0)
             sun = "-" if got.clipped else f"{100 * got.sun:.1f} %"
             yield (
                 f"| {bits} | {name} | {100 * got.sky:.1f} % | {sun} | {'clipped' if got.clipped else 'not clipped'} "
@@ -271,10 +269,10 @@ def _rounding_table() -> Iterator[str]:
     yield "\n## Seven exposures from 1/8000 s on, exposed for the sun\n"
     yield "| bits | longest | rounding steps in the darkest sky | sky, relative RMSE | by the longest exposure alone |"
     yield "|---:|---:|---:|---:|---:|"
-    lens, moment = lens_of("equidistant", PICTURE_SIDE, PICTURE_SIDE), Moment(SKY_DAY, *SKY_PLACE)
+    lens, moment = fisheye_lens("equidistant", PICTURE_SIDE, PICTURE_SIDE), Moment(SKY_DAY, *SKY_PLACE)
     for bits, longest in ((8, 1), (8, 2), (8, 4), (9, 1), (10, 1), (12, 1)):
         times = np.geomspace(BRACKET_TIMES[0], longest, len(BRACKET_TIMES))
-        got = measure_bracket(BracketCamera(bits), moment, lens, 40.0, times=times.tolist())
+        got = _measure_bracket(BracketCamera(bits), moment, lens, 40.0, times=times.tolist())
         yield f"| {bits} | {longest} s | {got.steps:.1f} | {100 * got.sky:.1f} % | {100 * got.alone:.1f} % |"
 
 
@@ -283,10 +281,10 @@ def _heights_table() -> Iterator[str]:
     yield "\n## Seven exposures of 8 bits, 1/8000 to 1 s, exposed for the sun\n"
     yield "| sun's height | rounding steps in the darkest sky | sky, relative RMSE | by the longest exposure alone |"
     yield "|---:|---:|---:|---:|"
-    lens = lens_of("equidistant", PICTURE_SIDE, PICTURE_SIDE)
+    lens = fisheye_lens("equidistant", PICTURE_SIDE, PICTURE_SIDE)
     for hours in (-3, 6, 0, 3):
         moment = Moment(SKY_DAY + timedelta(hours=hours), *SKY_PLACE)
-        got = measure_bracket(BracketCamera(8), moment, lens, 40.0)
+        got = _measure_bracket(BracketCamera(8), moment, lens, 40.0)
         yield f"| {moment.sun[1]:.0f}° | {got.steps:.1f} | {100 * got.sky:.1f} % | {100 * got.alone:.1f} % |"
 
 
@@ -296,7 +294,9 @@ def _alignment_tables() -> Iterator[str]:
     yield "| lens | yaw | error |\n|---|---:|---:|"
     for index, (kind, width) in enumerate(_LENSES):
         yaw, height = 30.0 + 77.0 * index, PICTURE_SIDE
-        got = measure_bracket(BracketCamera(14), Moment(SKY_DAY, *SKY_PLACE), lens_of(kind, width, height), yaw, index)
+        got = _measure_bracket(
+            BracketCamera(14), Moment(SKY_DAY, *SKY_PLACE), fisheye_lens(kind, width, height), yaw, index
+        )
         yield f"| {kind} | {yaw:.0f}° | {got.turn:.2f}° |"
     yield "\nSeries of seven hours, sun clipped; what is told of the camera: upright, 180°, not mirrored:\n"
     yield "| tilt | field of view | mirrored | error of the turn | found: tilt | field of view | mirrored |"
@@ -313,22 +313,22 @@ _LENSES: Sequence[tuple[Kind, int]] = (
 )
 
 
-def synthetic_series(tilt: float, fov: float, mirrored: bool) -> tuple[list[Probe], Floats]:
+def _synthetic_series(tilt: float, fov: float, mirrored: bool) -> tuple[list[Probe], Floats]:
     """The probes of a synthetic series, and the true rotation: yaw 70 deg after a tilt towards the north-east."""
-    lens = lens_of("equidistant", SERIES_SIDE, SERIES_SIDE, fov=fov, mirrored=mirrored)
+    lens = fisheye_lens("equidistant", SERIES_SIDE, SERIES_SIDE, fov=fov, mirrored=mirrored)
     rotation = yaw_rotation(70.0) @ _tilted(tilt)
     moments = [Moment(SKY_DAY + timedelta(hours=hour - 2), *SKY_PLACE) for hour in range(7)]
     rng = np.random.default_rng(5)
     readers = [partial(_bracket, clear_sky_at(moment), lens, rotation, rng) for moment in moments]
-    told = Settings(height=128)
+    told = BracketSettings(height=128)
     return list(make_series(readers, moments, told)), rotation
 
 
 def _series_row(tilt: float, fov: float, mirrored: bool) -> str:
-    probes, rotation = synthetic_series(tilt, fov, mirrored)
+    probes, rotation = _synthetic_series(tilt, fov, mirrored)
     found = probes[0].alignment
     assert found is not None
-    error = rotation_between(found.rotation, rotation)
+    error = _rotation_between(found.rotation, rotation)
     return (
         f"| {tilt:.0f}° | {fov:.0f}° | {_yes(mirrored)} | {error:.2f}° | {found.tilt:.2f}° | {found.lens.fov:.1f}° "
         f"| {_yes(found.lens.mirrored)} |"
@@ -355,11 +355,11 @@ def report_probe() -> Iterator[str]:
     yield from _heights_table()
     yield from _alignment_tables()
     yield "\n## Scans of the real sky\n"
-    yield report_scans()
+    yield _report_scans()
 
 
-def _settings(lens: Lens) -> Settings:
-    return Settings(
+def _settings(lens: Lens) -> BracketSettings:
+    return BracketSettings(
         kind=lens.kind, fov=lens.fov, centre=lens.centre, radius=lens.radius, pitch=lens.pitch, height=MAP_HEIGHT
     )
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from export.crops import Camera, automatic_gain, generator, pinhole
-from export.data import Panorama, linear_of, read_picture
-from export.towns.llvm import find_llvm
-from export.towns.mesh import Mesh
-from export.towns.place import EYE, place
-from lighting.colour import tone_map
-from lighting.envmap import render
+from export.crops.cameras import Camera, pinhole
+from export.crops.crops import automatic_gain, generator
+from export.data.panoramas import Panorama, linear_of, read_picture
+from export.data.path_tracing import find_llvm
+from export.data.procedural_towns import EYE, Mesh, place
+from lighting.color import tone_map
+from lighting.envmap.render import render
 from lighting.geometry import (
     Floats,
     Pinhole,
@@ -32,9 +32,11 @@ from lighting.geometry import (
     wrap_azimuth,
 )
 from lighting.records import Lighting
+from lighting.registration.features import Features, detect_features
+from lighting.registration.photo_set import GUESSED_FOV_SIGMA
+from lighting.registration.rotations import own_axes
+from lighting.registration.two_view import Turn, relative_rotation
 from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sun_radiance
-from lighting.turns import GUESSED_FOV_SIGMA, Features, Turn, features, relative_rotation
-from lighting.turns.upright import own_axes
 
 # Photos of panoramas.
 
@@ -60,14 +62,14 @@ def photograph_sweep(panorama: Panorama, count: int, purpose: str) -> list[Panor
     cameras = []
     for _ in range(count):
         cameras.append(Camera(float(azimuth), rng.uniform(-10, 15), rng.normal(0, 2), fov, PHOTO_WIDTH / PHOTO_HEIGHT))
-        azimuth = azimuth + side * sweep_width(fov) * (1 - rng.uniform(*SWEEP_OVERLAPS))
+        azimuth = azimuth + side * _sweep_width(fov) * (1 - rng.uniform(*SWEEP_OVERLAPS))
     picture = expose_panorama(panorama)
     return [
         PanoramaPhoto(photograph_panorama(picture, camera, rng.uniform(*PHOTO_GAINS, 3)), camera) for camera in cameras
     ]
 
 
-def sweep_width(vertical_fov: float) -> float:
+def _sweep_width(vertical_fov: float) -> float:
     """Horizontal field of view [deg] of a photo of the set."""
     return float(2 * np.degrees(np.arctan(np.tan(np.radians(vertical_fov / 2)) * PHOTO_WIDTH / PHOTO_HEIGHT)))
 
@@ -75,10 +77,10 @@ def sweep_width(vertical_fov: float) -> float:
 def expose_panorama(panorama: Panorama) -> NDArray[np.float32]:
     """Linear values (H, 2H, 3) of which the bright parts are near white."""
     linear = linear_of(panorama, read_picture(panorama))
-    return linear if panorama.kind == "ldr" else scale_to_white(linear)
+    return linear if panorama.kind == "ldr" else _scale_to_white(linear)
 
 
-def scale_to_white(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+def _scale_to_white(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """Scene-referred values (H, W, 3) times a number that brings their bright parts near white."""
     return np.asarray(linear * automatic_gain(linear), dtype=np.float32)
 
@@ -123,7 +125,7 @@ class Standpoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Daylight:
+class _Daylight:
     """The light of a clear sky."""
 
     sun: Floats  # (3,) direction
@@ -132,7 +134,7 @@ class Daylight:
     dome: NDArray[np.float32]  # (DOME, 2 DOME, 3) radiance
 
     @classmethod
-    def of(cls, light: Lighting) -> "Daylight":
+    def of(cls, light: Lighting) -> "_Daylight":
         """That of a record."""
         dome = render(light, SKY_ROWS, sun=False)
         upwards = latlong_directions(SKY_ROWS)[..., 1:2]
@@ -152,7 +154,7 @@ class WalkableTown:
         rng = np.random.default_rng([21, number])
         meshes = place(rng)
         own = Lighting(float(rng.uniform(-180, 180)), float(rng.uniform(15, 60)), turbidity=3.0, exposure=0.02)
-        self.light = Daylight.of(own)
+        self.light = _Daylight.of(own)
         self.lattice = rng.random((REPEATS, REPEATS, REPEATS)).astype(np.float32)
         self.colours = np.concatenate([mesh.albedo for mesh in meshes])
         self.scene = mi.load_dict({"type": "scene", "things": _quad_mesh(mi, meshes)})
@@ -162,7 +164,7 @@ class WalkableTown:
         towards = camera_directions(Pinhole(2 * width, 2 * height, at.vertical_fov, at.azimuth, at.elevation, at.roll))
         linear = self._radiance(towards.reshape(-1, 3), (at.position[0], EYE, at.position[1]))
         mean = linear.reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
-        return np.asarray(tone_map(scale_to_white(mean)))
+        return np.asarray(tone_map(_scale_to_white(mean)))
 
     def is_clear(self, at: Standpoint, arm: float = 1.5) -> bool:
         """Whether nothing in view is nearer than an arm [m], but for a tenth of the picture."""
@@ -233,7 +235,7 @@ LENS_GUESS_STD = 5.0  # deg, standard deviation of the field of view that a netw
 
 
 @dataclass(frozen=True)
-class PairAnswer:
+class _PairAnswer:
     """What was found of one pair; None where nothing was said."""
 
     turn: Turn | None
@@ -264,19 +266,19 @@ class PairAnswer:
         return float("nan") if self.turn is None else abs(self.turn.vertical_fov[0] - self.first.vertical_fov)
 
 
-def match_sweeps(panoramas: Sequence[Panorama]) -> tuple[list[PairAnswer], list[Turn | None]]:
+def match_sweeps(panoramas: Sequence[Panorama]) -> tuple[list[_PairAnswer], list[Turn | None]]:
     """The answers about two overlapping photos of each panorama, and about one of each with one of the next."""
     answers, shown = [], []
     for panorama in tqdm(panoramas, unit="pair"):
         a, b = photograph_sweep(panorama, 2, "pair")
-        seen = features(a.pixels), features(b.pixels)
+        seen = detect_features(a.pixels), detect_features(b.pixels)
         shown.append(seen)
-        answers.append(PairAnswer(relative_rotation(*seen), a.camera, b.camera))
+        answers.append(_PairAnswer(relative_rotation(*seen), a.camera, b.camera))
     strangers = [relative_rotation(a[0], b[1]) for a, b in zip(shown, [*shown[1:], shown[0]], strict=True)]
     return answers, strangers
 
 
-def match_zooms(panoramas: Sequence[Panorama]) -> Iterator[PairAnswer]:
+def match_zooms(panoramas: Sequence[Panorama]) -> Iterator[_PairAnswer]:
     """The answers about two photos of each panorama, the second through a longer lens."""
     for panorama in tqdm(panoramas, unit="zoom"):
         rng = generator(panorama.name, 2, "zoom")
@@ -290,9 +292,9 @@ def match_zooms(panoramas: Sequence[Panorama]) -> Iterator[PairAnswer]:
             0.5 * (a.vertical_fov + b.vertical_fov) + rng.normal(0, LENS_GUESS_STD),
         )
         first, second = (
-            features(photograph_panorama(picture, camera, rng.uniform(*PHOTO_GAINS, 3))) for camera in (a, b)
+            detect_features(photograph_panorama(picture, camera, rng.uniform(*PHOTO_GAINS, 3))) for camera in (a, b)
         )
-        yield PairAnswer(relative_rotation(first, second, fov, fov, GUESSED_FOV_SIGMA), a, b)
+        yield _PairAnswer(relative_rotation(first, second, fov, fov, GUESSED_FOV_SIGMA), a, b)
 
 
 def _two_lenses(rng: np.random.Generator) -> tuple[float, float]:
@@ -300,35 +302,38 @@ def _two_lenses(rng: np.random.Generator) -> tuple[float, float]:
     return fov, float(2 * np.degrees(np.arctan(np.tan(np.radians(fov / 2)) / rng.uniform(*ZOOMS))))
 
 
-def match_walks(count: int) -> Iterator[PairAnswer]:
+def match_walks(count: int) -> Iterator[_PairAnswer]:
     """The answers about two photos of each of `count` rendered places, from standpoints some steps apart."""
     for number in tqdm(range(count), unit="walk"):
-        (a, first), (b, second) = photograph_walk(number)
+        (a, first), (b, second) = _photograph_walk(number)
         rng = np.random.default_rng([6, number])
         fov = first.vertical_fov + rng.normal(0, LENS_GUESS_STD)
-        yield PairAnswer(relative_rotation(a, b, fov, fov, GUESSED_FOV_SIGMA), first, second)
+        yield _PairAnswer(relative_rotation(a, b, fov, fov, GUESSED_FOV_SIGMA), first, second)
 
 
-def photograph_walk(number: int) -> list[tuple[Features, Camera]]:
+def _photograph_walk(number: int) -> list[tuple[Features, Camera]]:
     """Two photos of a walk, neither with something just before the lens."""
     walk, rng = WalkableTown(number), np.random.default_rng([5, number])
     for _ in range(60):
         pair = _standpoints(rng)
         if all(walk.is_clear(at) for at in pair):
             break
-    return [(features(walk.photo(at, PHOTO_WIDTH, PHOTO_HEIGHT)), at.camera(PHOTO_WIDTH / PHOTO_HEIGHT)) for at in pair]
+    return [
+        (detect_features(walk.photo(at, PHOTO_WIDTH, PHOTO_HEIGHT)), at.camera(PHOTO_WIDTH / PHOTO_HEIGHT))
+        for at in pair
+    ]
 
 
 def _standpoints(rng: np.random.Generator) -> tuple[Standpoint, Standpoint]:
     fov = rng.uniform(40, 65)
-    turn = sweep_width(fov) * (1 - rng.uniform(*WALKED_OVERLAPS)) * rng.choice([-1, 1])
+    turn = _sweep_width(fov) * (1 - rng.uniform(*WALKED_OVERLAPS)) * rng.choice([-1, 1])
     azimuth, step, way = rng.uniform(-180, 180), rng.uniform(*WALK_STEPS), rng.uniform(0, 2 * np.pi)
     there = (float(step * np.sin(way)), float(step * np.cos(way)))
     tilts = [(rng.uniform(-WALK_ELEVATIONS, WALK_ELEVATIONS), rng.normal(0, 2)) for _ in range(2)]
     return Standpoint((0.0, 0.0), azimuth, *tilts[0], fov), Standpoint(there, azimuth + turn, *tilts[1], fov)
 
 
-def pair_figures(answers: Sequence[PairAnswer]) -> dict[str, float]:
+def pair_figures(answers: Sequence[_PairAnswer]) -> dict[str, float]:
     """Quantiles of the errors [deg], and shares [%] of the pairs."""
     said = [a for a in answers if a.turn is not None]
     heading = np.array([a.heading_error for a in said])
@@ -347,9 +352,9 @@ def pair_figures(answers: Sequence[PairAnswer]) -> dict[str, float]:
     }
 
 
-def split_by_overlap(answers: Sequence[PairAnswer]) -> dict[str, list[PairAnswer]]:
+def split_by_overlap(answers: Sequence[_PairAnswer]) -> dict[str, list[_PairAnswer]]:
     """The answers in thirds of the overlap."""
-    share = np.array([1 - _heading_between(a) / sweep_width(a.first.vertical_fov) for a in answers])
+    share = np.array([1 - _heading_between(a) / _sweep_width(a.first.vertical_fov) for a in answers])
     edges = (0.25, 0.4, 0.55, 0.71)
     return {
         f"overlap {100 * low:.0f} to {100 * high:.0f} %": [
@@ -359,5 +364,5 @@ def split_by_overlap(answers: Sequence[PairAnswer]) -> dict[str, list[PairAnswer
     }
 
 
-def _heading_between(answer: PairAnswer) -> float:
+def _heading_between(answer: _PairAnswer) -> float:
     return abs(float(wrap_azimuth(answer.second.azimuth - answer.first.azimuth)))

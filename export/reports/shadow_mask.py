@@ -11,15 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.crops import automatic_gain
-from export.evaluation.tables import figures_table
-from export.towns import RenderedPlace, random_place, random_sky
-from lighting.colour import SRGB_LINEAR, luminance, tone_map
-from lighting.envmap import lit_ground, row_levels, sky_irradiance, sun_irradiance
+from export.crops.crops import automatic_gain
+from export.data.path_tracing import RenderedPlace, random_sky
+from export.data.procedural_towns import place
+from export.evaluation.metrics import figures_table
+from lighting.color import SRGB_LINEAR, luminance, tone_map
+from lighting.envmap.latlong import row_levels
+from lighting.envmap.render import sky_irradiance
+from lighting.envmap.shadow_mask import ground_shadow_mask
+from lighting.envmap.sun_disc import sun_irradiance
+from lighting.estimator import Estimator
 from lighting.geometry import Floats, Pinhole, wrap_azimuth
 from lighting.model import Model
-from lighting.photo import Photo
-from lighting.pipeline import Estimator
+from lighting.photo.reader import Photo
 from lighting.records import Lighting
 
 FIRST_PLACE = (
@@ -38,7 +42,7 @@ SHADE_NOTE = (
 
 
 @dataclass(frozen=True, eq=False)
-class GroundScene:
+class _GroundScene:
     """A photo of a rendered place with the truth about its ground."""
 
     picture: NDArray[np.uint8]  # (h, w, 3)
@@ -54,7 +58,7 @@ class GroundScene:
         return "lit" if share > 1 - WHOLE_SHARE else "shade" if share < WHOLE_SHARE else "both"
 
 
-def render_ground_scenes(count: int) -> Iterator[GroundScene]:
+def render_ground_scenes(count: int) -> Iterator[_GroundScene]:
     """Photos of `count` sunny places that show enough ground; each number gives the same one in every run."""
     number = FIRST_PLACE
     while count:
@@ -65,10 +69,10 @@ def render_ground_scenes(count: int) -> Iterator[GroundScene]:
             yield found
 
 
-def _scene(number: int) -> GroundScene | None:
+def _scene(number: int) -> _GroundScene | None:
     rng = np.random.default_rng([17, number])
     sky = random_sky(rng)
-    there = RenderedPlace(*random_place(rng), sky)
+    there = RenderedPlace(*place(rng), sky)
     angles = {"azimuth": rng.uniform(-180, 180), "elevation": rng.uniform(-18, 5)}
     camera = Pinhole(GROUND_WIDTH, GROUND_HEIGHT, rng.uniform(42, 65), **angles)
     if sky.sunlight < MIN_SUN or not there.is_clear():
@@ -88,20 +92,20 @@ def _scene(number: int) -> GroundScene | None:
         sun_irradiance=tuple((gain * sky.sun_irradiance).tolist()),
         sky_irradiance=tuple((gain * above).tolist()),
     )
-    return GroundScene(tone_map(gain * radiance), light, seen.ground, seen.lit, gain * luminance(seen.sky))
+    return _GroundScene(tone_map(gain * radiance), light, seen.ground, seen.lit, gain * luminance(seen.sky))
 
 
-def report_shadow_mask(model: Model, found: Sequence[GroundScene]) -> str:
+def report_shadow_mask(model: Model, found: Sequence[_GroundScene]) -> str:
     """Tables of the masks by the true light and by the network's, beside no mask and the true one."""
     estimator = Estimator(model)
     said = [estimator(Photo(s.picture, GROUND_WIDTH, GROUND_HEIGHT, "PNG")).lighting for s in found]
     true = [s.light for s in found]
     methods: dict[str, tuple[list[Lighting], list[Floats]]] = {
         "no mask, true light": (true, [np.ones(s.lit.shape) for s in found]),
-        "mask, true light": (true, [predicted_mask(s, s.light) for s in found]),
+        "mask, true light": (true, [_predicted_mask(s, s.light) for s in found]),
         "true mask, true light": (true, [np.asarray(s.lit, dtype=np.float64) for s in found]),
         "no mask": (said, [np.ones(s.lit.shape) for s in found]),
-        "mask": (said, [predicted_mask(s, light) for s, light in zip(found, said, strict=True)]),
+        "mask": (said, [_predicted_mask(s, light) for s, light in zip(found, said, strict=True)]),
         "true mask": (said, [np.asarray(s.lit, dtype=np.float64) for s in found]),
     }
     kinds = np.array([s.kind for s in found])
@@ -109,26 +113,26 @@ def report_shadow_mask(model: Model, found: Sequence[GroundScene]) -> str:
     for kind in sorted(set(kinds.tolist())):
         chosen = np.flatnonzero(kinds == kind).tolist()
         rows = {
-            name: shade_figures([found[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
+            name: _shade_figures([found[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
             for name, (lights, masks) in methods.items()
         }
         sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)]
     return "\n\n".join(sections)
 
 
-def predicted_mask(scene: GroundScene, light: Lighting) -> Floats:
+def _predicted_mask(scene: _GroundScene, light: Lighting) -> Floats:
     """How far the picture's ground counts as lit (h, w)."""
-    lit = Image.fromarray(lit_ground(scene.picture, light))
+    lit = Image.fromarray(ground_shadow_mask(scene.picture, light))
     return np.asarray(lit.resize((GROUND_WIDTH, GROUND_HEIGHT), Image.Resampling.BILINEAR), dtype=np.float64)
 
 
-def shade_figures(
-    found: Sequence[GroundScene], lights: Sequence[Lighting], masks: Sequence[Floats]
+def _shade_figures(
+    found: Sequence[_GroundScene], lights: Sequence[Lighting], masks: Sequence[Floats]
 ) -> dict[str, float]:
     """Precision, recall and accuracy [%] of shade over all ground, and errors of the shadow [hundredths of a stop]."""
     said = np.concatenate([m[s.ground] < 0.5 for s, m in zip(found, masks, strict=True)])
     true = np.concatenate([~s.lit[s.ground] for s in found])
-    errors = [shadow_error(*one) for one in zip(found, lights, masks, strict=True)]
+    errors = [_shadow_error(*one) for one in zip(found, lights, masks, strict=True)]
     return {
         "precision of shade": 100 * _share(true, said),
         "recall": 100 * _share(said, true),
@@ -143,7 +147,7 @@ def _share(of: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:
     return float(of[among].mean()) if among.any() else float("nan")
 
 
-def shadow_error(scene: GroundScene, light: Lighting, lit: Floats) -> Floats:
+def _shadow_error(scene: _GroundScene, light: Lighting, lit: Floats) -> Floats:
     """Stops (N,) by which the ground is too bright where a thing that is put there hides the sun."""
     sky = float(luminance(sky_irradiance(light)))
     sun = float(luminance(sun_irradiance(light))) * max(float(light.sun_direction[1]), 0.0)

@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops import generator
-from export.data import DataError, Panorama, decode, read_index, read_picture
-from export.evaluation.simulated_metadata import sighting
-from export.evaluation.tables import table
+from export.crops.crops import generator
+from export.data.panoramas import DataError, Panorama, decode_srgb, read_index, read_picture
+from export.evaluation.metadata import sighting
+from export.evaluation.metrics import table
 from export.reports.registration import Standpoint, WalkableTown, expose_panorama
-from lighting.colour import luminance, srgb_decode, tone_map
-from lighting.evidence import Evidence, Given
+from lighting.color import luminance, srgb_decode, tone_map
+from lighting.fusion.single_view import Observations
+from lighting.fusion.user_input import UserInput
 from lighting.geometry import (
     Floats,
     Pinhole,
@@ -33,15 +34,15 @@ from lighting.geometry import (
 )
 from lighting.model import Model
 from lighting.records import SunEstimate
-from lighting.video import Frame, Tracker
-from lighting.video.dissolves import EVERY as DISSOLVES_EVERY
-from lighting.video.dissolves import Dissolves
-from lighting.video.light import Look, ShotLight
-from lighting.video.path import smoothed
-from lighting.video.shot import Shot, solve
-from lighting.video.watch import EVERY, see, shots_watched
-from lighting.video.watched import Circumstances
-from lighting.video.zoom import zoomed_fov
+from lighting.video.decode import Frame
+from lighting.video.intrinsics import zoomed_fov
+from lighting.video.keyframes import smoothed
+from lighting.video.light import FrameObservation, ShotLight
+from lighting.video.shot import SEEN_EVERY, Shot, estimate_frame, shots_watched, solve_shot
+from lighting.video.shot_detection import COMPARED_EVERY as DISSOLVES_EVERY
+from lighting.video.shot_detection import Dissolves
+from lighting.video.stream import Tracker
+from lighting.video.tracking import ClipMetadata
 
 # Clips.
 
@@ -59,7 +60,7 @@ Angles = tuple[Floats, Floats, Floats]  # azimuth, elevation and roll (N,) [deg]
 
 
 @dataclass(frozen=True, eq=False)
-class KnownClip:
+class _KnownClip:
     """A clip, rendered when it is read, and the truth about it."""
 
     name: str
@@ -74,55 +75,55 @@ class KnownClip:
     def frames(self, every: int = 1) -> Iterator[Frame]:
         """The clip, or one of `every` so many frames of it."""
         for i in range(0, len(self.time), every):
-            yield Frame(i, float(self.time[i]), apply_gain(self.picture(i), self.gain[i]))
+            yield Frame(i, float(self.time[i]), _apply_gain(self.picture(i), self.gain[i]))
 
 
-def known_clips(panoramas: Sequence[Panorama], kind: str) -> Iterator[KnownClip]:
+def _known_clips(panoramas: Sequence[Panorama], kind: str) -> Iterator[_KnownClip]:
     """One of a kind for each panorama; `walk` takes a rendered place in its stead."""
     for number, panorama in enumerate(panoramas):
         rng = generator(panorama.name, 0, f"clip {kind}")
-        yield film_walk(number, rng) if kind == "walk" else film_panorama(panorama, kind, rng)
+        yield _film_walk(number, rng) if kind == "walk" else _film_panorama(panorama, kind, rng)
 
 
-def film_panorama(panorama: Panorama, kind: str, rng: np.random.Generator) -> KnownClip:
+def _film_panorama(panorama: Panorama, kind: str, rng: np.random.Generator) -> _KnownClip:
     """A camera that stands in a panorama."""
     time, fov = np.arange(round(CLIP_RATE * CLIP_SECONDS)) / CLIP_RATE, float(rng.uniform(*CLIP_FOVS))
-    path, gain = handheld_path(time, kind, rng), _gains(time, kind, rng)
+    path, gain = _handheld_path(time, kind, rng), _gains(time, kind, rng)
     zoom = (
         ZOOM ** (rng.choice([-1, 1]) * np.clip(1.5 * time / time[-1] - 0.25, 0, 1)) if kind == "zoom" else 1 + 0 * time
     )
-    picture = develop_panorama(panorama)
+    picture = _develop_panorama(panorama)
     things = {"moving things": _things, "crowd": _crowd}.get(kind, lambda _: [])(rng)
 
     def shot(i: int) -> Pixels:
         if kind == "motion blur":
             return _blurred(picture, float(time[i]), time, path, fov)
         return _crossed(
-            view_panorama(picture, camera_angles_at(path, i), zoomed_fov(fov, float(zoom[i]))), things, float(time[i])
+            _view_panorama(picture, _camera_angles_at(path, i), zoomed_fov(fov, float(zoom[i]))), things, float(time[i])
         )
 
-    return KnownClip(panorama.name, time, path, gain, fov, zoom, panorama_sun(panorama), shot)
+    return _KnownClip(panorama.name, time, path, gain, fov, zoom, _panorama_sun(panorama), shot)
 
 
-def panorama_sun(panorama: Panorama) -> tuple[float, float]:
+def _panorama_sun(panorama: Panorama) -> tuple[float, float]:
     """Azimuth and elevation [deg] of a sun that the index gives."""
     assert panorama.sun_azimuth is not None
     assert panorama.sun_elevation is not None
     return panorama.sun_azimuth, panorama.sun_elevation
 
 
-def develop_panorama(panorama: Panorama) -> Pixels:
+def _develop_panorama(panorama: Panorama) -> Pixels:
     """The panorama as sRGB, exposed as a photo would be."""
     return read_picture(panorama) if panorama.kind == "ldr" else tone_map(expose_panorama(panorama))
 
 
-def camera_angles_at(path: Angles, i: int) -> tuple[float, float, float]:
+def _camera_angles_at(path: Angles, i: int) -> tuple[float, float, float]:
     """The camera's angles in one frame."""
     azimuth, elevation, roll = (float(p[i]) for p in path)
     return azimuth, elevation, roll
 
 
-def handheld_path(time: Floats, kind: str, rng: np.random.Generator) -> Angles:
+def _handheld_path(time: Floats, kind: str, rng: np.random.Generator) -> Angles:
     """How a hand turns a camera in a clip of that kind."""
     share = (1 - np.cos(np.pi * time / time[-1])) / 2
     reach = {"tilt": 8.0, "hand": 15.0, "motion blur": 180.0}.get(kind, float(rng.uniform(20, 90)))
@@ -150,7 +151,7 @@ def _gains(time: Floats, kind: str, rng: np.random.Generator) -> Floats:
     return np.asarray(gains / gains.max())
 
 
-def apply_gain(picture: Pixels, gain: Floats) -> Pixels:
+def _apply_gain(picture: Pixels, gain: Floats) -> Pixels:
     """The picture (h, w, 3) with its linear values multiplied by gains (3,)."""
     if np.all(gain == 1.0):
         return picture
@@ -158,7 +159,7 @@ def apply_gain(picture: Pixels, gain: Floats) -> Pixels:
     return np.stack([table[picture[..., c], c] for c in range(3)], axis=-1)
 
 
-def view_panorama(
+def _view_panorama(
     picture: Pixels, at: tuple[float, float, float], fov: float, size: tuple[int, int] = (CLIP_WIDTH, CLIP_HEIGHT)
 ) -> Pixels:
     """What a camera with these angles sees of a panorama (H, 2H, 3): (height, width, 3) sRGB."""
@@ -181,8 +182,8 @@ def _blurred(picture: Pixels, moment: float, time: Floats, path: Angles, fov: fl
     """What is seen while the shutter is open, averaged in linear light."""
     near = moment + (np.arange(BLURRED) / BLURRED - 0.5) * 0.5 / CLIP_RATE
     moved: Angles = (np.interp(near, time, path[0]), np.interp(near, time, path[1]), np.interp(near, time, path[2]))
-    seen = [view_panorama(picture, camera_angles_at(moved, i), fov) for i in range(BLURRED)]
-    return tone_map(np.mean([decode(s) for s in seen], axis=0))
+    seen = [_view_panorama(picture, _camera_angles_at(moved, i), fov) for i in range(BLURRED)]
+    return tone_map(np.mean([decode_srgb(s) for s in seen], axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,11 +224,11 @@ def _crossed(picture: Pixels, things: Sequence[_Thing], time: float) -> Pixels:
     return shown
 
 
-def film_walk(number: int, rng: np.random.Generator) -> KnownClip:
+def _film_walk(number: int, rng: np.random.Generator) -> _KnownClip:
     """A camera that is carried through a rendered place."""
     walk = WalkableTown(number)
     time, fov = np.arange(round(WALK_RATE * CLIP_SECONDS)) / WALK_RATE, float(rng.uniform(*CLIP_FOVS))
-    path = handheld_path(time, "hand", rng)
+    path = _handheld_path(time, "hand", rng)
     for _ in range(60):
         towards = np.radians(path[0][0] + rng.uniform(-30, 30))
         steps = PACE * time[:, None] * np.array([np.sin(towards), -np.cos(towards)])
@@ -241,11 +242,11 @@ def film_walk(number: int, rng: np.random.Generator) -> KnownClip:
 
     azimuth, elevation = angles(walk.light.sun)
     sun = (float(azimuth), float(elevation))
-    return KnownClip(f"place {number}", time, path, np.ones((len(time), 3)), fov, np.ones(len(time)), sun, shot)
+    return _KnownClip(f"place {number}", time, path, np.ones((len(time), 3)), fov, np.ones(len(time)), sun, shot)
 
 
 def _stand(point: Floats, path: Angles, i: int, fov: float) -> Standpoint:
-    return Standpoint((float(point[0]), float(point[1])), *camera_angles_at(path, i), fov)
+    return Standpoint((float(point[0]), float(point[1])), *_camera_angles_at(path, i), fov)
 
 
 # How well a clip is followed.
@@ -275,29 +276,29 @@ CLIP_MEDIANS = (
 
 def report_video(data: Path, count: int, kinds: Sequence[str], model: Model, only: str | None = None) -> Iterator[str]:
     """The report's parts: clips and dissolves of `count` `val` panoramas, and streams; or `only` one of VIDEO_PARTS."""
-    panoramas = choose_panoramas(data, count)
+    panoramas = _choose_panoramas(data, count)
     if only in (None, "clips"):
-        yield clip_report(panoramas, kinds, model)
+        yield _clip_report(panoramas, kinds, model)
     if only in (None, "dissolves"):
-        yield dissolve_report(panoramas, kinds, model)
+        yield _dissolve_report(panoramas, kinds, model)
     if only in (None, "streams"):
-        yield stream_report(panoramas, model)
+        yield _stream_report(panoramas, model)
 
 
-def clip_report(panoramas: Sequence[Panorama], kinds: Sequence[str], model: Model) -> str:
+def _clip_report(panoramas: Sequence[Panorama], kinds: Sequence[str], model: Model) -> str:
     """The table of clips, a row a kind."""
-    rows = {kind: clip_figures([measure_clip(s, model) for s in known_clips(panoramas, kind)]) for kind in kinds}
+    rows = {kind: _clip_figures([_measure_clip(s, model) for s in _known_clips(panoramas, kind)]) for kind in kinds}
     title = f"## Clips of 6 s, 640 x 360 pixels, {len(panoramas)} of each kind, in places that training never saw"
-    return f"{title}\n\n{CLIPS_NOTE}\n\n{decimals_table(rows)}"
+    return f"{title}\n\n{CLIPS_NOTE}\n\n{_decimals_table(rows)}"
 
 
-def decimals_table(rows: dict[str, dict[str, float]]) -> str:
+def _decimals_table(rows: dict[str, dict[str, float]]) -> str:
     """A table with two decimals."""
     columns = list(next(iter(rows.values())))
     return table(["", *columns], [[name, *(f"{row[c]:.2f}" for c in columns)] for name, row in rows.items()])
 
 
-def choose_panoramas(data: Path, count: int) -> list[Panorama]:
+def _choose_panoramas(data: Path, count: int) -> list[Panorama]:
     """`val` panoramas that show their sun, each of another place as long as there are some, in a fixed order.
 
     DataError if there are none.
@@ -313,20 +314,20 @@ def choose_panoramas(data: Path, count: int) -> list[Panorama]:
     return [*first.values(), *rest][:count]
 
 
-def measure_clip(truth: KnownClip, model: Model) -> dict[str, float]:
+def _measure_clip(truth: _KnownClip, model: Model) -> dict[str, float]:
     """What one clip gives."""
     shots = list(shots_watched(truth.frames(), model))
     longest = max(shots, key=lambda w: len(w.steps))
-    shot = solve(longest, Circumstances())
-    best, true = sun_by_true_rotations(truth, int(shot.frames[0]), model), _true_sun(truth, shot)
-    sun, fovs = sun_vector(shot.fused.sun), _fovs(shot.vertical_fov, shot.zoom)
+    shot = solve_shot(longest, ClipMetadata())
+    best, true = _sun_by_true_rotations(truth, int(shot.frames[0]), model), _true_sun(truth, shot)
+    sun, fovs = _sun_vector(shot.fused.sun), _fovs(shot.vertical_fov, shot.zoom)
     error = float(angle_between(sun, true))
     return {
         **_followed(shot, truth),
         "field of view": float(np.median(np.abs(fovs - _fovs(truth.vertical_fov, truth.zoom[shot.frames])))),
-        "to best": float(angle_between(sun, sun_vector(best))),
+        "to best": float(angle_between(sun, _sun_vector(best))),
         "sun": error,
-        "best's sun": float(angle_between(sun_vector(best), true)),
+        "best's sun": float(angle_between(_sun_vector(best), true)),
         "in 50 %": 100.0 * (error <= shot.fused.sun.radius_50),
         "in 90 %": 100.0 * (error <= shot.fused.sun.radius_90),
         "split": float(len(shots) > 1),
@@ -339,7 +340,7 @@ def _fovs(vertical_fov: float, zoom: Floats) -> Floats:
     return np.array([zoomed_fov(vertical_fov, z) for z in zoom.tolist()])
 
 
-def _followed(shot: Shot, truth: KnownClip) -> dict[str, float]:
+def _followed(shot: Shot, truth: _KnownClip) -> dict[str, float]:
     """How well the camera was followed."""
     path, part = shot.path, shot.frames
     azimuth, elevation, roll = (angle[part] for angle in truth.path)
@@ -357,35 +358,35 @@ def _followed(shot: Shot, truth: KnownClip) -> dict[str, float]:
     }
 
 
-def sun_vector(sun: SunEstimate) -> Floats:
+def _sun_vector(sun: SunEstimate) -> Floats:
     """Unit vector (3,)."""
     return direction(sun.azimuth, sun.elevation)
 
 
-def _true_sun(truth: KnownClip, shot: Shot) -> Floats:
+def _true_sun(truth: _KnownClip, shot: Shot) -> Floats:
     """Where the sun stands as the shot's first frame sees it."""
     return direction(truth.sun[0] - truth.path[0][shot.frames[0]], truth.sun[1])
 
 
-def sun_by_true_rotations(truth: KnownClip, first: int, model: Model) -> SunEstimate:
+def _sun_by_true_rotations(truth: _KnownClip, first: int, model: Model) -> SunEstimate:
     """The sun that many frames give with true rotations, as frame `first` sees it."""
     light, azimuth = ShotLight(), truth.path[0]
-    every = max(1, round(EVERY / float(np.median(np.diff(truth.time)))))
+    every = max(1, round(SEEN_EVERY / float(np.median(np.diff(truth.time)))))
     for frame in truth.frames(every):
         turn = float(azimuth[frame.index] - azimuth[first])
         fov = zoomed_fov(truth.vertical_fov, float(truth.zoom[frame.index]))
-        light.add(Look(see(model, frame.pixels), turn, fov))
-    return light.answer(Evidence()).sun
+        light.add(FrameObservation(estimate_frame(model, frame.pixels), turn, fov))
+    return light.answer(Observations()).sun
 
 
-def _gain_error(shot: Shot, truth: KnownClip) -> float:
+def _gain_error(shot: Shot, truth: _KnownClip) -> float:
     """Percent, in the median over the frames."""
     true = truth.gain[shot.frames] / truth.gain[shot.frames[0]]
     said = [float(luminance(g) / luminance(t)) for g, t in zip(shot.gains, true, strict=True)]
     return 100.0 * float(np.median(np.abs(np.array(said) - 1.0)))
 
 
-def clip_figures(clips: Iterable[dict[str, float]]) -> dict[str, float]:
+def _clip_figures(clips: Iterable[dict[str, float]]) -> dict[str, float]:
     """One row of the table."""
     all_of = list(clips)
     every = {name: np.array([clip[name] for clip in all_of]) for name in all_of[0]}
@@ -410,11 +411,11 @@ UNDIVIDED_NOTE = "Clips without a dissolve or cut. `divided`: those in which a d
 
 
 @dataclass(frozen=True, eq=False)
-class DissolvingClip:
+class _DissolvingClip:
     """A clip of two places."""
 
-    first: KnownClip
-    second: KnownClip
+    first: _KnownClip
+    second: _KnownClip
     seconds: float  # that both are seen
 
     @property
@@ -436,7 +437,7 @@ class DissolvingClip:
         return np.round(mixed).astype(np.uint8)
 
 
-def dissolve_report(panoramas: Sequence[Panorama], kinds: Sequence[str], model: Model) -> str:
+def _dissolve_report(panoramas: Sequence[Panorama], kinds: Sequence[str], model: Model) -> str:
     """Both tables."""
     found = [[f"{s:g} s", *(f"{v:.2f}" for v in _dissolve_figures(panoramas, s, model))] for s in DISSOLVE_LENGTHS]
     divided = [[kind, *(f"{v:.2f}" for v in _divided_figures(panoramas, kind))] for kind in kinds]
@@ -451,25 +452,25 @@ def dissolve_report(panoramas: Sequence[Panorama], kinds: Sequence[str], model: 
     )
 
 
-def dissolving_clips(panoramas: Sequence[Panorama], seconds: float) -> Iterator[DissolvingClip]:
+def _dissolving_clips(panoramas: Sequence[Panorama], seconds: float) -> Iterator[_DissolvingClip]:
     """One for each panorama, which dissolves into the next one."""
     for first, second in zip(panoramas, [*panoramas[1:], panoramas[0]], strict=True):
         rng = generator(first.name, 0, f"dissolve {seconds}")
-        yield DissolvingClip(_filmed(first, rng), _filmed(second, rng), seconds)
+        yield _DissolvingClip(_filmed(first, rng), _filmed(second, rng), seconds)
 
 
-def _filmed(panorama: Panorama, rng: np.random.Generator) -> KnownClip:
+def _filmed(panorama: Panorama, rng: np.random.Generator) -> _KnownClip:
     camera = str(rng.choice(DISSOLVE_CAMERAS))
     if camera != "still":
-        return film_panorama(panorama, camera, rng)
-    held = film_panorama(panorama, "hand", rng)
+        return _film_panorama(panorama, camera, rng)
+    held = _film_panorama(panorama, "hand", rng)
     picture = held.picture(0)
     return replace(held, picture=lambda _: picture)
 
 
 def _dissolve_figures(panoramas: Sequence[Panorama], seconds: float, model: Model) -> tuple[float, ...]:
     counts, off = [], [np.nan]
-    for clip in dissolving_clips(panoramas, seconds):
+    for clip in _dissolving_clips(panoramas, seconds):
         shots = list(shots_watched(clip.frames(), model, 1.0))
         counts.append(len(shots))
         off += [abs(shots[1].steps[0].time - clip.middle)] if len(shots) == 2 else []
@@ -478,11 +479,11 @@ def _dissolve_figures(panoramas: Sequence[Panorama], seconds: float, model: Mode
 
 
 def _divided_figures(panoramas: Sequence[Panorama], kind: str) -> tuple[float, float]:
-    told = [_is_divided(clip) for clip in known_clips(panoramas, kind)]
+    told = [_is_divided(clip) for clip in _known_clips(panoramas, kind)]
     return len(told), 100.0 * float(np.mean(told))
 
 
-def _is_divided(clip: KnownClip) -> bool:
+def _is_divided(clip: _KnownClip) -> bool:
     dissolves = Dissolves()
     every = max(1, round(DISSOLVES_EVERY / float(np.median(np.diff(clip.time)))))
     told = [dissolves.take(frame) for frame in clip.frames(every)]
@@ -511,10 +512,10 @@ STREAMS_NOTE = (
 )
 
 
-def stream_report(panoramas: Sequence[Panorama], model: Model) -> str:
+def _stream_report(panoramas: Sequence[Panorama], model: Model) -> str:
     """The table of streams."""
     rows = {
-        panorama.name + (", zoomed" if zoom != 1.0 else ""): measure_stream(panorama, model, zoom)
+        panorama.name + (", zoomed" if zoom != 1.0 else ""): _measure_stream(panorama, model, zoom)
         for panorama in panoramas[:STREAMS]
         for zoom in (1.0, STREAM_ZOOM)
     }
@@ -523,19 +524,19 @@ def stream_report(panoramas: Sequence[Panorama], model: Model) -> str:
     return f"## Streams\n\n{STREAMS_NOTE}\n\n{table(['', *columns], lines)}"
 
 
-def measure_stream(panorama: Panorama, model: Model, zoom: float) -> dict[str, float]:
+def _measure_stream(panorama: Panorama, model: Model, zoom: float) -> dict[str, float]:
     """What one stream gives, whose lens is zoomed by so many times."""
-    sun, rng = panorama_sun(panorama), generator(panorama.name, 0, "stream")
+    sun, rng = _panorama_sun(panorama), generator(panorama.name, 0, "stream")
     there = sighting(max(sun[1], 1.0), rng)
-    tracker = Tracker(model, Given(time=there.time, latitude=there.latitude, longitude=there.longitude))
-    picture, time = develop_panorama(panorama), np.arange(round(STREAM_SECONDS * STREAM_RATE)) / STREAM_RATE
+    tracker = Tracker(model, UserInput(time=there.time, latitude=there.latitude, longitude=there.longitude))
+    picture, time = _develop_panorama(panorama), np.arange(round(STREAM_SECONDS * STREAM_RATE)) / STREAM_RATE
     azimuth = rng.uniform(-180, 180) + 360 * STREAM_ROUNDS * (1 - np.abs(1 - 2 * time / time[-1]))
     north = there.compass - sun[0] + azimuth  # the camera's true heading
     zooms = zoom ** np.clip((time - STREAM_ZOOMED[0]) / (STREAM_ZOOMED[1] - STREAM_ZOOMED[0]), 0.0, 1.0)
     errors, linked, spent, before = [], [], [], 0.0
     for i, moment in enumerate(time):
         at = (float(azimuth[i]), 4.0 * float(np.sin(moment / 3.1)), 1.5 * float(np.sin(moment / 2.3)))
-        frame = view_panorama(picture, at, zoomed_fov(STREAM_FOV, float(zooms[i])), STREAM_SIZE)
+        frame = _view_panorama(picture, at, zoomed_fov(STREAM_FOV, float(zooms[i])), STREAM_SIZE)
         start = clock.process_time(), clock.perf_counter()
         answer = tracker(frame, float(moment))
         spent.append((clock.process_time() - start[0], clock.perf_counter() - start[1]))

@@ -1,25 +1,140 @@
-"""How far normals are off: by shape and season, by what the photographer gets wrong, by how many photos there are.
+"""Errors on held-out objects.
 
 Every figure is of simulated photos under Hosek-Wilkie skies, median / mean angle in degrees over all pixels; none is of
 real photographs.
 """
 
+import os
+import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from export.stereo.days import hours_of
-from export.stereo.objects import Subject, subjects
-from export.stereo.trials import SEASONS, Found, Trial, session
+from export.stereo.dataset import CaptureDay, hours_of
+from export.stereo.renders import Material, Subject, cast_shadows, shade_surface, subjects
 from lighting.errors import LightingError
-from lighting.stereo.normals.depth import depth_error, integrate
-from lighting.stereo.normals.network import Network
+from lighting.geometry import Floats
+from lighting.stereo.grid_search import to_camera, to_world
+from lighting.stereo.light_vectors import Skies, illumination
+from lighting.stereo.network import Network
+from lighting.stereo.output import depth_error, integrate
+from lighting.stereo.schedule import in_grey
+from lighting.stereo.solver import Session, fitted_turbidity, improved, solve_normals, solve_with_planes
+
+# Simulated sessions: a shape photographed over a day, solved from what the photographer knows of it.
 
 Image = NDArray[np.float32]
+
+HOURS = np.arange(9.0, 17.0)  # local solar time, about, of the eight photos
+SEASONS = {
+    "47° N, March": CaptureDay(hours_of("2024-03-21", HOURS), 47.0),
+    "47° N, June": CaptureDay(hours_of("2024-06-21", HOURS), 47.0),
+    "35° N, December": CaptureDay(hours_of("2024-12-21", HOURS), 35.0),
+}
+
+_ALBEDO = 0.6
+_GAP = 8  # pixels between shapes
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How a session goes, and what its photographer gets wrong."""
+
+    day: CaptureDay
+    shadows: bool = False  # whether the surface shades itself from the sun
+    gloss: float = 0.0
+    colour: bool = False  # three channels in place of one
+    noise: float = 0.01  # standard deviation, of the brightest pixel
+    heading_error: float = 0.0  # deg
+    clock_error: float = 0.0  # min
+    turbidity_error: float = 0.0
+    fitted: bool = False  # whether the turbidity is found from the photos
+
+    def told(self) -> CaptureDay:
+        """The day as its photographer believes it to be."""
+        day = self.day
+        late = np.timedelta64(round(60 * self.clock_error), "s")
+        pose = replace(day.pose, heading=day.pose.heading + self.heading_error)
+        return replace(day, times=day.times + late, turbidity=day.turbidity + self.turbidity_error, pose=pose)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What was found of one shape."""
+
+    subject: Subject
+    search: Image  # (H, W, 3), normals
+    network: Image  # (H, W, 3), those of search and network together
+    expected: Image  # (H, W), expected error of the latter [deg]
+
+    def errors(self) -> tuple[Image, Image]:
+        """Angles [deg] to the truth (P,), of the search and of both."""
+        surface = self.subject.surface
+        truth = surface.normals[surface.mask]
+        search, network = (angle(normals[surface.mask], truth) for normals in (self.search, self.network))
+        return search, network
+
+
+def photograph(subject: Subject, trial: Trial, skies: Skies) -> Image:
+    """Images (T, H, W, C) without noise."""
+    surface, pose = subject.surface, trial.day.pose
+    lit = None
+    if trial.shadows:
+        lit = cast_shadows(surface, np.argwhere(surface.mask), to_camera(skies.sun_direction, pose))
+    normals = surface.normals[surface.mask]
+    material = Material(np.full(len(normals), _ALBEDO, dtype=np.float32), trial.gloss)
+    values = shade_surface(normals, skies, pose, material, lit)
+    images = np.zeros((values.shape[1], *surface.mask.shape, values.shape[2]), dtype=np.float32)
+    images[:, surface.mask] = np.moveaxis(values, 1, 0)
+    return images
+
+
+def session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[_Found]:
+    """Shapes that stand side by side in the photos of one day, solved together."""
+    told, skies = trial.told(), trial.day.skies()
+    skies = skies if trial.colour else in_grey(skies)
+    sheet, windows = _side_by_side([photograph(subject, trial, skies) for subject in subjects])
+    mask = np.zeros(sheet.shape[1:3], dtype=bool)
+    for subject, window in zip(subjects, windows, strict=True):
+        mask[window] = subject.surface.mask
+    noise = np.random.default_rng(7).normal(0, trial.noise * sheet.max(), sheet.shape).astype(np.float32)
+    images = np.maximum(sheet + noise, 0)
+
+    def believed(turbidity: float, height: int = 32) -> Session:
+        seen = replace(told, turbidity=turbidity).skies(height)
+        return Session(images, mask, seen if trial.colour else in_grey(seen), told.pose)
+
+    turbidity = fitted_turbidity(believed) if trial.fitted else told.turbidity
+    alone, planes = solve_with_planes(believed(turbidity, 64))
+    both = alone if network is None else improved(alone, network, planes)
+    return [
+        _Found(subject, alone.normal[window], both.normal[window], both.error[window])
+        for subject, window in zip(subjects, windows, strict=True)
+    ]
+
+
+def _side_by_side(pictures: list[Image]) -> tuple[Image, list[tuple[slice, slice]]]:
+    """Pictures (T, H, W, C) of any sizes in one, and where each is."""
+    height = max(picture.shape[1] for picture in pictures)
+    padded = [np.pad(p, [(0, 0), (0, height - p.shape[1]), (0, _GAP), (0, 0)]) for p in pictures]
+    starts = np.cumsum([0, *(picture.shape[2] for picture in padded)])
+    windows = [
+        (slice(0, picture.shape[1]), slice(int(start), int(start) + picture.shape[2]))
+        for picture, start in zip(pictures, starts[:-1], strict=True)
+    ]
+    return np.concatenate(padded, axis=2), windows
+
+
+def angle(a: Floats, b: Floats) -> Image:
+    """Angles [deg] between unit vectors (P, 3)."""
+    half = np.linalg.norm(a - b, axis=-1) / 2
+    return np.asarray(np.degrees(2 * np.arcsin(np.minimum(half, 1))), dtype=np.float32)
+
+
 Say = Callable[[str], None]
 
 FINE, COARSE = 2, 4  # every so many pixels of the shapes, in the first tables and in the others
@@ -52,7 +167,9 @@ _CHANGES: dict[Table, tuple[str, dict[str, dict[str, Any]]]] = {
 }
 
 
-def evaluate(data: Path, network: Network, say: Say, *, quick: bool = False, tables: Sequence[Table] = TABLES) -> None:
+def evaluate_normals(
+    data: Path, network: Network, say: Say, *, quick: bool = False, tables: Sequence[Table] = TABLES
+) -> None:
     """Print tables; `quick` thins the shapes of `seasons` too. LightingError where no shape is at hand."""
     coarse = list(subjects(data, COARSE))
     if not coarse:
@@ -69,7 +186,7 @@ def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
     """By group of shapes, channels and cast shadows; then the shapes one by one, and their depths."""
     say("\nSearch and network by season; eight photos from 9 to 16 h, 1 % noise, level camera that looks north\n")
     _head(("shapes", "channels", "cast shadows"), say)
-    plain: list[list[Found]] = []
+    plain: list[list[_Found]] = []
     for group in dict.fromkeys(shape.group for shape in shapes):
         chosen = [shape for shape in shapes if shape.group == group]
         for colour, shadows in ((False, False), (False, True), (True, False), (True, True)):
@@ -81,7 +198,7 @@ def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
     _each(plain, say)
 
 
-def _each(found: Sequence[Sequence[Found]], say: Say) -> None:
+def _each(found: Sequence[Sequence[_Found]], say: Say) -> None:
     say("\nThe same by shape; one channel, no cast shadows\n")
     _head(("shape",), say)
     for seasons in found:
@@ -93,7 +210,7 @@ def _each(found: Sequence[Sequence[Found]], say: Say) -> None:
             _row((seasons[0].subject.name,), [_depth(season) for season in seasons], say)
 
 
-def _depth(found: Found) -> str:
+def _depth(found: _Found) -> str:
     surface, scale = found.subject.surface, found.subject.scale
     depths = (integrate(normals, surface.mask) for normals in (surface.normals, found.search, found.network))
     return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in depths)
@@ -118,7 +235,7 @@ def _trial(season: int, change: dict[str, Any]) -> Trial:
     return Trial(day, **rest)
 
 
-def _cell(found: Sequence[Found]) -> str:
+def _cell(found: Sequence[_Found]) -> str:
     """Median / mean error of the search, and of search and network together."""
     return ", ".join(_both(parts) for parts in zip(*(shape.errors() for shape in found), strict=True))
 
@@ -136,3 +253,28 @@ def _head(names: Sequence[str], say: Say) -> None:
 
 def _row(names: Sequence[str], cells: Sequence[str], say: Say) -> None:
     say("| " + " | ".join([*names, *cells]) + " |")
+
+
+# How long the normals of 512 x 512 pixels from eight photos take.
+
+SIDE = 512  # pixels
+
+
+def print_speed(say: Callable[[str], None]) -> None:
+    """Print wall and processor seconds of the search alone and with the network, for one channel and for three."""
+    day = SEASONS["47° N, June"]
+    y, x = np.mgrid[:SIDE, :SIDE] / (SIDE / 2) - 1
+    normals = np.stack([0.6 * x, -0.6 * y, np.sqrt(1 - 0.36 * (x * x + y * y))], axis=-1).reshape(-1, 3)
+    world = to_world(normals[::16], day.pose)
+    for channels in (1, 3):
+        skies = day.skies() if channels == 3 else in_grey(day.skies())
+        values = np.einsum("ptjc,pj->ptc", illumination(skies, world), world)
+        images = np.moveaxis(np.repeat(values, 16, axis=0).reshape(SIDE, SIDE, -1, channels), 2, 0).astype(np.float32)
+        images += np.random.default_rng(0).normal(0, 0.01 * images.max(), images.shape).astype(np.float32)
+        session = Session(np.maximum(images, 0), np.ones((SIDE, SIDE), dtype=bool), skies, day.pose)
+        for network in (None, Network.load()):
+            wall, cpu = time.perf_counter(), os.times()
+            solve_normals(session, network=network)
+            spent = os.times().user + os.times().system - cpu.user - cpu.system
+            how = "search and network" if network else "search"
+            say(f"{channels} channel(s), {how}: {time.perf_counter() - wall:.0f} s, {spent:.0f} s of processor")

@@ -1,6 +1,10 @@
-"""Training of the network of normals: new samples join a pool from which batches are drawn, for a set time.
+"""Network and its training.
 
 A run's folder holds config.json, log.csv and checkpoint.pt; a run that was stopped goes on where it was.
+
+One encoder looks at each image alone; the largest and the mean of what it finds over the images go on, so that their
+number and order are free (as in PS-FCN, Chen et al., ECCV 2018). A U-Net (Ronneberger et al., MICCAI 2015) weighs the
+search's candidates by what is around a pixel and adds a correction. Before any training it repeats the search.
 """
 
 import csv
@@ -15,14 +19,82 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
+from torch.nn import functional as F
 
-from export.data import DataError
-from export.networks import CHECKPOINT, read_checkpoint
-from export.stereo.network import NormalsNetwork
-from export.stereo.samples import Sample, read_meshes, samples
-from lighting.files import replacing
-from lighting.stereo.normals.features import SHARED
+from export.data.panoramas import DataError
+from export.networks.weights import CHECKPOINT, read_checkpoint
+from export.stereo.dataset import Sample, read_meshes, samples
+from lighting.files.atomic import atomic_write
+from lighting.stereo.network import BY_IMAGE, SHARED
+
+# The network of normals: images of a day with their suns, and what the search says, to normals.
+
+_CODE = 24  # planes of an image's code
+_WIDTHS = (24, 48, 64, 96)  # planes at each scale
+_TRUST = 3.0  # how much the search's best normal weighs at first, as a logit
+_CANDIDATES = 3  # best, mean and other normal, the first planes of the shared ones
+_SPREAD = 11  # the shared plane with the search's spread, in units of 30 deg
+
+
+class NormalsNetwork(nn.Module):
+    """Planes to unit normals (N, 3, H, W) and their expected error (N, 1, H, W) [rad]; H and W are multiples of 8."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.encoder = nn.Sequential(
+            nn.Conv2d(BY_IMAGE, 12, 3, padding=1), nn.ReLU(inplace=True), nn.Conv2d(12, _CODE, 1), nn.ReLU(inplace=True)
+        )
+        inputs = 2 * _CODE + SHARED
+        self.down = nn.ModuleList()
+        for scale, width in enumerate(_WIDTHS):
+            self.down.append(_pair(inputs, width, stride=1 if scale == 0 else 2, deep=scale > 0))
+            inputs = width
+        self.up = nn.ModuleList()
+        for width in reversed(_WIDTHS[:-1]):
+            self.up.append(_pair(inputs + width, width))
+            inputs = width
+        self.head = nn.Conv2d(inputs, _CANDIDATES + 3 + 1, 1)
+        nn.init.zeros_(self.head.weight)
+        self.head.bias.data.zero_() if self.head.bias is not None else None
+
+    def forward(self, by_image: Tensor, present: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+        """From planes (N, T, BY_IMAGE, H, W) of which (N, T) are present, 1 or 0, and (N, SHARED, H, W)."""
+        code = self._pooled(by_image, present)
+        x = torch.cat([code, shared], dim=1)
+        kept = []
+        for block in self.down:
+            x = block(x)
+            kept.append(x)
+        for block, skip in zip(self.up, reversed(kept[:-1]), strict=True):
+            x = block(torch.cat([F.interpolate(x, scale_factor=2.0, mode="nearest"), skip], dim=1))
+        return self._answer(self.head(x).float(), shared)
+
+    def _pooled(self, by_image: Tensor, present: Tensor) -> Tensor:
+        n, t, planes, height, width = by_image.shape
+        code = self.encoder(by_image.reshape(n * t, planes, height, width)).reshape(n, t, _CODE, height, width)
+        there = code * present[:, :, None, None, None]  # codes are not negative, so that 0 never is the largest
+        mean = there.sum(dim=1) / present.sum(dim=1)[:, None, None, None]
+        return torch.cat([there.amax(dim=1), mean], dim=1)
+
+    def _answer(self, head: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+        trust = torch.tensor([_TRUST, 0.0, 0.0]).view(1, _CANDIDATES, 1, 1)
+        weight = torch.softmax(head[:, :_CANDIDATES] + trust, dim=1)
+        candidates = torch.unflatten(shared[:, : 3 * _CANDIDATES], 1, (_CANDIDATES, 3))
+        normal = (candidates * weight[:, :, None]).sum(dim=1) + head[:, _CANDIDATES : _CANDIDATES + 3]
+        start = torch.log(shared[:, _SPREAD : _SPREAD + 1] * (torch.pi / 6) + 0.02)
+        error = torch.exp((start + head[:, -1:]).clamp(-5, 1))
+        return F.normalize(normal, dim=1, eps=1e-6), error
+
+
+def _pair(inputs: int, width: int, *, stride: int = 1, deep: bool = False) -> nn.Sequential:
+    layers: list[nn.Module] = [nn.Conv2d(inputs, width, 3, stride=stride, padding=1), nn.LeakyReLU(0.1, inplace=True)]
+    if deep:
+        layers += [nn.Conv2d(width, width, 3, padding=1), nn.LeakyReLU(0.1, inplace=True)]
+    return nn.Sequential(*layers)
+
+
+# Training of the network of normals: new samples join a pool from which batches are drawn, for a set time.
 
 _EVERY = 50  # steps between lines of the log
 _SAVE = 200  # steps between checkpoints
@@ -57,7 +129,7 @@ class _Run:
     log: list[dict[str, float]] = field(default_factory=list)  # of the steps since the file's last line
 
 
-def train(config: Config) -> Path:
+def train_normals(config: Config) -> Path:
     """Train, or go on with, the run in a folder; returns its checkpoint.
 
     DataError for a folder without meshes to learn from, and for a checkpoint of no such run.
@@ -67,7 +139,7 @@ def train(config: Config) -> Path:
     folder = Path(config.out)
     folder.mkdir(parents=True, exist_ok=True)
     run = _resumed(folder, config)
-    with replacing(folder / "config.json") as path:
+    with atomic_write(folder / "config.json") as path:
         path.write_text(json.dumps(asdict(config), indent=2))
     fresh = samples(meshes, config.seed + run.step)
     pool = deque(islice(fresh, config.first), maxlen=config.pool)
@@ -92,7 +164,7 @@ def _step(run: _Run, chosen: list[Sample], config: Config, *, mirrored: bool) ->
     for group in run.optimiser.param_groups:
         warm = min(1.0, (run.step + 1) / 50)
         group["lr"] = config.learning_rate * warm * (0.51 + 0.5 * math.cos(math.pi * share))
-    by_image, present, shared, truth = batch(chosen, mirrored=mirrored)
+    by_image, present, shared, truth = _batch(chosen, mirrored=mirrored)
     with torch.autocast("cpu", dtype=torch.bfloat16, enabled=config.halves):
         normal, error = run.network(by_image, present, shared)
     mask = shared[:, -1]
@@ -111,7 +183,7 @@ def _step(run: _Run, chosen: list[Sample], config: Config, *, mirrored: bool) ->
 Batch = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
-def batch(chosen: list[Sample], *, mirrored: bool = False) -> Batch:
+def _batch(chosen: list[Sample], *, mirrored: bool = False) -> Batch:
     """Planes of images (N, T, BY_IMAGE, H, W), which are present (N, T), shared planes and true normals.
 
     Mirrored, left and right change places, in the pictures and in all directions.
@@ -171,7 +243,7 @@ def _saved(folder: Path) -> dict[str, Any]:
 
 def _save(folder: Path, run: _Run) -> None:
     state = {"network": run.network.state_dict(), "average": run.average, "optimiser": run.optimiser.state_dict()}
-    with replacing(folder / CHECKPOINT) as path:
+    with atomic_write(folder / CHECKPOINT) as path:
         torch.save({**state, "step": run.step, "seconds": run.seconds}, path)
 
 

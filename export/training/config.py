@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from export.networks import TARGET_WIDTH
+from export.networks.outdoor import TARGET_WIDTH
 
 PLACES = ("data", "labels", "start", "synthetic", "teachers")  # settings that are paths, however written
 MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # when a run is resumed: its folder may have moved

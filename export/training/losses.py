@@ -4,8 +4,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from export.networks import Said, binned, encode
-from export.training.batches import Batch
+from export.networks.backbone import Said
+from export.networks.outdoor import binned, encode
+from export.training.dataset import Batch
 
 LEAST_LIKELIHOOD = 1e-9
 PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view

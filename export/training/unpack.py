@@ -7,19 +7,18 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader
 
-from export.crops import load_sources
-from export.networks import check_new
-from export.networks.unpack import read_shipped, recalibrate, write_run
-from export.training.batches import TrainingCrops
+from export.crops.crops import load_sources
+from export.networks.onnx_import import read_shipped, recalibrate, write_run
+from export.networks.weights import check_new
 from export.training.config import TrainConfig
-from export.training.sources import training_panoramas
+from export.training.dataset import TrainingCrops, training_panoramas
 from lighting.records import ModelSpec
 
 CROPS = 768  # that the statistics are taken from
 BATCH = 32
 
 
-def unpack(file: Path, number: int, config: TrainConfig) -> None:
+def unpack_network(file: Path, number: int, config: TrainConfig) -> None:
     """Write network `number` (from 0) of an ONNX file into `config.out`, with statistics of training crops.
 
     DataError if the file holds no such network or if the folder holds a run.

@@ -1,0 +1,237 @@
+"""Known skies rendered, to test labels.
+
+Everything about them is known: they check the labels, and they test training without a single photo.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from export.data.panoramas import Panorama, write_index
+from lighting.color import luminance, tone_map
+from lighting.files.atomic import atomic_write
+from lighting.geometry import (
+    Floats,
+    angle_between,
+    angles,
+    direction,
+    latlong_directions,
+    latlong_solid_angle,
+    ray_sphere,
+)
+from lighting.records import GROUND_ALBEDO
+from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_radiance
+
+# Boxes on the ground and balls above it: where rays from a camera meet them.
+
+NEAR = 1e-3  # m, the least distance that counts as a hit
+
+
+@dataclass(frozen=True)
+class _Things:
+    """B boxes and S balls, with one albedo each; corners, centres and albedos are (B, 3) or (S, 3)."""
+
+    low: Floats
+    high: Floats
+    box_albedo: Floats
+    centre: Floats
+    radius: Floats  # (S,)
+    ball_albedo: Floats
+
+
+def _place_things(rng: np.random.Generator, count: int) -> _Things:
+    """`count` random things around the origin, half of them boxes."""
+    boxes, balls = count - count // 2, count // 2
+    turn, far = rng.uniform(-180, 180, count), rng.uniform(9, 40, count)
+    foot = direction(turn, np.zeros(count)) * far[:, None]
+    half = rng.uniform(1.5, 5.0, (boxes, 3)) * [1, 0, 1]
+    roof = rng.uniform(3, 18, (boxes, 1)) * [0, 1, 0]
+    radius = rng.uniform(1, 3, balls)
+    centre = foot[boxes:] + radius[:, None] * [0, 1.3, 0]
+    walls = rng.uniform(0.15, 0.6, (boxes, 1)) * rng.uniform(0.8, 1.2, (boxes, 3))
+    leaves = rng.uniform(0.5, 1.0, (balls, 1)) * [0.08, 0.14, 0.05]
+    return _Things(foot[:boxes] - half, foot[:boxes] + half + roof, walls, centre, radius, leaves)
+
+
+def _blocked(origin: Floats, sun: Floats, things: _Things) -> NDArray[np.bool_]:
+    """Whether a thing stands between each point (N, 3) and the sun."""
+    return np.isfinite(_nearest(origin, np.broadcast_to(sun, origin.shape), things)[0])
+
+
+def _nearest(origin: Floats, rays: Floats, things: _Things) -> tuple[Floats, Floats, Floats]:
+    """Distance (N,), inf where nothing is met, normal (N, 3) and albedo (N, 3) of the nearest thing along each ray."""
+    distance, normal, albedo = np.full(len(rays), np.inf), np.zeros(rays.shape), np.zeros(rays.shape)
+    boxes = zip(things.low, things.high, things.box_albedo, strict=True)
+    hits = [(_hit_box(origin, rays, low, high), colour) for low, high, colour in boxes]
+    balls = zip(things.centre, things.radius, things.ball_albedo, strict=True)
+    hits += [(_hit_ball(origin, rays, centre, radius), colour) for centre, radius, colour in balls]
+    for (reach, facing), colour in hits:
+        closer = reach < distance
+        distance = np.where(closer, reach, distance)
+        normal[closer], albedo[closer] = facing[closer], colour
+    return distance, normal, albedo
+
+
+def _hit_box(origin: Floats, rays: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    safe = np.where(np.abs(rays) < 1e-9, 1e-9, rays)
+    one, other = (low - origin) / safe, (high - origin) / safe
+    enter, leave = np.minimum(one, other), np.maximum(one, other).min(axis=1)
+    axis = enter.argmax(axis=1)
+    start = enter.max(axis=1)
+    normal = -np.sign(rays) * (np.arange(3) == axis[:, None])
+    return np.where((start < leave) & (start > NEAR), start, np.inf), normal
+
+
+def _hit_ball(origin: Floats, rays: Floats, centre: Floats, radius: float) -> tuple[Floats, Floats]:
+    distance = ray_sphere(origin, rays, centre, radius)
+    hit = distance > NEAR
+    reach = np.where(hit & np.isfinite(distance), distance, 0.0)
+    return np.where(hit, distance, np.inf), (origin - centre + rays * reach[:, None]) / radius
+
+
+# Small panoramas rendered in numpy: a Hosek-Wilkie or an overcast sky over lit ground, boxes and balls.
+
+CAMERA_HEIGHT = 1.7  # m above the ground, the plane y = 0
+EYE = np.array([0.0, CAMERA_HEIGHT, 0.0])
+GLARE = ((0.6, 0.97), (2.5, 0.03))  # the lens spreads the sun: width [deg] and share of its light
+HAZE = 120.0  # m at which half of a thing's colour is the horizon's
+
+
+@dataclass(frozen=True)
+class _SyntheticPanorama:
+    """A rendered panorama and the truth about it."""
+
+    linear: NDArray[np.float32]  # (H, 2H, 3) the picture's linear values, not clipped
+    sun_azimuth: float | None  # deg; None under an overcast sky
+    sun_elevation: float | None
+    sun_visible: bool  # nothing stands between the camera and the sun
+    turbidity: float | None
+    exposure: float  # picture's linear values / sky radiance
+
+    @property
+    def picture(self) -> NDArray[np.uint8]:
+        """The picture an ordinary camera gives: clipped, sRGB, 8 bits."""
+        return tone_map(self.linear)
+
+
+@dataclass(frozen=True)
+class _Light:
+    sun: Floats | None  # (3,) unit vector
+    beam: Floats  # (3,) irradiance of the sun on a plane that faces it
+    ambient: Floats  # (3,) irradiance of the sky on the ground
+    horizon: Floats  # (3,) radiance that haze fades to
+
+
+def render_panorama(
+    seed: int, height: int = 128, *, overcast: bool = False, things: int = 8, turbidity: float | None = None
+) -> _SyntheticPanorama:
+    """A random scene of `things` boxes and balls; the same seed and height give the same pixels."""
+    rng = np.random.default_rng(seed)
+    haze = float(rng.uniform(1.5, 8.0)) if turbidity is None else turbidity
+    sun = None if overcast else direction(rng.uniform(-180, 180), rng.uniform(8, 70))
+    towards = latlong_directions(height)
+    sky = _overcast_sky(towards, rng) if sun is None else sky_radiance(towards, sun, haze, GROUND_ALBEDO)
+    scene, light = _place_things(rng, things), _light(sky, sun, haze)
+    visible = sun is not None and not _blocked(EYE[None], sun, scene)[0]
+    image = sky + _glare(towards, light) if visible else sky
+    image = _draw(image, towards, scene, light, rng)
+    exposure = float(rng.uniform(0.08, 0.25) / np.median(luminance(sky[: height // 2])))
+    azimuth, elevation = (None, None) if sun is None else (float(a) for a in angles(sun))
+    linear = (image * exposure).astype(np.float32)
+    return _SyntheticPanorama(linear, azimuth, elevation, visible, None if sun is None else haze, exposure)
+
+
+def _write_dataset(folder: str | Path, count: int, height: int = 64, seed: int = 0) -> None:
+    """A folder of `count` rendered panoramas, two to a place; every fourth is overcast and every third place is val."""
+    root = Path(folder).resolve()
+    (root / "panoramas").mkdir(parents=True, exist_ok=True)
+    panoramas = []
+    for number in range(count):
+        rendered = render_panorama(seed + number, height, overcast=number % 4 == 3)
+        panoramas.append(_panorama(rendered, number, root))
+        with atomic_write(panoramas[-1].path) as temporary:
+            Image.fromarray(rendered.picture).save(temporary, lossless=True)
+    write_index(panoramas, root)
+
+
+def _panorama(rendered: _SyntheticPanorama, number: int, root: Path) -> Panorama:
+    name, place = f"rendered_{number:04d}", number // 2
+    sun = "none" if rendered.sun_azimuth is None else "visible" if rendered.sun_visible else "inferred"
+    return Panorama(
+        name=name,
+        path=root / "panoramas" / f"{name}.webp",
+        kind="ldr",
+        place=f"place_{place:03d}",
+        split="val" if place % 3 == 2 else "train",
+        sun=sun,
+        sun_azimuth=rendered.sun_azimuth,
+        sun_elevation=rendered.sun_elevation,
+        sun_uncertainty=None if sun == "none" else 1.0,
+        direct={"none": "no", "visible": "yes", "inferred": "partly"}[sun],
+        scene="rendered",
+        label="rendered",
+        licence="CC0",
+    )
+
+
+def _light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:
+    height = len(sky)
+    up = latlong_directions(height)[: height // 2, :, 1:2]
+    weight = latlong_solid_angle(height)[: height // 2, None, None] * up
+    ambient = (sky[: height // 2] * weight).sum(axis=(0, 1))
+    beam = np.zeros(3) if sun is None else sun_radiance(sun, turbidity) * SUN_SOLID_ANGLE
+    return _Light(sun, beam, ambient, sky[height // 2 - 1].mean(axis=0))
+
+
+def _overcast_sky(towards: Floats, rng: np.random.Generator) -> Floats:
+    """The CIE overcast sky, three times as bright at the zenith as at the horizon, with soft clouds."""
+    up = np.maximum(towards[..., 1], 0.0)
+    waves = sum(np.sin(towards @ rng.normal(0, 6, 3) + rng.uniform(0, 6)) for _ in range(6))
+    grey = 0.1 * (1 + 2 * up) / 3 * (1 + 0.04 * np.asarray(waves))
+    return np.asarray(np.where(towards[..., 1] > 0, grey, 0.0)[..., None] * np.array([0.97, 1.0, 1.04]))
+
+
+def _glare(towards: Floats, light: _Light) -> Floats:
+    """The sun as a lens sees it: its irradiance spread over narrow Gaussians around its direction."""
+    assert light.sun is not None
+    angle = angle_between(towards, light.sun)
+    spread = np.zeros(angle.shape)
+    solid_angle = np.repeat(latlong_solid_angle(len(towards))[:, None], towards.shape[1], axis=1)
+    for width, share in GLARE:
+        blob = np.exp(-0.5 * (angle / width) ** 2)
+        spread += share * blob / (blob * solid_angle).sum()
+    return np.asarray(spread[..., None] * light.beam)
+
+
+def _draw(sky: Floats, towards: Floats, things: _Things, light: _Light, rng: np.random.Generator) -> Floats:
+    """The sky with the ground and the things in front of it."""
+    rays = towards.reshape(-1, 3)
+    distance, normal, albedo = _nearest(np.broadcast_to(EYE, rays.shape), rays, things)
+    ground = np.where(rays[:, 1] < -1e-6, -CAMERA_HEIGHT / np.minimum(rays[:, 1], -1e-6), np.inf)
+    on_ground = ground < distance
+    distance, normal = np.minimum(distance, ground), np.where(on_ground[:, None], [0.0, 1.0, 0.0], normal)
+    hit = np.isfinite(distance)
+    point = EYE + rays[hit] * distance[hit, None]
+    albedo = np.where(on_ground[hit, None], _ground_albedo(point, rng), albedo[hit])
+    radiance = albedo / np.pi * _irradiance(point, normal[hit], things, light)
+    share = (0.5 ** (distance[hit] / HAZE))[:, None]
+    image = sky.reshape(-1, 3).copy()
+    image[hit] = radiance * share + light.horizon * (1 - share)
+    return image.reshape(sky.shape)
+
+
+def _ground_albedo(point: Floats, rng: np.random.Generator) -> Floats:
+    colour, scale = rng.uniform(0.15, 0.35) * rng.uniform(0.8, 1.2, 3), rng.uniform(0.5, 2.0)
+    tiles = (np.floor(point[:, 0] / scale) + np.floor(point[:, 2] / scale)) % 2
+    return np.asarray(colour * (0.8 + 0.4 * tiles[:, None]))
+
+
+def _irradiance(point: Floats, normal: Floats, things: _Things, light: _Light) -> Floats:
+    ambient = light.ambient * (0.5 + 0.5 * normal[:, 1:2])
+    if light.sun is None:
+        return np.asarray(ambient)
+    lit = np.maximum(normal @ light.sun, 0.0) * ~_blocked(point + 0.01 * normal, light.sun, things)
+    return np.asarray(ambient + lit[:, None] * light.beam)

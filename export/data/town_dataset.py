@@ -1,0 +1,101 @@
+"""A folder of rendered places in the format of any other folder of panoramas, with exact labels."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from export.data.labels import Label, read_labels, write_labels
+from export.data.panoramas import Panorama, read_index, write_index
+from export.data.path_tracing import RenderedPlace, Sky, random_sky
+from export.data.procedural_towns import place
+from lighting.files.exr import write_exr
+from lighting.geometry import Floats
+
+LABELS = "labels.csv"
+SAVE_EVERY = 20  # places
+GROUND_RADIUS = 12.0  # m around the camera, where sunlight on the ground counts
+GROUND_POINTS = 400
+LIT, DIM = 0.25, 0.03  # least shares of the sunlight for direct light to be "yes" and "partly"
+TRUE_SKY = 0.5  # least share of the sunlight for turbidity and exposure to be visible in the sky
+
+
+@dataclass(frozen=True)
+class _TownPanorama:
+    """A panorama of a rendered place with the truth about it."""
+
+    name: str
+    radiance: Floats  # (H, 2H, 3) linear
+    label: Label
+    sun_visible: bool
+
+
+def _render_place(number: int, height: int) -> _TownPanorama:
+    """Place `number`; the same number gives the same place in every run."""
+    rng = np.random.default_rng([8, number])
+    sky = random_sky(rng)
+    scene = RenderedPlace(*place(rng), sky)
+    while not scene.is_clear():
+        scene = RenderedPlace(*place(rng), sky)
+    around = rng.uniform(-1, 1, (GROUND_POINTS, 3)) * [GROUND_RADIUS, 0, GROUND_RADIUS] + [0, 0.3, 0]
+    lit = scene.sunlit(around) * sky.sunlight
+    visible = scene.sees_the_sun() and sky.sunlight > TRUE_SKY
+    name = f"town_{number:05d}"
+    return _TownPanorama(name, scene.panorama(height, 2 * number), _label(name, sky, lit), visible)
+
+
+def _label(name: str, sky: Sky, lit: float) -> Label:
+    nan = float("nan")
+    seen = not sky.is_overcast
+    true_sky = sky.sunlight > TRUE_SKY
+    return Label(
+        name=name,
+        sun_azimuth=sky.lighting.sun_azimuth if seen else nan,
+        sun_elevation=sky.lighting.sun_elevation if seen else nan,
+        sun_uncertainty=1.0 if seen else nan,
+        sun_source="given" if seen else "none",
+        found_azimuth=nan,
+        found_elevation=nan,
+        turbidity=sky.lighting.turbidity if true_sky else nan,
+        exposure=sky.lighting.exposure if true_sky else nan,
+        fit_residual=0.0 if true_sky else nan,
+        fit_ok=true_sky,
+        direct="yes" if lit > LIT else "partly" if lit > DIM else "no",
+    )
+
+
+def render_towns(folder: Path, count: int, height: int) -> None:
+    """Render places until the folder holds `count`; continues where an earlier call stopped."""
+    root = folder.resolve()
+    (root / "panoramas").mkdir(parents=True, exist_ok=True)
+    labels = read_labels(root / LABELS) if (root / LABELS).exists() else []
+    panoramas = read_index(root)[: len(labels)] if labels else []  # the index is written first: it may hold more
+    for number in tqdm(range(len(labels), count), initial=len(labels), total=count, unit="place"):
+        rendered = _render_place(number, height)
+        panoramas.append(_panorama(rendered, root))
+        labels.append(rendered.label)
+        write_exr(panoramas[-1].path, rendered.radiance)
+        if number + 1 == count or (number + 1) % SAVE_EVERY == 0:
+            write_index(panoramas, root)
+            write_labels(labels, root / LABELS)
+
+
+def _panorama(rendered: _TownPanorama, root: Path) -> Panorama:
+    label = rendered.label
+    has_sun = label.sun_source != "none"
+    return Panorama(
+        name=rendered.name,
+        path=root / "panoramas" / f"{rendered.name}.exr",
+        kind="hdr",
+        place=rendered.name,
+        split="train",
+        sun="none" if not has_sun else "visible" if rendered.sun_visible else "inferred",
+        sun_azimuth=label.sun_azimuth if has_sun else None,
+        sun_elevation=label.sun_elevation if has_sun else None,
+        sun_uncertainty=1.0 if has_sun else None,
+        direct=label.direct,
+        scene="rendered",
+        label="rendered",
+        licence="CC0",
+    )

@@ -1,0 +1,238 @@
+"""How near the estimated light comes to that of HDR panoramas, as numbers and on objects, by weather.
+
+Beside each network stand answers without one: the mean map of the training panoramas, the photo mirrored around, and
+oracles, which are our own answer with parts of the truth put in.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from export.crops.crops import Crop, Source, load_sources, take
+from export.data.panoramas import DataError, Panorama, linear_of, read_index
+from export.evaluation.hdr_truth import HEIGHT, TrueLight, levels, mean_map, mirrored_photo, split_sun, true_light
+from export.evaluation.metrics import Names, table
+from export.evaluation.predictions import CROPS_EACH, View, cameras, load_models
+from export.evaluation.relighting import OBJECTS, colour_angle, differences, object_pictures
+from lighting.color import luminance, tone_map
+from lighting.envmap.render import level_irradiance, render, sky_irradiance, with_irradiance
+from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.estimator import apply_photo_colors
+from lighting.fusion.estimate import build_estimate, predict_photo
+from lighting.fusion.metadata_prior import observations_from_metadata
+from lighting.fusion.single_view import fuse
+from lighting.fusion.user_input import NO_USER_INPUT
+from lighting.geometry import Floats, angles, direction
+from lighting.model import Model
+from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.reader import Photo, photo_from_array
+from lighting.records import Estimate, Lighting, ModelSpec, clipped_colour
+
+WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
+PAINTED = 0.1  # of the sky's level irradiance, from which a sun counts as painted
+NOTE = (
+    "Medians over crops, true light of the panorama in the crop's exposure. Bias and size of errors in stops, colours "
+    "as angles between RGB vectors in degrees. Balls and plane: RMSE and RMSE after the best scale by the truth's "
+    "root mean square, and RGB angle. A sun counts as painted where it gives level ground over a tenth of what the sky "
+    "gives."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Guess:
+    """What one method says of the light of all crops."""
+
+    maps: Floats  # (N, HEIGHT, 2 HEIGHT, 3)
+    lights: tuple[Lighting, ...] = ()  # with irradiances; none of methods that only make a map
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The crops that are judged and the light of each."""
+
+    views: tuple[View, ...]
+    crops: tuple[Crop, ...]
+    truth: tuple[TrueLight, ...]
+    sunny: Names  # (N,) "sunny" or "overcast"
+
+    @property
+    def panoramas(self) -> Names:
+        """(N,) of each crop."""
+        return np.array([source.panorama.name for source, _ in self.views])
+
+
+def judged(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH) -> Judged:
+    """Paper-protocol crops of the HDR panoramas of WEATHER; their suns may be clipped. DataError if there are none."""
+    found = [p for p in read_index(data, part) if p.kind == "hdr" and (p.sun, p.direct) in WEATHER]
+    if not found:
+        raise DataError(f"{data} has no HDR panorama in `{part}` that is sunny or overcast.")
+    return judged_of(found, labels, spec, each)
+
+
+def judged_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH) -> Judged:
+    """`each` paper-protocol crops of each of some panoramas of WEATHER; what is clipped in one is so in its light."""
+    sources = load_sources(panoramas, labels)
+    apart = {s.panorama.name: split_sun(linear_of(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
+    views = [view for i, view in enumerate(cameras(sources, "paper")) if i % CROPS_EACH < each]
+    crops = [take(source, camera, spec) for source, camera in views]
+    truth = [
+        true_light(apart[source.panorama.name], camera.azimuth, crop.gain)
+        for (source, camera), crop in zip(views, crops, strict=True)
+    ]
+    kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
+    return Judged(tuple(views), tuple(crops), tuple(truth), kind)
+
+
+def _sun_of(source: Source) -> Floats | None:
+    """Where the label has the sun of a sunny panorama."""
+    if WEATHER[source.panorama.sun, source.panorama.direct] != "sunny":
+        return None
+    return direction(source.label.sun_azimuth, source.label.sun_elevation)
+
+
+def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, PhotoContext]]:
+    """What a network says of each crop by its pixels alone, by the path that users take."""
+    found = []
+    for crop in crops:
+        photo = photo_from_array(tone_map(crop.linear))
+        (estimate,) = apply_photo_colors([photo], [by_network(model, photo)])
+        found.append((estimate, PhotoContext(photo.pixels, estimate.around)))
+    return found
+
+
+def by_network(model: Model, photo: Photo) -> Estimate:
+    """What a network says of a crop, before the colours that it shows are looked at."""
+    facts = observations_from_metadata(PhotoMetadata(), NO_USER_INPUT)
+    return build_estimate(fuse(predict_photo(model, photo), facts.evidence), facts)
+
+
+def _guesses(name: str, model: Model, shown: Judged) -> dict[str, _Guess]:
+    """A network's bare sky, the same with the place, and the oracles."""
+    answers = estimate_crops(model, shown.crops)
+    lights = [with_irradiance(estimate.lighting) for estimate, _ in answers]
+    bare = np.stack([render(estimate.lighting, HEIGHT) for estimate, _ in answers])
+    placed = np.stack([render_with_surroundings(estimate.lighting, there, HEIGHT) for estimate, there in answers])
+    found = {name: _Guess(bare, tuple(lights)), f"{name}, surroundings": _Guess(placed, tuple(lights))}
+    for what, change in ORACLES.items():
+        told = tuple(change(light, truth) for light, truth in zip(lights, shown.truth, strict=True))
+        found[f"{name}, {what}"] = _Guess(np.stack([render(light, HEIGHT) for light in told]), told)
+    return found
+
+
+def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
+    if truth.sun_direction is None:
+        return light
+    azimuth, elevation = (float(angle) for angle in angles(truth.sun_direction))
+    return replace(light, sun_azimuth=azimuth, sun_elevation=max(elevation, 0.0))
+
+
+def _true_power(light: Lighting, truth: TrueLight) -> Lighting:
+    return replace(
+        light,
+        sun_irradiance=clipped_colour(truth.sun_irradiance, "sun_irradiance"),
+        sky_irradiance=clipped_colour(truth.sky_irradiance, "sky_irradiance"),
+    )
+
+
+def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
+    return _true_power(_true_direction(light, truth), truth)
+
+
+def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
+    told = _true_both(light, truth)
+    level = np.maximum(level_irradiance(told), 1e-9)
+    return replace(told, ground_color=clipped_colour(np.pi * truth.ground / level, "ground_color"))
+
+
+ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {
+    "true direction": _true_direction,
+    "true power and colour": _true_power,
+    "both": _true_both,
+    "and true ground": _true_ground,
+}
+
+
+def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
+    """Tables in Markdown of networks, ours first, and baselines, for sunny and overcast panoramas."""
+    models = load_models(paths)
+    spec = next(iter(models.values())).spec
+    shown = judged(data, labels, spec)
+    methods: dict[str, _Guess] = {}
+    for name, model in models.items():
+        methods |= _guesses(name, model, shown)
+    training = judged(data, labels, spec, "train", each=1).truth
+    methods["mean map"] = _Guess(np.stack([mean_map(training)] * len(shown.crops)))
+    methods["photo mirrored around"] = _Guess(np.stack([mirrored_photo(crop) for crop in shown.crops]))
+    return "\n\n".join(_section(shown, methods, str(kind)) for kind in ("sunny", "overcast") if kind in shown.sunny)
+
+
+def _section(shown: Judged, methods: dict[str, _Guess], kind: str) -> str:
+    chosen = np.flatnonzero(shown.sunny == kind)
+    truth = [shown.truth[i] for i in chosen]
+    part = {
+        name: _Guess(guess.maps[chosen], tuple(guess.lights[i] for i in chosen) if guess.lights else ())
+        for name, guess in methods.items()
+    }
+    title = f"## Light: {len(chosen)} crops of {len(np.unique(shown.panoramas[chosen]))} {kind} HDR panoramas"
+    return "\n\n".join([title, NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
+
+
+def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
+    """Irradiance, ratio of sun to sky, and ground of each method."""
+    header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
+    rows = []
+    for name, guess in methods.items():
+        said, there = [levels(m) for m in guess.maps], [levels(t.image) for t in truth]
+        level = _stops([s[0] for s in said], [t[0] for t in there])
+        down = _stops([s[1] for s in said], [np.pi * t.ground for t in truth])
+        tint = colour_angle(np.array([s[1] for s in said]), np.array([t.ground for t in truth]))
+        rows.append(
+            [
+                name, f"{np.median(level):+.2f}", f"{np.median(np.abs(level)):.2f}", *_parts(truth, guess),
+                f"{np.median(down):+.2f}", f"{np.median(np.abs(down)):.2f}", f"{np.median(tint):.1f}",
+            ]
+        )  # fmt: skip
+    return table(header, rows)
+
+
+def _parts(truth: Sequence[TrueLight], guess: _Guess) -> list[str]:
+    """Bias of sky, sun and their ratio, and the share of painted suns; "-" where a method or the truth has none."""
+    if not guess.lights:
+        return ["-"] * 4
+    sky, sun = [sky_irradiance(li) for li in guess.lights], [sun_irradiance(li) for li in guess.lights]
+    up = np.array([max(float(li.sun_direction[1]), 0.0) for li in guess.lights])
+    painted = luminance(np.array(sun)) * up > PAINTED * luminance(np.array(sky))
+    above = _stops(sky, [t.sky_irradiance for t in truth])
+    words = [f"{np.median(above):+.2f}"]
+    if all(t.sun_direction is not None for t in truth):
+        power = _stops(sun, [t.sun_irradiance for t in truth])
+        words += [f"{np.median(power):+.2f}", f"{np.median(power - above):+.2f}"]
+    else:
+        words += ["-", "-"]
+    return [*words, f"{100 * painted.mean():.0f} %"]
+
+
+def _stops(said: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
+    """Errors of luminance (N,) in stops."""
+    ratio = np.maximum(luminance(np.array(said)), 1e-6) / np.maximum(luminance(np.array(truth)), 1e-6)
+    return np.asarray(np.log2(ratio))
+
+
+def _objects_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
+    """Errors of each method on each object."""
+    header = [""]
+    for kind in OBJECTS:
+        header += [f"{kind}: RMSE", "scaled", "angle"]
+    lit = np.stack([t.image for t in truth])
+    seen = {kind: object_pictures(kind, lit) for kind in OBJECTS}
+    rows = []
+    for name, guess in methods.items():
+        row = [name]
+        for kind in OBJECTS:
+            rmse, scaled, angle = np.median(differences(seen[kind], object_pictures(kind, guess.maps)), axis=0)
+            row += [f"{rmse:.2f}", f"{scaled:.2f}", f"{angle:.1f}"]
+        rows.append(row)
+    return table(header, rows)

@@ -1,0 +1,327 @@
+"""Gain of simulated metadata.
+
+Like the crops, it depends on the panorama's name and the crop's index alone.
+"""
+
+from collections.abc import Container, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.crops.crops import generator
+from export.evaluation.metrics import (
+    Truth,
+    azimuth_error,
+    difference_interval,
+    elevation_error,
+    figures_table,
+    interval,
+    median,
+    select,
+    share,
+    sun_error,
+)
+from export.evaluation.metrics import answers as answers_of
+from lighting.calibration import LENS_RATIO
+from lighting.fusion.consistency import ELEVATION_TAIL, HEADING_TAIL
+from lighting.fusion.metadata_prior import observations_from_metadata
+from lighting.fusion.single_view import MOST_APART, Gravity, Observations, Posterior, fuse_single_view
+from lighting.fusion.timezones import candidate_utc_offsets
+from lighting.fusion.user_input import NO_USER_INPUT
+from lighting.geometry import Floats, angles, direction, wrap_azimuth
+from lighting.photo.imu import SENSOR_SPREAD
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.records import EvidenceKind, Prediction, WarningCode, warning_code
+from lighting.solar_position import sun_position
+
+LOCAL_TIME = "local time+place"  # a part of what is known: a time without its zone
+LATITUDES = (-55.0, 65.0)  # deg, where people live
+FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
+STEP = 300  # s, between the moments of a day that are tried first
+COMPASS_MEDIAN = 17.0  # deg, median error of a phone's heading
+COMPASS_ERROR = 25.2  # deg, standard deviation of the normal distribution with that median, which is 0.6745 of it
+GROSS = 0.05  # share of headings that point anywhere
+
+
+@dataclass(frozen=True)
+class _Sighting:
+    """When and where the sun stood at an elevation."""
+
+    time: datetime  # aware, in UTC
+    latitude: float
+    longitude: float
+    compass: float  # deg clockwise from true north, of the sun
+
+
+@dataclass(frozen=True)
+class SimulatedMetadata:
+    """A photo's metadata, and where its camera really pointed."""
+
+    facts: PhotoMetadata
+    heading: float  # deg clockwise from true north
+    gross: bool  # whether the compass pointed anywhere
+
+
+def sighting(elevation: float, rng: np.random.Generator) -> _Sighting:
+    """A random place and a time at which the sun has an elevation [deg] there."""
+    while True:
+        latitude, longitude = rng.uniform(*LATITUDES), rng.uniform(-180, 180)
+        day = FIRST_DAY + np.timedelta64(int(rng.integers(DAYS)), "D")
+        passing = _passings(elevation, day + np.arange(0, 86400, STEP), latitude, longitude)
+        if len(passing):
+            seconds = rng.choice(passing) + np.arange(STEP)
+            azimuth, height = sun_position(seconds, latitude, longitude)
+            best = int(np.argmin(np.abs(height - elevation)))
+            return _Sighting(seconds[best].item().replace(tzinfo=UTC), latitude, longitude, float(azimuth[best]))
+
+
+def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, longitude: float) -> NDArray[Any]:
+    """Those of the times (N,) after which the sun crosses the elevation before the next one."""
+    above = sun_position(times, latitude, longitude)[1] > elevation
+    return times[np.flatnonzero(above[1:] != above[:-1])]
+
+
+def take_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
+    """The metadata of each crop; crops that are not scored have no sun and get an empty record."""
+    seen = {name: _sighting_of(truth, i) for i, name in enumerate(truth.panorama) if truth.scored[i]}
+    return [
+        _taken(truth, i, seen[name], i % crops_each)
+        if truth.scored[i]
+        else SimulatedMetadata(PhotoMetadata(), float("nan"), False)
+        for i, name in enumerate(truth.panorama)
+    ]
+
+
+def _sighting_of(truth: Truth, i: int) -> _Sighting:
+    return sighting(float(angles(truth.sun[i])[1]), generator(truth.panorama[i], 0, "sighting"))
+
+
+def _taken(truth: Truth, i: int, seen: _Sighting, index: int) -> SimulatedMetadata:
+    rng = generator(truth.panorama[i], index, "compass")
+    heading = (seen.compass - float(angles(truth.sun[i])[0])) % 360.0
+    gross = bool(rng.random() < GROSS)
+    error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_ERROR)
+    zone = rng.choice(candidate_utc_offsets(seen.latitude, seen.longitude))
+    facts = PhotoMetadata(
+        local_time=(seen.time + timedelta(hours=float(zone))).replace(tzinfo=None),
+        utc_offset=float(zone),
+        utc_time=seen.time,
+        latitude=seen.latitude,
+        longitude=seen.longitude,
+        heading=(heading + error) % 360.0,
+        heading_reference=HeadingReference.TRUE,
+        vertical_fov=float(truth.camera[i, 2]),
+    )
+    return SimulatedMetadata(facts, heading, gross)
+
+
+def only(facts: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetadata:
+    """The facts reduced to `parts`, which are some of LOCAL_TIME, TIME_AND_PLACE, HEADING and FOCAL_LENGTH."""
+    kept = facts
+    if EvidenceKind.TIME_AND_PLACE not in parts:
+        kept = replace(kept, utc_time=None, utc_offset=None)
+    if EvidenceKind.TIME_AND_PLACE not in parts and LOCAL_TIME not in parts:
+        kept = replace(kept, local_time=None, latitude=None, longitude=None)
+    if EvidenceKind.HEADING not in parts:
+        kept = replace(kept, heading=None, heading_reference=None)
+    return kept if EvidenceKind.FOCAL_LENGTH in parts else replace(kept, vertical_fov=None)
+
+
+# What simulated metadata adds to the network's answers: every subset of the evidence, and false records.
+
+PARTS = (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING, EvidenceKind.FOCAL_LENGTH)
+_WITH_HEADING = (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING)
+SUBSETS: tuple[tuple[str, ...], ...] = (
+    (),
+    *(tuple(part for bit, part in enumerate(PARTS) if number >> bit & 1) for number in range(1, 8)),
+    (LOCAL_TIME,),
+    (LOCAL_TIME, EvidenceKind.HEADING),
+)
+
+SIMULATION = fill(
+    "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
+    f"a median error of {COMPASS_MEDIAN:g}°, {100 * GROSS:.0f} % of them pointing anywhere; the true focal length. A "
+    "heading without time and place says nothing about the sun. A time without its zone leaves all zones that the "
+    "longitude allows.",
+    120,
+)
+WARNED = fill(
+    "Share of photos [%] with a warning of a contradiction, for true records (compass noise, no gross errors) and for "
+    f"false ones. A warning is given if the pixels leave the record's sun elevation a tail probability under "
+    f"{ELEVATION_TAIL:.1%}, or its heading one under {HEADING_TAIL:.1%}, or if focal lengths differ by a factor over "
+    f"{LENS_RATIO:g}, or if gravity lies more than {MOST_APART:g}° from where the network has it.",
+    120,
+)
+ByLens = tuple[Prediction, Prediction]  # of a photo that does not state its lens, and of the same one if it does
+
+WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
+WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
+
+
+def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: Sequence[SimulatedMetadata]) -> str:
+    """The tables of one protocol, over scored crops."""
+    chosen = np.flatnonzero(truth.scored).tolist()
+    scored = select(truth, truth.scored)
+    predictions, records = [said[i] for i in chosen], [taken[i] for i in chosen]
+    fused = {parts: [_fuse(p, t, parts) for p, t in zip(predictions, records, strict=True)] for parts in SUBSETS}
+    rows = {_name(parts): _figures(scored, answers, records) for parts, answers in fused.items()}
+    return "\n\n".join(
+        [
+            f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
+            SIMULATION,
+            figures_table(rows),
+            _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
+            WARNED,
+            figures_table(_warning_shares(scored, [without for without, _ in predictions], records)),
+        ]
+    )
+
+
+def _fuse(said: ByLens, taken: SimulatedMetadata, parts: tuple[str, ...]) -> Posterior:
+    return fuse_single_view(
+        _own(said, parts), observations_from_metadata(only(taken.facts, parts), NO_USER_INPUT).evidence
+    )
+
+
+def _own(said: ByLens, parts: Container[str]) -> Prediction:
+    """What is said of a photo of which these parts are known."""
+    without, with_lens = said
+    return with_lens if EvidenceKind.FOCAL_LENGTH in parts else without
+
+
+def in_view_evidence(truth: Truth, said: Sequence[ByLens], pictures: Sequence[NDArray[np.uint8]]) -> str:
+    """What lens, time and place, and gravity add for crops that show the sun: errors of the sun and of the camera.
+
+    `pictures` are the crops' own pixels (h, w, 3), sRGB. Gravity is simulated with a phone's error of 1 deg.
+    """
+    _, elevation = angles(truth.sun)
+    lens = truth.camera[:, 2].tolist()
+    sun = [((height, 0.0),) for height in elevation.tolist()]
+    known_parts = {
+        "pixels": [Observations()] * len(said),
+        "pixels + gravity": _gravity(truth),
+        "pixels + focal length": [Observations(vertical_fov=fov) for fov in lens],
+        "pixels + time+place": [Observations(candidates) for candidates in sun],
+        "pixels + time+place + focal length": [
+            Observations(c, vertical_fov=fov) for c, fov in zip(sun, lens, strict=True)
+        ],
+    }
+    rows = {}
+    for name, evidence in known_parts.items():
+        own = [_own(by_lens, name) for by_lens in said]
+        fused = [fuse_single_view(*photo) for photo in zip(own, evidence, pictures, strict=True)]
+        error = sun_error(
+            truth, answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
+        )
+        tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
+        rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": share(tilt < 5)}
+    return figures_table(rows)
+
+
+def _gravity(truth: Truth, off: float = 0.0) -> list[Observations]:
+    """What phones note of gravity, and `off` [deg] that their elevation is wrong besides."""
+    noise = np.random.default_rng(0).normal(0.0, SENSOR_SPREAD, (len(truth.camera), 2))
+    held = (truth.camera[:, :2] + noise + [off, 0.0]).tolist()
+    return [Observations(gravity=Gravity(elevation, roll, SENSOR_SPREAD)) for elevation, roll in held]
+
+
+def _name(parts: tuple[str, ...]) -> str:
+    return " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place")
+
+
+def _figures(truth: Truth, fused: Sequence[Posterior], taken: Sequence[SimulatedMetadata]) -> dict[str, float]:
+    """Median errors, and the share of truths inside the regions."""
+    said = answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
+    error = sun_error(truth, said)
+    fov = np.array([f.prediction.vertical_fov for f in fused])
+    tilt = np.array([f.prediction.camera_elevation for f in fused])
+    return {
+        "sun": median(error),
+        "azimuth": median(np.abs(azimuth_error(truth, said))),
+        "elevation": median(np.abs(elevation_error(truth, said))),
+        "in 50 % region": share(error <= [f.sun.radius_50 for f in fused]),
+        "in 90 % region": share(error <= [f.sun.radius_90 for f in fused]),
+        "radius 90": median(np.array([f.sun.radius_90 for f in fused])),
+        "camera elevation": median(np.abs(tilt - truth.camera[:, 0])),
+        "fov": median(np.abs(fov - truth.camera[:, 2])),
+        **_heading_figures(fused, np.array([t.heading for t in taken])),
+    }
+
+
+def _heading_figures(fused: Sequence[Posterior], heading: Floats) -> dict[str, float]:
+    said = [(f.camera_heading.best, f.camera_heading.radius_90) for f in fused if f.camera_heading is not None]
+    if len(said) < len(fused):
+        return {"heading": float("nan"), "heading in 90 %": float("nan")}
+    best, radius = np.array(said).T
+    error = np.abs(wrap_azimuth(best - heading))
+    return {"heading": median(error), "heading in 90 %": share(error <= radius)}
+
+
+def _azimuth_sentence(truth: Truth, pixels: Sequence[Posterior], timed: Sequence[Posterior]) -> str:
+    errors = [
+        np.abs(azimuth_error(truth, answers_of(direction([f.sun.azimuth for f in fused], 0.0))))
+        for fused in (timed, pixels)
+    ]
+    ends = difference_interval(errors[0], errors[1], truth.panorama)
+    return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {interval(ends)}."
+
+
+def _warning_shares(
+    truth: Truth, said: Sequence[Prediction], taken: Sequence[SimulatedMetadata]
+) -> dict[str, dict[str, float]]:
+    """How often the pixels contradict each part of the evidence, true and false."""
+    rng = np.random.default_rng(0)
+    true = [t.facts for t in taken]
+    others = [true[i] for i in _others(angles(truth.sun)[1], rng)]
+    turned = [replace(t.facts, heading=(t.heading + rng.uniform(90, 270)) % 360.0) for t in taken]
+    cropped = [replace(f, vertical_fov=_half(f.vertical_fov or 0.0)) for f in true]
+    sound = [(p, t.facts) for p, t in zip(said, taken, strict=True) if not t.gross]
+    return {
+        f"sun off by {WRONG_SUN:g}° or more": _shares(said, true, others, (EvidenceKind.TIME_AND_PLACE,)),
+        "heading off by 90 to 270°": {
+            "true": _share(
+                [p for p, _ in sound], [f for _, f in sound], _WITH_HEADING, WarningCode.HEADING_CONTRADICTED
+            ),
+            "false": _share(said, turned, _WITH_HEADING, WarningCode.HEADING_CONTRADICTED),
+        },
+        "picture cropped to half": _shares(said, true, cropped, (EvidenceKind.FOCAL_LENGTH,)),
+        f"camera off by {WRONG_GRAVITY:g}°": {
+            "true": _warned(said, _gravity(truth)),
+            "false": _warned(said, _gravity(truth, WRONG_GRAVITY)),
+        },
+    }
+
+
+def _others(elevation: Floats, rng: np.random.Generator) -> list[int]:
+    """For each crop, another one whose sun differs by WRONG_SUN or more."""
+    wrong = np.abs(elevation[:, None] - elevation) >= WRONG_SUN
+    return [int(rng.choice(np.flatnonzero(row))) if row.any() else i for i, row in enumerate(wrong)]
+
+
+def _half(vertical_fov: float) -> float:
+    return float(2 * np.degrees(np.arctan(np.tan(np.radians(vertical_fov) / 2) / 2)))
+
+
+def _shares(
+    said: Sequence[Prediction], true: Sequence[PhotoMetadata], false: Sequence[PhotoMetadata], parts: tuple[str, ...]
+) -> dict[str, float]:
+    return {"true": _share(said, true, parts), "false": _share(said, false, parts)}
+
+
+def _share(
+    said: Sequence[Prediction],
+    facts: Sequence[PhotoMetadata],
+    parts: tuple[str, ...],
+    code: WarningCode | None = None,
+) -> float:
+    """Percentage of photos with a warning, or with one of this code."""
+    return _warned(said, [observations_from_metadata(only(f, parts), NO_USER_INPUT).evidence for f in facts], code)
+
+
+def _warned(said: Sequence[Prediction], evidence: Sequence[Observations], code: WarningCode | None = None) -> float:
+    codes = [map(warning_code, fuse_single_view(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
+    return share(np.array([any(code in (None, found) for found in own) for own in codes]))

@@ -1,0 +1,164 @@
+"""Protocol cameras, network answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, pinhole
+from export.crops.crops import Crop, Source, finest_side, generator, take
+from export.data.panoramas import DataError, Panorama
+from export.evaluation.metrics import Answers, Truth
+from lighting.color import tone_map
+from lighting.decoding import lighting_from_prediction
+from lighting.fusion.estimate import refine_camera
+from lighting.geometry import Floats, camera_directions
+from lighting.model import Model
+from lighting.photo.preprocess import pad_to_input
+from lighting.photo.reader import TARGET
+from lighting.records import ModelSpec, Prediction
+from lighting.sun_grid import density
+
+# The views on which networks are scored, what is true of them, and what a network answers.
+
+View = tuple[Source, Camera]
+NetworkOutput = dict[str, list[Prediction]]  # of the same views, by each network
+
+CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
+CROPS_EACH = 8  # views of each panorama and protocol
+AIMED_EACH = 4  # views of each panorama that shows its sun
+BATCH = 16  # photos that a network sees at once
+SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
+LEAST_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
+
+
+@dataclass(frozen=True, eq=False)
+class _Looked:
+    """What is true of views, and what networks say of them."""
+
+    truth: Truth
+    alone: NetworkOutput  # by the network alone
+    said: NetworkOutput  # by the network and what else the pictures show, as users get it
+    with_lens: list[Prediction]  # the same by the first network, of photos that state their lens
+
+
+def cameras(sources: Sequence[Source], protocol: str) -> list[View]:
+    """CROPS_EACH views of each panorama by a protocol, at even steps of azimuth from a random start."""
+    taken: list[View] = []
+    for source in sources:
+        start = generator(source.panorama.name, 0, "azimuth").uniform(-180, 180)
+        for index in range(CROPS_EACH):
+            drawn = PROTOCOLS[protocol](generator(source.panorama.name, index, protocol))
+            azimuth = (start + index * 360 / CROPS_EACH + 180) % 360 - 180
+            taken.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
+    return taken
+
+
+def sun_centered(sources: Sequence[Source]) -> list[View]:
+    """AIMED_EACH views of each panorama that shows its sun, turned until they see it."""
+    taken: list[View] = []
+    for source in (source for source in sources if source.panorama.sun == "visible"):
+        for index in range(AIMED_EACH):
+            rng = generator(source.panorama.name, index, "sun in view")
+            drawn = aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)
+            taken.append((source, replace(drawn, mirrored=False)))
+    return taken
+
+
+def _see(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
+    """The truth about the views' crops and what a network says of them, without what else the pictures show."""
+    crops: list[Crop] = []
+    said: list[Prediction] = []
+    for first in range(0, len(views), BATCH):
+        part = [take(source, camera, model.spec) for source, camera in views[first : first + BATCH]]
+        said += model.predict(np.stack([pad_to_input(tone_map(crop.linear), model.spec) for crop in part]))
+        crops += part
+    return collect([source.panorama for source, _ in views], crops), said
+
+
+def predict_views(models: dict[str, Model], views: Sequence[View]) -> _Looked:
+    """The truth about the views, and what each network says of them alone and as users get it."""
+    results = {name: _see(model, views) for name, model in models.items()}
+    truth, first = next(iter(results.values()))
+    said: NetworkOutput = {name: [] for name in models}
+    with_lens = []
+    for i, view in enumerate(views):
+        pixels = _picture(view, first[i].spec)
+        for name, (_, alone) in results.items():
+            said[name].append(refine_camera(alone[i], pixels))
+        with_lens.append(refine_camera(first[i], pixels, view[1].vertical_fov))
+    return _Looked(truth, {name: alone for name, (_, alone) in results.items()}, said, with_lens)
+
+
+def _picture(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
+    """The view (h, w, 3) as a photo that was read: TARGET pixels along its longer side, or what the panorama has."""
+    side = min(TARGET, finest_side(*view))
+    return tone_map(take(*view, replace(spec, width=side, height=side)).linear)
+
+
+def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
+    """The targets of crops as arrays."""
+    sun = np.array([c.sun_direction for c in crops])
+    uncertainty = np.array([c.sun_uncertainty for c in crops])
+    return Truth(
+        panorama=np.array([p.name for p in panoramas]),
+        place=np.array([p.place for p in panoramas]),
+        scored=np.isfinite(sun[:, 0]) & (uncertainty <= CERTAIN),
+        sun=sun,
+        camera=np.array([[c.camera.elevation, c.camera.roll, c.camera.vertical_fov] for c in crops]),
+        aspect=np.array([c.camera.aspect for c in crops]),
+        visibility=np.array([c.sun_visibility for c in crops]),
+        turbidity=np.array([c.turbidity for c in crops]),
+        exposure=np.array([c.exposure for c in crops]),
+        in_view=np.array([_what_is_in_view(p, c) for p, c in zip(panoramas, crops, strict=True)]),
+    )
+
+
+def _what_is_in_view(panorama: Panorama, crop: Crop) -> str:
+    """By geometry: a visible sun, or more than SKY_SHARE of the frame above the horizon, or neither."""
+    if panorama.sun == "visible" and crop.sun_pixel:
+        return "sun in view"
+    rays = camera_directions(pinhole(crop.camera, 32, 24))
+    return "sky in view" if np.mean(rays[..., 1] > 0) > SKY_SHARE else "no sky"
+
+
+def interpret(said: Sequence[Prediction], sun: Floats) -> Answers:
+    """Predictions decoded as users get them, with the negative log likelihood of the true suns (N, 3)."""
+    lights = [lighting_from_prediction(p) for p in said]
+    probability = np.array([p.sun_probability for p in said])
+    known = np.isfinite(sun[:, 0])
+    nll = np.full(len(said), np.nan)
+    nll[known] = -np.log(np.maximum(density(probability[known], sun[known], said[0].spec.sun_grid), LEAST_DENSITY))
+    return Answers(
+        sun=np.array([light.sun_direction for light in lights]),
+        radius_50=np.array([light.radius_50 for light in lights]),
+        radius_90=np.array([light.radius_90 for light in lights]),
+        nll=nll,
+        camera=np.array([[li.camera_elevation, li.camera_roll, li.vertical_fov] for li in lights]),
+        visibility=np.array([light.sun_visibility for light in lights]),
+        turbidity=np.array([light.turbidity for light in lights]),
+        exposure=np.array([light.exposure for light in lights]),
+    )
+
+
+# The networks that are compared.
+
+
+def load_models(paths: Sequence[Path]) -> dict[str, Model]:
+    """ONNX networks by name, in the given order."""
+    return _by_name([Model.load(path) for path in paths])
+
+
+def _by_name(models: Sequence[Model]) -> dict[str, Model]:
+    """Networks by name, and by version if two share a name; DataError if two share both."""
+    names = [model.spec.name for model in models]
+    labels = [
+        name if names.count(name) == 1 else f"{name} {model.spec.version}"
+        for name, model in zip(names, models, strict=True)
+    ]
+    twice = next((label for label in labels if labels.count(label) > 1), None)
+    if twice:
+        raise DataError(f"Two networks are {twice}; `python -m export onnx --version` gives one another version.")
+    return dict(zip(labels, models, strict=True))

@@ -1,0 +1,217 @@
+"""Relit objects against truth.
+
+The measures are those of Hold-Geoffroy et al. (CVPR 2017): RMSE, scale-invariant RMSE, and the angle between RGB
+vectors.
+
+A diffuse, a glossy and a mirror ball as a distant camera at azimuth 0 sees them, and the plane with the shadow of
+`sphere.py`. Light is linear, so one matrix for each takes a map of sphere.HEIGHT rows to a picture.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from export.crops.crops import Crop, load_sources, take
+from export.data.labels import Label, labels_of
+from export.data.panoramas import DataError, read_index
+from export.evaluation.hdr_truth import HEIGHT, SIZE, picture, pooled, scene_points, transfer
+from export.evaluation.metrics import Names, difference_interval, interval, table
+from export.evaluation.predictions import View, cameras, load_models
+from lighting.color import tone_map
+from lighting.decoding import lighting_from_prediction
+from lighting.envmap.relighting import rotate_envmap
+from lighting.envmap.render import render
+from lighting.files.atomic import atomic_write
+from lighting.fusion.estimate import predict_photo
+from lighting.geometry import Floats, latlong_directions, latlong_solid_angle
+from lighting.model import Model
+from lighting.photo.reader import photo_from_array
+from lighting.records import Lighting, ModelSpec
+
+# Relighting error: a sphere lit by the panorama itself and by the light estimated from a crop of it.
+
+SHOWN = 6  # rows of the drawing
+SHOWN_WHITE = 0.9  # linear value at which the true picture's brightest parts are shown
+
+
+def _errors(truth: Floats, estimate: Floats) -> tuple[float, float, float]:
+    """RMSE, RMSE after the best scale, and the mean angle [deg] between RGB vectors."""
+    scale = np.sum(truth * estimate) / max(float(np.sum(estimate**2)), 1e-12)
+    return _rms(truth - estimate), _rms(truth - scale * estimate), float(colour_angle(truth, estimate).mean())
+
+
+def colour_angle(a: Floats, b: Floats) -> Floats:
+    """Angles (...) [deg] between RGB vectors (..., 3); 90 where one is black."""
+    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    return np.asarray(np.degrees(np.arccos(np.clip(np.sum(a * b, axis=-1) / np.maximum(lengths, 1e-12), -1, 1))))
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True)
+class _LitCrops:
+    """Crops with their true light: maps (HEIGHT, 2 HEIGHT, 3) in each crop's exposure and orientation."""
+
+    views: list[View]
+    crops: list[Crop]
+    truth: list[Floats]
+    panorama: Names
+
+
+def _lit_crops(data: Path, labels: Path, spec: ModelSpec) -> _LitCrops:
+    """Paper-protocol crops of the `val` HDR panoramas that show their sun; DataError if there are none."""
+    panoramas = [p for p in read_index(data, "val") if p.kind == "hdr" and p.sun == "visible"]
+    if not panoramas:
+        raise DataError(f"{data} has no HDR panorama in `val` that shows its sun, so nothing can be relit.")
+    views = cameras(load_sources(panoramas, labels), "paper")
+    crops = [take(source, camera, spec) for source, camera in views]
+    truth = [
+        pooled(rotate_envmap(source.levels[0], -camera.azimuth)) * crop.gain
+        for (source, camera), crop in zip(views, crops, strict=True)
+    ]
+    return _LitCrops(views, crops, truth, np.array([source.panorama.name for source, _ in views]))
+
+
+def _estimated(model: Model, views: list[View]) -> list[Floats]:
+    """The environment maps that a network's answers give."""
+    crops = [take(source, camera, model.spec) for source, camera in views]
+    said = [predict_photo(model, photo_from_array(tone_map(c.linear))) for c in crops]
+    return [np.asarray(render(lighting_from_prediction(p), HEIGHT)) for p in said]
+
+
+def _mean_sky(labels: Sequence[Label]) -> Floats:
+    """The mean over training skies and over azimuth."""
+    skies = [render(_lighting(label), HEIGHT, sun=label.direct == "yes") for label in labels]
+    return np.asarray(np.mean(skies, axis=0).mean(axis=1, keepdims=True).repeat(2 * HEIGHT, axis=1))
+
+
+def _constant_skies(labels: Sequence[Label]) -> list[Floats]:
+    """Skies of median turbidity and exposure: the sun ahead at several elevations, with and without its disc."""
+    turbidity, exposure = (float(np.median([getattr(la, key) for la in labels])) for key in ("turbidity", "exposure"))
+    middle = replace(_lighting(labels[0]), turbidity=turbidity, exposure=exposure, sun_azimuth=0.0)
+    heights = range(15, 90, 15)
+    return [render(replace(middle, sun_elevation=float(h)), HEIGHT, sun=sun) for h in heights for sun in (True, False)]
+
+
+def _lighting(label: Label) -> Lighting:
+    """The lighting that a label describes."""
+    return Lighting(label.sun_azimuth, max(label.sun_elevation, 0.0), label.turbidity, label.exposure)
+
+
+def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
+    """A table in Markdown of the networks, ours first, and of constant skies; writes relight.png into `out`."""
+    loaded = load_models(models)
+    shown = _lit_crops(data, labels, next(iter(loaded.values())).spec)
+    truth = [picture(light) for light in shown.truth]
+    pictures = {name: [picture(li) for li in _estimated(model, shown.views)] for name, model in loaded.items()}
+    training = [
+        la for la in labels_of(read_index(data, "train"), labels) if la.fit_ok and math.isfinite(la.sun_elevation)
+    ]
+    pictures["mean training sky"] = [picture(_mean_sky(training))] * len(truth)
+    constants = [picture(sky) for sky in _constant_skies(training)]
+    pictures["best constant sky"] = [min(constants, key=lambda p: _median_rmse(truth, p))] * len(truth)
+    _draw(shown, truth, pictures, out / "relight.png")
+    scores = {n: np.array([_errors(t, p) for t, p in zip(truth, ps, strict=True)]) for n, ps in pictures.items()}
+    return _relight_report(scores, shown.panorama)
+
+
+def _median_rmse(truth: Sequence[Floats], guess: Floats) -> float:
+    return float(np.median([_errors(t, guess)[0] for t in truth]))
+
+
+def _relight_report(scores: dict[str, Floats], panorama: Names) -> str:
+    """A table of the median scores (N, 3) by method, with the intervals of ours minus each."""
+    ours = next(iter(scores))
+    rows = []
+    for name, score in scores.items():
+        row = [name]
+        for theirs, best, decimals in zip(score.T, scores[ours].T, (3, 3, 1), strict=True):
+            less = "" if name == ours else interval(difference_interval(best, theirs, panorama), decimals)
+            row += [f"{np.median(theirs):.{decimals}f}", less]
+        rows.append(row)
+    title = (
+        f"## Relighting: {len(panorama)} crops of {len(np.unique(panorama))} HDR panoramas\n\n"
+        "Medians for a bumpy diffuse sphere on a plane, in the photo's linear values; 95 % intervals over panoramas of "
+        "our median minus each method's. The best constant sky was chosen on these very crops."
+    )
+    header = ["", "RMSE", "minus", "scale-invariant RMSE", "minus", "RGB angle [deg]", "minus"]
+    return f"{title}\n\n{table(header, rows)}"
+
+
+def _draw(shown: _LitCrops, truth: Sequence[Floats], pictures: dict[str, list[Floats]], path: Path) -> None:
+    """Draw SHOWN rows for panoramas that may be shown: the photo, the sphere under the true light, under each estimate.
+
+    Each row has the exposure that suits the true light. Nothing is drawn if none may be shown.
+    """
+    first = [i for i, (source, _) in enumerate(shown.views) if "CC0" in source.panorama.licence]
+    if not first:
+        return
+    chosen = first[:: max(1, len(first) // SHOWN)][:SHOWN]
+    lines = []
+    for i in chosen:
+        photo = Image.fromarray(tone_map(shown.crops[i].linear)).resize((SIZE * 4 // 3, SIZE))
+        gain = SHOWN_WHITE / float(np.percentile(truth[i], 95))
+        spheres = [tone_map(p * gain) for p in (truth[i], *(p[i] for p in pictures.values()))]
+        lines.append(np.concatenate([np.asarray(photo), *spheres], axis=1))
+    with atomic_write(path) as temporary:
+        sheet = Image.fromarray(np.concatenate(lines, axis=0))
+        sheet.resize((2 * sheet.width, 2 * sheet.height), Image.Resampling.BICUBIC).save(temporary, "PNG")
+
+
+# Four objects under any environment map, and how far two lights differ on each.
+
+BALLS = ("diffuse", "glossy", "mirror")
+OBJECTS = (*BALLS, "plane")
+GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(GLOSSINESS (cos - 1))
+
+_PLANE_STEP = 5  # of the plane's pixels, of which every so many is looked at
+_ACROSS = 24  # pixels of a ball's picture
+_MIRROR = 1500.0  # concentration of the mirror's lobe, about one pixel of the map
+
+
+@lru_cache(maxsize=4)
+def _matrix(kind: str) -> NDArray[np.float32]:
+    """Matrix (P, 2 HEIGHT²) from a map's pixels to what is seen of an object of OBJECTS, reflecting all light."""
+    if kind == "plane":
+        off_the_ball = np.linalg.norm(scene_points()[0], axis=1) > 1 + 1e-6
+        return np.asarray(transfer()[off_the_ball][::_PLANE_STEP], dtype=np.float32)
+    normals = _normals()
+    rays = latlong_directions(HEIGHT).reshape(-1, 3)
+    solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
+    if kind == "diffuse":
+        return np.asarray(np.maximum(normals @ rays.T, 0) * solid_angle / np.pi, dtype=np.float32)
+    view = np.array([0.0, 0.0, -1.0])
+    reflected = view - 2 * (normals @ view)[:, None] * normals
+    sharpness = GLOSSINESS if kind == "glossy" else _MIRROR
+    weight = np.exp(sharpness * (reflected @ rays.T - 1)) * solid_angle
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)
+
+
+def _normals() -> Floats:
+    """Normals (P, 3) of the pixels of a ball that a camera looking along -Z sees."""
+    steps = (np.arange(_ACROSS) + 0.5) / _ACROSS * 2 - 1
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, -steps))
+    inside = x**2 + y**2 < 1
+    x, y = x[inside], y[inside]
+    return np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=-1)
+
+
+def object_pictures(kind: str, maps: Floats) -> Floats:
+    """What is seen (N, P, 3) of an object under maps (N, HEIGHT, 2 HEIGHT, 3)."""
+    flat = maps.reshape(len(maps), -1, 3).astype(np.float32)
+    return np.stack([flat[..., channel] @ _matrix(kind).T for channel in range(3)], axis=-1)
+
+
+def differences(truth: Floats, guess: Floats) -> Floats:
+    """RMSE, RMSE after the best scale, both by the truth's RMS, and mean RGB angle [deg]: (N, 3) of (N, P, 3)."""
+    found = np.array([_errors(t, g) for t, g in zip(truth, guess, strict=True)])
+    size = np.maximum(np.sqrt(np.mean(truth**2, axis=(1, 2))), 1e-9)
+    return np.asarray(found / np.stack([size, size, np.ones(len(size))], axis=-1))

@@ -1,0 +1,328 @@
+"""ONNX export, graph rewrite, parity with torch.
+
+The graph holds all networks and averages their probabilities and values; their weights lie in a file beside it.
+
+onnxruntime widens the weights, so it computes in single precision. It maps the file that holds them into memory.
+"""
+
+import json
+import logging
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor, nn
+
+from export.crops.targets import COLUMNS, DARKEST, ROWS
+from export.data.panoramas import DataError
+from export.networks.backbone import Said
+from export.networks.outdoor import (
+    ROLL_SCALE,
+    decode_parameters,
+    expected,
+    levelled,
+    roll_spread,
+    seen_probability,
+    towards,
+    with_the_seen,
+)
+from export.networks.weights import describe_data, differ, history, read_network, read_record, read_spec
+from lighting.errors import ModelError
+from lighting.geometry import angles
+from lighting.model import MORE_OUTPUTS, OUTPUTS, Model, weights_path
+from lighting.records import ModelSpec
+from lighting.sun_grid import grid_directions
+
+# Changes to a network's ONNX graph before it ships: nothing is computed twice, and weights are stored small.
+
+HALVED = 256  # least elements of a tensor that is stored in half precision
+BYTES = 200_000  # least elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
+BESIDE = 1024  # least bytes of a tensor that lies in the file beside the graph
+
+
+def _share(model: Any) -> None:
+    """Merge equal tensors and equal nodes: what several networks begin with alike is then computed once."""
+    names = _unify_tensors(model.graph)
+    outputs = {output.name for output in model.graph.output}
+    known: dict[tuple[Any, ...], list[str]] = {}
+    kept = []
+    for node in model.graph.node:
+        inputs = [names.get(name, name) for name in node.input]
+        node.input[:] = inputs
+        attributes = sorted(a.SerializeToString() for a in node.attribute)
+        alike = (node.op_type, node.domain, len(node.output), *inputs, *attributes)
+        earlier = known.setdefault(alike, list(node.output))
+        if earlier != list(node.output) and outputs.isdisjoint(node.output):
+            names.update(zip(node.output, earlier, strict=True))
+        else:
+            kept.append(node)
+    _replace(model.graph.node, kept)
+
+
+def _unify_tensors(graph: Any) -> dict[str, str]:
+    """Keep one of each set of equal tensors; returns the name of the kept tensor for each removed one."""
+    first: dict[tuple[Any, ...], str] = {}
+    names, kept = {}, []
+    for tensor in graph.initializer:
+        values = numpy_helper.to_array(tensor)
+        name = first.setdefault((values.dtype.str, values.shape, values.tobytes()), tensor.name)
+        if name == tensor.name:
+            kept.append(tensor)
+        else:
+            names[tensor.name] = name
+    _replace(graph.initializer, kept)
+    return names
+
+
+def _forget_origin(model: Any) -> None:
+    """Remove each node's origin in the code and the shapes between nodes: nothing reads them."""
+    del model.graph.value_info[:]
+    for node in model.graph.node:
+        del node.metadata_props[:]
+
+
+def _store_small(model: Any) -> None:
+    """Store large tensors of weights as bytes with a scale for each output, others in half precision.
+
+    Small tensors stay as they are.
+    """
+    columns = {node.input[1] for node in model.graph.node if node.op_type == "MatMul"}  # an output is a column there
+    tensors, nodes = [], []
+    for tensor in model.graph.initializer:
+        weights = numpy_helper.to_array(tensor)
+        if weights.dtype != np.float32 or weights.size < HALVED:
+            tensors.append(tensor)
+            continue
+        stored, widening = _stored(tensor.name, weights, axis=int(tensor.name in columns))
+        tensors += stored
+        nodes += widening
+    _replace(model.graph.initializer, tensors)
+    _replace(model.graph.node, [*nodes, *model.graph.node])
+
+
+def _stored(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[Any], list[Any]]:
+    """Small tensors that replace a large one, whose outputs lie along `axis`, and the nodes that widen them."""
+    if weights.size < BYTES:
+        half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
+        return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]
+    others = tuple(i for i in range(weights.ndim) if i != axis)
+    scale = np.maximum(np.abs(weights).max(axis=others, keepdims=True) / 127, np.float32(1e-20)).astype(np.float32)
+    bytes_ = numpy_helper.from_array(np.round(weights / scale).astype(np.int8), f"{name}.bytes")
+    scales = numpy_helper.from_array(scale.reshape(-1), f"{name}.scale")
+    return [bytes_, scales], [helper.make_node("DequantizeLinear", [bytes_.name, scales.name], [name], axis=axis)]
+
+
+def _save_graph(model: Any, path: Path) -> None:
+    """Write a checked model as a graph and, beside it, its weights; the model in memory keeps them."""
+    weights = weights_path(path)
+    weights.unlink(missing_ok=True)  # otherwise they are appended to what it holds
+    saved = onnx.ModelProto()
+    saved.CopyFrom(model)
+    onnx.save_model(saved, str(path), save_as_external_data=True, location=weights.name, size_threshold=BESIDE)
+    onnx.checker.check_model(str(path))
+    for file in (path, weights):
+        file.chmod(0o644)
+
+
+def _replace(field: Any, values: list[Any]) -> None:
+    del field[:]
+    field.extend(values)
+
+
+# The networks as users get them: several answer together, in final units.
+
+
+class _Served(nn.Module):
+    """Networks whose averaged answers are sun probabilities (B, G) and parameters (B, 6).
+
+    Further networks, `cameras`, answer for the camera instead of the others. With an `elevation_scale` [deg], the sun's
+    probabilities are multiplied by exp(-elevation / scale): suns are lower in photographs than in the training crops.
+    In the same way the camera is taken to be held level, as photographs are, by networks with bins.
+    A sun that the networks see in the picture enters the probabilities. Networks that learnt it also say the light
+    (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3).
+    """
+
+    cells: Tensor
+    prior: Tensor
+
+    def __init__(
+        self,
+        networks: Sequence[nn.Module],
+        sun_grid: str,
+        temperature: float = 1.0,
+        cameras: Sequence[nn.Module] = (),
+        elevation_scale: float = math.inf,
+    ) -> None:
+        super().__init__()
+        self.cameras = nn.ModuleList(cameras)
+        self.networks = nn.ModuleList(networks)
+        self.temperature = temperature
+        cells = grid_directions(sun_grid)
+        self.register_buffer("cells", torch.tensor(cells, dtype=torch.float32))
+        self.register_buffer("prior", torch.tensor(np.exp(-angles(cells)[1] / elevation_scale), dtype=torch.float32))
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of what `forward` returns."""
+        return [*OUTPUTS, *(MORE_OUTPUTS if any(n.light is not None for n in self.networks) else ())]
+
+    def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
+        said: list[Said] = [network(photo) for network in self.networks]
+        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in said]).mean(dim=0)
+        sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
+        raw = torch.stack([one.raw.float() for one in said]).mean(dim=0)
+        asked = [network(photo) for network in self.cameras] or said
+        camera = torch.stack([_camera(one) for one in asked]).mean(dim=0)
+        parameters = decode_parameters(torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1))
+        seen = [seen_probability(one.seen.float()) for one in said if one.seen.shape[1]]
+        if seen:
+            rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
+            sun = with_the_seen(sun, torch.stack(seen).mean(dim=0), rays, self.cells)
+        return sun, parameters, *_light(said)
+
+
+def _camera(said: Said) -> Tensor:
+    """The camera's raw values (B, 3): the mean of those of its bins and of the head of values, where both are.
+
+    The bins also say how sure they are of the roll, which is then that of photographs.
+    """
+    values = said.raw[:, 2:5].float()
+    if not said.camera.shape[1]:
+        return values
+    camera = 0.5 * (values + expected(said.camera))
+    roll = levelled(camera[:, 1:2] * ROLL_SCALE, roll_spread(said.camera) * ROLL_SCALE) / ROLL_SCALE
+    return torch.cat([camera[:, :1], roll, camera[:, 2:]], dim=1)
+
+
+def _light(said: Sequence[Said]) -> tuple[Tensor, ...]:
+    """The light (B, 8) and what lies around (B, ROWS, COLUMNS, 3) of the networks that say it; nothing if none does."""
+    known = [one for one in said if one.light.shape[1]]
+    if not known:
+        return ()
+    light = torch.stack([one.light.float() for one in known]).mean(dim=0)
+    suitable = torch.stack([one.suitable.float() for one in known]).mean(dim=0)
+    around = torch.stack([one.around.float() for one in known]).mean(dim=0)
+    shares = torch.cat([light[:, 6:], suitable], dim=1).sigmoid()
+    radiance = (around.exp() - DARKEST).clamp_min(0.0).reshape(-1, ROWS, COLUMNS, 3)
+    return torch.cat([light[:, :6].exp(), shares], dim=1), radiance
+
+
+OPSET = 18
+TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
+ROUNDED = 3e-2  # the same once weights are stored small: that shifts the camera, and a seen sun with it
+
+
+def write_onnx(
+    folders: Sequence[Path],
+    target: Path,
+    *,
+    temperature: float = 1.0,
+    version: str | None = None,
+    cameras: Sequence[Path] = (),
+    elevation_scale: float = math.inf,
+) -> float:
+    """Write `target` and its weights from training folders; returns its difference to torch (see `parity`).
+
+    `temperature` divides the suns' logits (Guo et al., ICML 2017); `cameras` and `elevation_scale` are those of
+    `Served`. The version is the first run's unless another is given. DataError if the runs' networks expect different
+    photos; ModelError if the file's answers differ from torch's by more than TOLERANCE, or by more than ROUNDED once
+    its weights are stored small.
+    """
+    if differ([*folders, *cameras]):
+        raise DataError("The runs' networks expect different photos, so they cannot answer together.")
+    spec, known = _described(folders, version)
+    known["cameras"] = json.dumps([history(read_record(f)) for f in cameras])
+    networks, seeing = ([read_network(f) for f in some] for some in (folders, cameras))
+    served = _Served(networks, spec.sun_grid, temperature, seeing, elevation_scale).eval()
+    known["networks"] = str(len(folders) + len(cameras))
+    known |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=target.parent) as folder:
+        path = Path(folder, target.name)
+        model = _trace(served, spec)
+        _add_metadata(model, {"spec": spec.to_json(), **_plain(spec), **known})
+        _save_graph(model, path)
+        _check(_parity(served, path), TOLERANCE)
+        _forget_origin(model)
+        _share(model)
+        _store_small(model)
+        _save_graph(model, path)
+        difference = _check(_parity(served, path), ROUNDED)
+        _add_metadata(model, {"parity": f"{difference:.2e}"})
+        _save_graph(model, path)
+        weights_path(path).replace(weights_path(target))
+        path.replace(target)
+    return difference
+
+
+def _described(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, dict[str, str]]:
+    """The spec of the file and the metadata that tell where its networks come from."""
+    records, spec = [read_record(f) for f in folders], read_spec(folders[0])
+    data = "; ".join(dict.fromkeys(describe_data(r) for r in records))
+    commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
+    training = json.dumps([history(r) for r in records])
+    known = {"commit": commits, "training": training}
+    return replace(spec, training_data=data, version=version or spec.version), known
+
+
+def _check(difference: float, allowed: float) -> float:
+    if not difference <= allowed:  # nor is NaN agreement
+        raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {allowed:.0e}.")
+    return difference
+
+
+def _trace(served: _Served, spec: ModelSpec) -> Any:
+    """The network as an ONNX model whose batch may have any size."""
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it reports that torchvision's operators are missing
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # of the exporter's own use of torch
+        program = torch.onnx.export(
+            served,
+            (torch.zeros(2, 3, spec.height, spec.width),),
+            input_names=["photo"],
+            output_names=served.outputs,
+            dynamic_shapes={"photo": {0: torch.export.Dim("batch", min=1)}},
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None
+    return program.model_proto
+
+
+def _add_metadata(model: Any, metadata: dict[str, str]) -> None:
+    """Add what is known of the model: `spec` is for programs, the others are for people."""
+    for key, value in metadata.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, value
+
+
+def _plain(spec: ModelSpec) -> dict[str, str]:
+    return {
+        "name": spec.name,
+        "version": spec.version,
+        "license": spec.licence,
+        "sun_grid": spec.sun_grid,
+        "training_data": spec.training_data,
+        "preprocessing": "sRGB / 255, resized to fit, less mean, over std, centred on a canvas of zeros",
+    }
+
+
+def _parity(served: _Served, path: Path) -> float:
+    """Largest difference between torch and onnxruntime on fixed inputs, relative to each output's largest value."""
+    model = Model.load(path)
+    rng = np.random.default_rng(0)
+    batch = rng.normal(0, 1, (5, 3, model.spec.height, model.spec.width)).astype(np.float32)
+    with torch.inference_mode():
+        expected = [output.numpy() for output in served(torch.from_numpy(batch))]
+    found = model.session.run(served.outputs, {"photo": batch})
+    return float(np.max([np.abs(a - b).max() / np.abs(a).max() for a, b in zip(expected, found, strict=True)]))

@@ -1,0 +1,160 @@
+"""Checkpoints, weight averaging, finished runs.
+
+Wortsman et al., Model soups (ICML 2022).
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from pickle import UnpicklingError
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from export.data.panoramas import DataError
+from export.networks.outdoor import build, load_weights
+from lighting.files.atomic import atomic_write
+from lighting.records import ModelSpec
+
+# The record of a training run: its settings, its spec, the panoramas it saw, the runs it continues.
+
+RECORD = "config.json"
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """The record in a training folder; DataError if there is none or one of another kind."""
+    try:
+        record: dict[str, Any] = json.loads((folder / RECORD).read_text())
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise DataError(f"{folder} is not the folder of a training run: {RECORD}: {why}.") from error
+    if not isinstance(record, dict) or "spec" not in record:
+        raise DataError(f"{folder} is not the folder of a training run: {RECORD} is of another kind.")
+    return record
+
+
+def read_spec(folder: Path) -> ModelSpec:
+    """The spec of a training folder's network."""
+    return ModelSpec.from_json(json.dumps(read_record(folder)["spec"]))
+
+
+def differ(folders: Sequence[Path]) -> bool:
+    """Whether the networks of training folders have different specs, versions aside."""
+    return len({replace(read_spec(folder), version="") for folder in folders}) > 1
+
+
+def history(*records: dict[str, Any]) -> list[dict[str, Any]]:
+    """Settings and commits of runs, of those they continue and of those they were merged from, once each.
+
+    Of the runs and places that they learnt from, the folders' last names; no paths.
+    """
+    runs: list[dict[str, Any]] = []
+    for record in records:
+        known = record["merged"] if "merged" in record else [*record.get("before", []), _own(record)]
+        runs += [run for run in map(_without_folders, known) if run not in runs]
+    return runs
+
+
+def _own(record: dict[str, Any]) -> dict[str, Any]:
+    config = {k: v for k, v in record["config"].items() if k not in ("data", "labels", "out")}
+    return {**config, "commit": record["commit"], "torch": record["torch"]}
+
+
+def _without_folders(run: dict[str, Any]) -> dict[str, Any]:
+    """Settings with the last names of the paths among them."""
+    return {**run, **{name: _last_name(run[name]) for name in ("start", "synthetic", "teachers") if name in run}}
+
+
+def _last_name(path: Any) -> Any:
+    return Path(path).name if isinstance(path, str) else [Path(one).name for one in path]
+
+
+def describe_data(record: dict[str, Any]) -> str:
+    """One sentence about the network's training data; that of the file if it was read back from one."""
+    if told := record.get("training_data"):
+        return str(told)
+    runs, names = history(record), record["panoramas"]["train"]
+    free = all(run["licensed_only"] for run in runs)
+    which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
+    pretrained = runs[0]["pretrained"] and record["spec"]["name"] != "cvpr2017"  # which has no such weights
+    start = "from ImageNet weights, " if pretrained else ""
+    shares = {"rendered places": "synthetic", "ordinary photos": "photos_share"}
+    others = " and ".join(words for words, setting in shares.items() if any(run.get(setting) for run in runs))
+    mixed_in = f", a share of them of {others}" if others else ""
+    return f"{start}{sum(run['crops'] for run in runs)} crops of {len(names)} outdoor {which}{mixed_in}"
+
+
+# The weights that a training folder holds.
+
+CHECKPOINT = "checkpoint.pt"
+LEARNT = {"sees": "seen.", "bins": "camera.", "around": "light."}  # parts of a network, and a head of each
+
+
+def check_new(folder: Path) -> None:
+    """Raise DataError where a folder to be written already holds a run, or is a file."""
+    if folder.exists() and not folder.is_dir():
+        raise DataError(f"{folder} is a file; a run takes a folder.")
+    if (folder / CHECKPOINT).exists():
+        raise DataError(f"{folder} already holds a run.")
+
+
+def read_checkpoint(folder: Path, device: torch.device | str = "cpu") -> dict[str, Any]:
+    """What the checkpoint of a run holds: at least `average`, the state of the averaged network.
+
+    DataError if the folder holds no checkpoint or a damaged one.
+    """
+    path = folder / CHECKPOINT
+    if not path.is_file():
+        raise DataError(f"{folder} is not the folder of a training run: it holds no {CHECKPOINT}.")
+    try:
+        state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
+    except (RuntimeError, ValueError, EOFError, UnpicklingError) as error:
+        raise DataError(f"{path} is cut short or damaged.") from error
+    return state
+
+
+def averaged_weights(folder: Path) -> dict[str, Tensor]:
+    """The averaged weights of a run, by the network's own names; DataError as of `read_checkpoint`."""
+    average = read_checkpoint(folder)["average"]
+    return {name.removeprefix("module."): value for name, value in average.items() if name.startswith("module.")}
+
+
+def read_network(folder: Path) -> nn.Module:
+    """The averaged network of a training folder, ready to answer."""
+    weights = averaged_weights(folder)
+    has = {part: any(name.startswith(head) for name in weights) for part, head in LEARNT.items()}
+    network = build(read_spec(folder), **has)
+    load_weights(network, weights)
+    return network.eval()
+
+
+# The mean of the weights of runs with a common beginning: one network, often better than each of them.
+
+
+def average_weights(folders: Sequence[Path], out: Path) -> None:
+    """Write `out` as the folder of a run whose weights are the mean of those of `folders`.
+
+    The runs must share their beginning (`train --start`), or the mean is no useful network. Weights that only some runs
+    have, such as those of the head `seen`, are averaged over these. DataError if the networks differ or if `out`
+    already holds a run.
+    """
+    if differ(folders):
+        raise DataError("The runs' networks differ, so their weights have no mean.")
+    check_new(out)
+    records = [read_record(f) for f in folders]
+    weights = [averaged_weights(f) for f in folders]
+    mean = {f"module.{name}": _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
+    names = dict.fromkeys(name for r in records for name in r["panoramas"]["train"])
+    held_out = [name for name in records[0]["panoramas"]["tune"] if name not in names]
+    record = {**records[0], "panoramas": {"train": list(names), "tune": held_out}, "merged": history(*records)}
+    out.mkdir(parents=True, exist_ok=True)
+    with atomic_write(out / RECORD) as path:
+        path.write_text(json.dumps(record, indent=1))
+    with atomic_write(out / CHECKPOINT) as path:
+        torch.save({"average": mean}, path)
+
+
+def _mean(values: Sequence[Tensor]) -> Tensor:
+    return torch.stack(list(values)).mean(dim=0) if values[0].is_floating_point() else values[0]

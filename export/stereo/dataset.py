@@ -1,0 +1,214 @@
+"""Training days and samples."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.data.panoramas import DataError
+from export.stereo.renders import Material, cast_shadows, shade_surface
+from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, relief, turned, view
+from lighting.geometry import Floats
+from lighting.stereo.grid_search import Candidates, Pose, candidates, search, to_camera
+from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, suns_at
+from lighting.stereo.network import BY_IMAGE, NormalFeatures, normal_features
+
+# Days to photograph: a place, a date, the hours, the sky and how the camera stands.
+
+HELD_OUT_LATITUDES = ((33.0, 37.0), (45.0, 49.0))  # deg; training days are elsewhere
+IMAGES = 8
+
+_LOWEST_SUN = 5.0  # deg, of the images that training draws
+_SOUTHERNMOST, _NORTHERNMOST = -60.0, 62.0  # deg
+
+
+@dataclass(frozen=True)
+class CaptureDay:
+    """When, where and under what a thing is photographed."""
+
+    times: NDArray[np.datetime64]  # (T,), UTC
+    latitude: float  # deg
+    longitude: float = 0.0  # deg
+    turbidity: float = TURBIDITY
+    ground_albedo: float = 0.3
+    pose: Pose = field(default_factory=Pose)
+
+    def suns(self) -> Floats:
+        """Unit vectors (T, 3) to the sun in world axes."""
+        return suns_at(self.times, self.latitude, self.longitude)
+
+    def skies(self, height: int = 64) -> Skies:
+        """Its clear skies."""
+        return clear_skies(self.suns(), self.turbidity, self.ground_albedo, height)
+
+
+def hours_of(date: str, hours: Floats) -> NDArray[np.datetime64]:
+    """UTC times (T,) of hours (T,) of a date such as 2024-03-21."""
+    seconds = np.round(np.asarray(hours, dtype=np.float64) * 3600).astype("timedelta64[s]")
+    return np.datetime64(date, "s") + seconds
+
+
+def _random_day(rng: np.random.Generator) -> CaptureDay:
+    """A training day of 3 to 8 images over some hours, all with the sun well above the horizon."""
+    while True:
+        day = _draw(rng)
+        elevation = np.degrees(np.arcsin(day.suns()[:, 1]))
+        if elevation.min() > _LOWEST_SUN:
+            return day
+
+
+def _draw(rng: np.random.Generator) -> CaptureDay:
+    count = IMAGES if rng.random() < 0.7 else int(rng.integers(3, IMAGES + 1))
+    hours = np.linspace(rng.uniform(7.5, 10.5), rng.uniform(13.5, 16.5), count) + rng.normal(0, 0.1, count)
+    date = np.datetime64("2024-01-01") + rng.integers(366).astype("timedelta64[D]")
+    latitude = rng.uniform(_SOUTHERNMOST, _NORTHERNMOST)
+    while any(low <= abs(latitude) <= high for low, high in HELD_OUT_LATITUDES):
+        latitude = rng.uniform(_SOUTHERNMOST, _NORTHERNMOST)
+    sunny = 0.0 if latitude > 0 else 180.0  # the camera that sees the lit side looks to the pole
+    heading = sunny + rng.normal(0, 40) if rng.random() < 0.6 else rng.uniform(0, 360)
+    pose = Pose(heading, rng.normal(0, 10) if rng.random() < 0.5 else 0.0)
+    turbidity, ground = rng.uniform(2, 7), rng.uniform(0.1, 0.4)
+    return CaptureDay(hours_of(str(date), hours), latitude, turbidity=turbidity, ground_albedo=ground, pose=pose)
+
+
+def _believed(day: CaptureDay, rng: np.random.Generator) -> CaptureDay:
+    """What who photographs knows of a day: at times all of it, at times a wrong heading, clock, haze or ground."""
+    if rng.random() < 0.4:
+        return day
+    heading = day.pose.heading + rng.normal(0, 1.5)
+    late = np.round(rng.normal(0, 120)).astype("timedelta64[s]")
+    turbidity = float(np.clip(day.turbidity + rng.normal(0, 0.8), 1.5, 9))
+    pose = replace(day.pose, heading=heading)
+    return replace(day, times=day.times + late, turbidity=turbidity, ground_albedo=0.3, pose=pose)
+
+
+# Training samples: crops of surfaces on random days, as the network's planes and the true normals.
+
+Image = NDArray[np.float32]
+Mesh = tuple[Image, NDArray[np.intp]]
+
+CROP = 64  # pixels
+CROPS = 3  # of each surface and day
+
+_SIZES = (160, 320)  # pixels, of the whole picture
+_CANDIDATES = 1200  # normals that the search tries here
+_SKY_HEIGHT = 24  # rows of the skies' maps
+_MESH_SHARE = 0.5
+_VIEWS = 240  # of meshes that are kept
+_NEW = 0.25  # share of mesh samples for which one more is made
+_FULL = 0.3  # least share of a crop that the surface covers
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One crop; images that it lacks are 0."""
+
+    count: int  # of images
+    by_image: NDArray[np.float16]  # (IMAGES, BY_IMAGE - 3, CROP, CROP), without the planes of the suns
+    suns: NDArray[np.float32]  # (IMAGES, 3)
+    shared: NDArray[np.float16]  # (SHARED, CROP, CROP)
+    truth: NDArray[np.float16]  # (3, CROP, CROP), true normals
+
+
+def read_meshes(folder: Path) -> list[Mesh]:
+    """The meshes to train on in a folder; DataError if it holds none."""
+    files = [file for file in sorted(folder.glob("*.obj")) if not is_held_out(file)]
+    if not files:
+        raise DataError(f"{folder} holds no OBJ files to learn from.")
+    return [read_mesh(file) for file in files]
+
+
+def samples(meshes: list[Mesh], seed: int) -> Iterator[Sample]:
+    """Samples without end; the same seed gives the same ones."""
+    rng = np.random.default_rng(seed)
+    views: list[Surface] = []
+    while True:
+        surface = _seen(meshes, views, rng) if meshes and rng.random() < _MESH_SHARE else relief(_size(rng), rng)
+        yield from _of_surface(surface, _random_day(rng), rng)
+
+
+def _seen(meshes: list[Mesh], views: list[Surface], rng: np.random.Generator) -> Surface:
+    """A new view of a mesh or, since they take long to make, mostly an earlier one turned or mirrored."""
+    if len(views) < _VIEWS and (not views or rng.random() < _NEW):
+        views.append(view(meshes[rng.integers(len(meshes))], random_turn(rng), _size(rng), rng))
+        return views[-1]
+    return turned(views[rng.integers(len(views))], int(rng.integers(4)), mirrored=bool(rng.integers(2)))
+
+
+def _size(rng: np.random.Generator) -> int:
+    return int(rng.integers(*_SIZES))
+
+
+def _of_surface(surface: Surface, day: CaptureDay, rng: np.random.Generator) -> Iterator[Sample]:
+    skies, told = day.skies(_SKY_HEIGHT), _believed(day, rng)
+    table = candidates(told.skies(_SKY_HEIGHT), told.pose, _CANDIDATES)
+    shadows, glossy, coloured = rng.random() < 0.6, rng.random() < 0.4, rng.random() < 0.3
+    table = table if coloured else _grey(table)
+    noise = float(np.exp(rng.normal(np.log(0.01), 0.5)))
+    for window in _windows(surface, rng):
+        mask = surface.mask[window]
+        pixels = np.argwhere(mask) + np.array([window[0].start, window[1].start])
+        normals = surface.normals[window][mask]
+        lit = cast_shadows(surface, pixels, to_camera(skies.sun_direction, day.pose)) if shadows else None
+        gloss = rng.uniform(0.02, 0.15) if glossy else 0.0
+        material = Material(_albedo(surface.mask.shape, rng)[window][mask], gloss, rng.uniform(8, 60))
+        images = shade_surface(normals, skies, day.pose, material, lit, quick=True)
+        images = images if coloured else images.mean(axis=2, keepdims=True)
+        yield _sample(images, mask, normals, (table, to_camera(told.suns(), told.pose), noise), rng)
+
+
+def _grey(table: Candidates) -> Candidates:
+    """The same candidates for pictures of one channel, the mean of the three."""
+    light, brightness = table.light.mean(axis=-1, keepdims=True), table.brightness.mean(axis=0, keepdims=True)
+    return replace(table, light=light, brightness=brightness)
+
+
+def _windows(surface: Surface, rng: np.random.Generator) -> Iterator[tuple[slice, slice]]:
+    """Places of crops that hold enough of the surface."""
+    height, width = surface.mask.shape
+    found = 0
+    for _ in range(8 * CROPS):
+        top, left = rng.integers(0, [height - CROP + 1, width - CROP + 1])
+        window = slice(top, top + CROP), slice(left, left + CROP)
+        if surface.mask[window].mean() > _FULL and found < CROPS:
+            found += 1
+            yield window
+
+
+def _albedo(shape: tuple[int, ...], rng: np.random.Generator) -> Image:
+    """Albedos (H, W): one, or patches with soft changes inside them."""
+    if rng.random() < 0.6:
+        return np.full(shape, rng.uniform(0.3, 0.8), dtype=np.float32)
+    y, x = np.mgrid[: shape[0], : shape[1]] / shape[0]
+    wave = sum(np.sin(rng.uniform(2, 25) * (x * np.cos(t) + y * np.sin(t)) + rng.uniform(0, 6)) for t in range(4))
+    levels = rng.uniform(0.25, 0.9, 4)
+    patches = levels[np.digitize(wave, [-1.0, 0.0, 1.0])] if rng.random() < 0.5 else 0.5 + 0.1 * wave
+    return np.asarray(np.clip(patches, 0.1, 0.95), dtype=np.float32)
+
+
+def _sample(
+    images: Image,
+    mask: NDArray[np.bool_],
+    normals: Image,
+    told: tuple[Candidates, NDArray[Any], float],
+    rng: np.random.Generator,
+) -> Sample:
+    table, suns, noise = told
+    sigma = noise * float(images.max())
+    noisy = np.maximum(images + rng.normal(0, sigma, images.shape), 0).astype(np.float32)
+    planes = normal_features(noisy, mask, suns, search(noisy, table, sigma), sigma)
+    truth = np.zeros((3, *mask.shape), dtype=np.float16)
+    truth[:, mask] = normals.T
+    return _padded(planes, suns, truth)
+
+
+def _padded(planes: NormalFeatures, suns: NDArray[Any], truth: NDArray[np.float16]) -> Sample:
+    count = len(planes.by_image)
+    by_image = np.zeros((IMAGES, BY_IMAGE - 3, CROP, CROP), dtype=np.float16)
+    by_image[:count] = planes.by_image[:, :-3]
+    directions = np.zeros((IMAGES, 3), dtype=np.float32)
+    directions[:count] = suns
+    return Sample(count, by_image, directions, planes.shared.astype(np.float16), truth)

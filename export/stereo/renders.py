@@ -1,0 +1,176 @@
+"""Shaded pictures of surfaces.
+
+Light that one part of the surface reflects onto another is left out, and the surface does not hide the sky from
+itself; the ground below the horizon lights it.
+
+They lie beside the project where they are at hand, and never in it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, view
+from lighting.geometry import Floats
+from lighting.stereo.grid_search import Pose, to_camera, to_world, visible_normals
+from lighting.stereo.light_vectors import Skies, sky_light, sun_light
+
+# Pictures of a surface on a day: skies' light by mean light vectors, the sun's with cast shadows and gloss.
+
+FloatImage = NDArray[np.float32]
+
+_STEP_GROWTH = 1.08  # of the steps of a ray towards the sun, from one pixel on
+_BIAS = 0.75  # pixels that a ray must be below a surface to be blocked
+_GRID = 600  # normals at which the skies' light is integrated, where it is to be quick
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a surface is made of."""
+
+    albedo: FloatImage  # (P,), of its pixels
+    gloss: float = 0.0  # reflectance of the lobe of Blinn and Phong beside the diffuse one
+    exponent: float = 30.0  # of that lobe
+
+
+def cast_shadows(surface: Surface, pixels: NDArray[np.intp], suns: Floats) -> NDArray[np.bool_]:
+    """Whether each sun reaches each pixel (P, T); `pixels` (P, 2) holds rows and columns, suns (T, 3) camera frame.
+
+    Rays are marched over the heights in steps that grow. What the camera sees is solid half a picture deep.
+    """
+    height = np.where(surface.mask, surface.height, -np.inf).astype(np.float32)
+    reached = np.ones((len(pixels), len(suns)), dtype=bool)
+    start = height[pixels[:, 0], pixels[:, 1]]
+    facing = surface.normals[pixels[:, 0], pixels[:, 1]] @ suns.T > 0
+    for moment, sun in enumerate(suns):
+        rows = np.flatnonzero(facing[:, moment])
+        blocked = _blocked(height, pixels[rows], start[rows], sun)
+        reached[rows[blocked], moment] = False
+    return reached
+
+
+def _blocked(height: FloatImage, pixels: NDArray[np.intp], start: FloatImage, sun: Floats) -> NDArray[np.bool_]:
+    """Which of the rays that leave pixels (P, 2) at heights (P,) towards a sun (3,) meet the surface."""
+    size = max(height.shape)
+    across = max(float(np.hypot(sun[0], sun[1])), 1e-6)
+    blocked = np.zeros(len(pixels), dtype=bool)
+    distance = 1.5
+    while distance < size:
+        row = np.round(pixels[:, 0] - sun[1] / across * distance).astype(np.intp)
+        column = np.round(pixels[:, 1] + sun[0] / across * distance).astype(np.intp)
+        inside = (row >= 0) & (row < height.shape[0]) & (column >= 0) & (column < height.shape[1])
+        met = height[np.where(inside, row, 0), np.where(inside, column, 0)]
+        above = met - (start + sun[2] / across * distance)
+        blocked |= inside & (above > _BIAS) & (above < 0.5 * size)
+        distance += max(1.0, (_STEP_GROWTH - 1) * distance)
+    return blocked
+
+
+def shade_surface(
+    normals: FloatImage,
+    skies: Skies,
+    pose: Pose,
+    material: Material,
+    lit: NDArray[np.bool_] | None,
+    *,
+    quick: bool = False,
+) -> FloatImage:
+    """Brightnesses (P, T, C) of pixels with normals (P, 3) in the camera frame; `lit` (P, T) is from `cast_shadows`.
+
+    A quick picture takes the skies' light from the nearest of _GRID normals, within half a per cent.
+    """
+    world = to_world(normals, pose).astype(np.float32)
+    by_sky = _quick_sky(skies, normals, pose) if quick else _exact_sky(skies, world)
+    sun = np.maximum(np.einsum("ptjc,pj->ptc", sun_light(skies.sun_direction, skies.sun_irradiance, world), world), 0)
+    diffuse = material.albedo[:, None, None] * by_sky
+    direct = material.albedo[:, None, None] * sun + _gloss(normals, skies, pose, material)
+    return np.asarray(diffuse + (direct if lit is None else direct * lit[..., None]), dtype=np.float32)
+
+
+def _exact_sky(skies: Skies, world: FloatImage) -> Floats:
+    return np.asarray(np.einsum("ptjc,pj->ptc", sky_light(skies.radiance, world), world))
+
+
+def _quick_sky(skies: Skies, normals: FloatImage, pose: Pose) -> Floats:
+    grid = visible_normals(_GRID)
+    light = sky_light(skies.radiance, to_world(grid, pose))
+    nearest = (normals @ grid.T).argmax(axis=1)
+    return np.asarray(np.einsum("ptjc,pj->ptc", light[nearest], to_world(normals, pose)))
+
+
+def _gloss(normals: FloatImage, skies: Skies, pose: Pose, material: Material) -> Floats:
+    """The sun's reflection (P, T, C) towards the camera."""
+    if not material.gloss:
+        return np.zeros((1, 1, 1))
+    suns = to_camera(skies.sun_direction, pose)
+    half = suns + np.array([0.0, 0.0, 1.0])
+    half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
+    lobe = np.maximum(normals @ half.T, 0) ** material.exponent * np.maximum(normals @ suns.T, 0)
+    scale = material.gloss * (material.exponent + 8) / (8 * np.pi)
+    return np.asarray(scale * lobe[..., None] * skies.sun_irradiance)
+
+
+OBJECTS = ("bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
+
+_MARGIN = 8  # pixels around an object
+_VIEW = 224  # pixels each way of a mesh's view
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A shape to photograph."""
+
+    name: str
+    group: str  # "scanned objects" or "held-out meshes"
+    surface: Surface
+    scale: float = 0.0  # mm in a pixel; 0 is unknown
+
+
+def subjects(data: Path, step: int = 1) -> Iterator[Subject]:
+    """The shapes of a folder with `scanned_objects` and `meshes`, every `step`th pixel of each; none where it lacks."""
+    for name in OBJECTS:
+        if (data / "scanned_objects" / name).is_dir():
+            yield _thinned(_scanned(data / "scanned_objects" / name), step)
+    for file in sorted((data / "meshes").glob("*.obj")):
+        if is_held_out(file):
+            yield from (_thinned(subject, step) for subject in _views(file))
+
+
+def _views(file: Path) -> Iterator[Subject]:
+    """Two views of a mesh, the same every time."""
+    rng, mesh = np.random.default_rng(0), read_mesh(file)
+    for number in (1, 2):
+        yield Subject(f"{file.stem} {number}", "held-out meshes", view(mesh, random_turn(rng), _VIEW, rng))
+
+
+def _scanned(folder: Path) -> Subject:
+    coded = np.asarray(Image.open(folder / "normal_map.png"), dtype=np.float32)
+    mask = np.asarray(Image.open(folder / "mask.png").convert("L")) > 127
+    depth = np.load(folder / "depth_gt.npz")["depth_gt"]
+    mask &= np.isfinite(depth)
+    normals = np.asarray(coded / 127.5 - 1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
+    scale = float(np.median(depth[mask]) / np.loadtxt(folder / "K.txt")[0, 0])
+    height = np.where(mask, -depth / scale, np.nan).astype(np.float32)
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    window = tuple(slice(max(0, found[0] - _MARGIN), found[-1] + 1 + _MARGIN) for found in (rows, columns))
+    whole = Surface(np.asarray(normals * mask[..., None], dtype=np.float32), height, mask)
+    return Subject(folder.name, "scanned objects", _cut(whole, window), scale)
+
+
+def _cut(surface: Surface, window: Any) -> Surface:
+    return Surface(surface.normals[window], surface.height[window], surface.mask[window])
+
+
+def _thinned(subject: Subject, step: int) -> Subject:
+    """Every `step`th pixel each way; heights stay in pixels."""
+    if step == 1:
+        return subject
+    part = _cut(subject.surface, (slice(None, None, step), slice(None, None, step)))
+    smaller = Surface(part.normals, np.asarray(part.height / step, dtype=np.float32), part.mask)
+    return Subject(subject.name, subject.group, smaller, subject.scale * step)

@@ -1,0 +1,275 @@
+"""Training loop, run state, run record.
+
+The folder it writes holds config.json (everything the run depends on, with the commit), log.jsonl and checkpoint.pt.
+"""
+
+import json
+import math
+import subprocess
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.utils.data import DataLoader
+
+from export.crops.crops import load_sources
+from export.data.panoramas import DataError, Panorama
+from export.networks.outdoor import build, load_weights, specs
+from export.networks.weights import CHECKPOINT, RECORD, averaged_weights, history, read_checkpoint, read_record
+from export.training.config import MAY_CHANGE, PLACES, TrainConfig
+from export.training.dataset import Batch, TrainingCrops, synthetic_sources, training_panoramas, training_photos
+from export.training.distillation import TeacherEnsemble, mixup
+from export.training.losses import losses
+from lighting.files.atomic import atomic_write, stale_temporaries
+
+# The state of a training run: saved and resumed as a whole.
+
+CLIPPED = 5.0  # largest norm of the gradient
+CAMERA = ("parameters", "camera")  # losses that the camera's angles enter
+
+
+def _learning_rate(step: int, steps: int, warmup: float) -> float:
+    """Factor on the learning rate: a linear rise, then half a cosine down to zero."""
+    rise = max(1, int(warmup * steps))
+    if step < rise:
+        return (step + 1) / rise
+    return 0.5 * (1 + math.cos(math.pi * (step - rise) / max(1, steps - rise)))
+
+
+class _Run:
+    """Network, averaged weights, optimiser and position."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.config = config
+        self.spec = specs(config.version)[config.network]
+        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self.halves = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
+        torch.manual_seed(0)
+        network = build(self.spec, pretrained=config.pretrained and not config.start, around=config.surroundings)
+        if config.start:
+            load_weights(network, averaged_weights(Path(config.start)))
+        if config.only_seen:
+            network.requires_grad_(False)
+            network.get_submodule("seen").requires_grad_(True)
+        self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        ema: Any = get_ema_multi_avg_fn  # not annotated by torch
+        self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
+        trained = [p for p in self.network.parameters() if p.requires_grad]
+        self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
+        teachers = [Path(folder) for folder in config.teachers]
+        around = config.surroundings
+        self.teachers = TeacherEnsemble(teachers, self.spec, self.device, around=around) if teachers else None
+        self.steps = config.crops // config.batch
+        self.step = 0
+        self.checkpoint = Path(config.out) / CHECKPOINT
+
+    def train_mode(self) -> None:
+        """Put the layers that learn into training mode, the others into evaluation mode."""
+        self.network.train(not self.config.only_seen)
+        if self.config.only_seen:
+            self.network.get_submodule("seen").train()
+
+    def resume(self) -> None:
+        """Continue from the folder's checkpoint if it has one; DataError if that is damaged or of another network.
+
+        What killed processes left of checkpoints is deleted.
+        """
+        for path in stale_temporaries(self.checkpoint):
+            path.unlink(missing_ok=True)
+        if self.checkpoint.exists():
+            state = read_checkpoint(self.checkpoint.parent, self.device)
+            try:
+                self.network.load_state_dict(state["network"])
+                self.average.load_state_dict(state["average"])
+                self.optimizer.load_state_dict(state["optimizer"])
+                self.step = state["step"]
+            except (KeyError, RuntimeError, ValueError) as error:
+                raise DataError(f"{self.checkpoint} is of another network than the run's.") from error
+
+    def save(self) -> None:
+        """Write the whole state; if the run is killed meanwhile, the previous one stays."""
+        parts = {"network": self.network, "average": self.average, "optimizer": self.optimizer}
+        with atomic_write(self.checkpoint) as path:
+            torch.save({**{k: v.state_dict() for k, v in parts.items()}, "step": self.step}, path)
+
+    def forward(self, network: nn.Module, batch: Batch) -> dict[str, Tensor]:
+        """Losses of a batch on the device, in bfloat16 where that is safe and the processor has it."""
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
+            said = network(batch.photo)
+        return losses(said, batch)
+
+    def taught(self, teachers: TeacherEnsemble, batch: Batch) -> dict[str, Tensor]:
+        """Losses of a batch against what is known of its crops and against what the teachers answer."""
+        batch = mixup(batch, self.config.blended)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
+            answers = teachers.targets(batch.photo)
+            said = self.network(batch.photo)
+        return losses(said, batch) | {f"taught {name}": loss for name, loss in losses(said, answers).items()}
+
+    def update(self, batch: Batch) -> dict[str, Tensor]:
+        """One step of the optimiser; what it leaves out by chance depends on the step, so runs resume as they were."""
+        torch.manual_seed(self.step)
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.config.learning_rate * _learning_rate(self.step, self.steps, self.config.warmup)
+        learnt = self.taught(self.teachers, batch) if self.teachers else self.forward(self.network, batch)
+        parts = self._chosen(learnt)
+        torch.autograd.backward(torch.stack(list(parts.values())).sum())
+        nn.utils.clip_grad_norm_(self.network.parameters(), CLIPPED)
+        self.optimizer.step()
+        self.optimizer.zero_grad(set_to_none=True)
+        self.average.update_parameters(self.network)
+        self.step += 1
+        return {name: value.detach() for name, value in parts.items()}
+
+    def _chosen(self, parts: dict[str, Tensor]) -> dict[str, Tensor]:
+        """The losses that the run minimises."""
+        if self.config.only_seen:
+            return {"seen": parts["seen"]}
+        return {name: parts[name] for name in CAMERA} if self.config.only_camera else parts
+
+    def batches(self, dataset: TrainingCrops, first: int = 0) -> Iterator[Batch]:
+        """Batches on the device, beginning with crop number `first`."""
+        loader = DataLoader(
+            dataset,
+            batch_size=self.config.batch,
+            sampler=range(first, len(dataset)),
+            num_workers=self.config.workers,
+            drop_last=not dataset.tune,
+            worker_init_fn=_one_thread,
+        )
+        for batch in loader:
+            photo = batch.photo.to(self.device, memory_format=torch.channels_last)
+            yield Batch(photo, *(part.to(self.device) for part in batch[1:]))
+
+    def tune_losses(self, dataset: TrainingCrops) -> dict[str, float]:
+        """Losses of the averaged weights over the held-out training places."""
+        self.average.eval()
+        with torch.inference_mode():
+            parts = [self.forward(self.average, batch) for batch in self.batches(dataset)]
+        return {name: float(torch.stack([p[name] for p in parts]).mean()) for name in parts[0]} if parts else {}
+
+
+def _one_thread(_worker: int) -> None:
+    torch.set_num_threads(1)
+
+
+# config.json in a run's folder: everything the run depends on.
+
+
+def _write_record(run: _Run, commits: Iterable[str], kept: Sequence[Panorama], held_out: Sequence[Panorama]) -> None:
+    """Write the run's settings, spec, commits, panoramas and the runs it continues or learns from."""
+    config = run.config
+    sources = [config.start, *config.teachers] if config.start else config.teachers
+    record = {
+        "config": asdict(config),
+        "spec": asdict(run.spec),
+        "commit": ", ".join(dict.fromkeys(commits)),
+        "torch": torch.__version__,
+        "before": history(*(read_record(Path(folder)) for folder in sources)),
+        "panoramas": {"train": [p.name for p in kept], "tune": [p.name for p in held_out]},
+    }
+    with atomic_write(Path(config.out) / RECORD) as path:
+        path.write_text(json.dumps(record, indent=1))
+
+
+def _earlier_commits(config: TrainConfig) -> list[str]:
+    """The commits that trained the run in `config.out` so far; DataError if it has other settings or cannot go on.
+
+    Settings that the run's record is too old to have count as their defaults.
+    """
+    record = read_record(Path(config.out))
+    if "merged" in record:
+        made = "was read back from a file" if "file" in record else "is the mean of several runs"
+        raise DataError(f"{config.out} holds a network that {made}; give it as --start and choose another --out.")
+    now = _settings(config)
+    if unknown := record["config"].keys() - now.keys():
+        raise DataError(
+            f"{config.out} holds a run with a setting that is unknown here, {min(unknown)}; choose another --out."
+        )
+    then = _settings(TrainConfig(**record["config"]))
+    changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
+    if changed:
+        raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")
+    return str(record["commit"]).split(", ")
+
+
+def _settings(config: TrainConfig) -> dict[str, Any]:
+    """A run's settings by name, its paths absolute."""
+    settings = asdict(config)
+    for name in PLACES:
+        value = settings[name]
+        settings[name] = _absolute(value) if isinstance(value, str) else [_absolute(path) for path in value]
+    return settings
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).resolve()) if path else ""
+
+
+def _commit() -> str:
+    """The checkout's commit, or "unknown" outside one."""
+    done = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent)
+    return done.stdout.strip() or "unknown"
+
+
+# The training loop: crops drawn on the fly, either network; stops and resumes at any time.
+
+
+def train_network(config: TrainConfig) -> Path:
+    """Train, or resume what the folder holds; returns the path of the checkpoint.
+
+    Raises DataError if the folder holds a run with other settings or no run that can go on, if there is nothing to
+    train on, or if no step would be trained; the folder is then as before.
+    """
+    if config.crops < config.batch:
+        raise DataError(f"{config.crops} crops do not fill one step of {config.batch}, so nothing would be trained.")
+    before = _earlier_commits(config) if (Path(config.out) / CHECKPOINT).exists() else []
+    kept, held_out = training_panoramas(config)
+    photos = training_photos(config)
+    run = _Run(config)
+    run.resume()
+    dataset = TrainingCrops(
+        load_sources(kept, config.labels),
+        run.spec,
+        config,
+        synthetic=synthetic_sources(config),
+        photos=photos,
+    )
+    tune = TrainingCrops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
+    Path(config.out).mkdir(parents=True, exist_ok=True)
+    _write_record(run, [*before, _commit()] if run.step < run.steps else before, kept, held_out)
+    print(
+        f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out, "
+        f"from step {run.step} of {run.steps}",
+        flush=True,
+    )
+    _loop(run, dataset, tune)
+    return run.checkpoint
+
+
+def _loop(run: _Run, dataset: TrainingCrops, tune: TrainingCrops | None) -> None:
+    started = saved = time.monotonic()
+    window: list[dict[str, Tensor]] = []
+    run.train_mode()
+    for batch in run.batches(dataset, run.step * run.config.batch):
+        window.append(run.update(batch))
+        last = run.step == run.steps
+        if last or time.monotonic() - saved > 60 * run.config.checkpoint_minutes:
+            run.save()
+            saved = time.monotonic()
+            means = {name: float(torch.stack([w[name] for w in window]).mean()) for name in window[0]}
+            window.clear()
+            held_out = {f"tune_{k}": v for k, v in run.tune_losses(tune).items()} if tune is not None and last else {}
+            _log(run, {"minutes": (saved - started) / 60, **means, **held_out})
+
+
+def _log(run: _Run, values: dict[str, float]) -> None:
+    line = json.dumps({"step": run.step, **{name: round(value, 4) for name, value in values.items()}})
+    print(line, flush=True)
+    with (Path(run.config.out) / "log.jsonl").open("a") as file:
+        file.write(line + "\n")
