@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.pages import ROOT, text
+from tests.helpers.pages import ROOT, text
 
 CHECK = text(ROOT / ".ci" / "run")
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))

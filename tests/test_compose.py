@@ -5,12 +5,13 @@ from typing import Any
 
 import pytest
 
-from lighting.photo.memory import allowance
-from lighting.scene import PLATE_SIDE
-from lighting.turns import MAX_SIDE, apart
-from server.protocol import HEADER_BYTES
+from lighting.photo.reader import memory_budget
+from lighting.registration import photo_set
+from lighting.registration.features import MAX_SIDE
+from lighting.scene.records import PLATE_SIDE
+from server.h11_protocol import HEADER_BYTES
 from server.settings import PREFIX, Settings
-from tests.pages import ROOT
+from tests.helpers.pages import ROOT
 
 yaml = pytest.importorskip("yaml", reason="needs PyYAML, which schemathesis brings")
 IDLE, DECODER, MATCHER = (
@@ -63,10 +64,10 @@ def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     """The sum that docs/service.md states."""
     s = settings_of(services)
     bodies = (s.places + s.queue + s.uploads) * s.max_bytes
-    decoding = allowance(s.max_bytes, s.max_pixels, PLATE_SIDE)
+    decoding = memory_budget(s.max_bytes, s.max_pixels, PLATE_SIDE)
     kept = s.max_photos * 3 * (2 * MAX_SIDE - 1) ** 2  # photos to be matched, and once more on their way
-    matching = MATCHER + apart.MEMORY + s.max_photos * apart.PER_PHOTO + 2 * kept
-    assert kept + allowance(s.max_bytes, s.max_pixels, MAX_SIDE) < decoding
+    matching = MATCHER + photo_set.MEMORY + s.max_photos * photo_set.PER_PHOTO + 2 * kept
+    assert kept + memory_budget(s.max_bytes, s.max_pixels, MAX_SIDE) < decoding
     places = s.places * (DECODER + max(decoding, matching))
     answers = s.unsent_bytes + 2 * s.places * LARGEST
     limit = services["lighting"]["deploy"]["resources"]["limits"]["memory"]

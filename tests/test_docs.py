@@ -14,17 +14,16 @@ import pytest
 
 import lighting
 from lighting.cli import cli
-from lighting.evidence.declination import TYPICAL_DECLINATION
-from lighting.evidence.fusion import COMPASS_SPREAD, GROSS_ERRORS
-from lighting.evidence.metadata import GIVEN_HEADING_SPREAD
 from lighting.files import MAP_FORMATS
-from lighting.ranges import OPTIONAL_RANGES, RANGES
+from lighting.fusion.metadata_prior import GIVEN_HEADING_SPREAD, TYPICAL_DECLINATION
+from lighting.fusion.single_view import COMPASS_SPREAD, GROSS_ERRORS
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
+from lighting.validation import OPTIONAL_RANGES, RANGES
 from server.app import create_app
 from server.settings import Settings
-from tests.lighting.cli.runners import commands
-from tests.pages import DOCS, README, ROOT, anchors, blocks, links, text
+from tests.helpers.pages import DOCS, README, ROOT, anchors, blocks, links, text
+from tests.helpers.processes import commands
 
 MOST_LINES = 170  # of README: more than that is not read
 EVERY_PAGE = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "node_modules", "runs"} & set(p.parts))
@@ -152,7 +151,7 @@ def test_the_python_of_readme_runs(clone: tuple[Path, dict[str, str]]) -> None:
 
 @pytest.mark.parametrize("line", REQUESTS)
 def test_every_request_is_to_a_route_with_parameters_that_it_has(line: str) -> None:
-    """That they are answered is tested in tests/server/test_process.py."""
+    """That they are answered is tested in tests/server/test___main__.py."""
     found = re.search(r"http://127\.0\.0\.1:8000(\S*?)'?(?: |$)", line)
     assert found
     url = urlsplit(found[1])
@@ -209,7 +208,7 @@ def test_the_public_face_is_small_and_there() -> None:
     assert len(lighting.__all__) < 10
     assert all(getattr(lighting, name) is not None for name in lighting.__all__)
     with pytest.raises(AttributeError, match="nothing"):
-        lighting.nothing  # noqa: B018
+        _ = lighting.nothing  # type: ignore[attr-defined]
 
 
 def test_the_page_on_metadata_states_the_compass_as_the_code_does() -> None:

@@ -1,8 +1,8 @@
 """A scene tool as a contributor writes one: a text with the sun, and the photo."""
 
 from lighting.scene import Exporter, ExporterOption
-from lighting.scene.common import Scene
-from lighting.scene.parts import Folder, plate_png
+from lighting.scene.records import Scene
+from lighting.scene.writer import Folder, plate_png
 
 TEXT, PICTURE = "toy.txt", "toy.png"
 

@@ -24,19 +24,20 @@ import uvicorn
 from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
-from lighting import Lighting, read_exr
-from lighting.envmap import place_of, view
-from lighting.files import full_record, read_hdr
+from lighting.envmap.surroundings import photo_context_for_height, render_view
+from lighting.estimator import Estimator
+from lighting.files.exr import read_exr
+from lighting.files.radiance_hdr import _read_hdr
 from lighting.geometry import camera_axes
-from lighting.photo import TARGET, read_photo
-from lighting.pipeline import Estimator
+from lighting.photo.reader import TARGET, read_photo
+from lighting.records import Lighting, record_with_coefficients
+from lighting.registration.features import MAX_SIDE, has_opencv
 from lighting.scene import EXPORTERS
-from lighting.turns import MAX_SIDE, has_opencv
 from server.app import create_app
-from server.page import BUNDLE
 from server.settings import Settings
-from tests.lighting.photo.held import phone
-from tests.lighting.turns.cameras import picture, texture
+from server.static_page import BUNDLE
+from tests.helpers.cameras import picture, texture
+from tests.helpers.photos import phone
 
 ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "railway_field.jpg"
@@ -470,7 +471,7 @@ class TestDownloads:
         assert {"Sun azimuth", "Turbidity", "Vertical field of view"} <= set(seen["numbers"])
         assert "of this photo alone" in seen["note"]
         record = json.loads((folder / "estimate.json").read_text())
-        assert full_record(Lighting.from_dict(record)) == record
+        assert record_with_coefficients(Lighting.from_dict(record)) == record
 
     def test_the_dome_is_read_by_keyboard(self, seen: Seen) -> None:
         assert "within 10°" in seen["readout"]
@@ -490,7 +491,7 @@ class TestDownloads:
         assert image.shape == (512, 1024, 3)
         _, column, _ = np.unravel_index(int(image.argmax()), image.shape)
         assert min(column, 1023 - column) <= 2
-        assert read_hdr(folder / "map.hdr").shape == (256, 512, 3)
+        assert _read_hdr(folder / "map.hdr").shape == (256, 512, 3)
         with Image.open(folder / "map.png") as image_file:
             assert image_file.size == (512, 256)
 
@@ -542,8 +543,8 @@ def estimated_together(files: list[Path]) -> NDArray[np.float32]:
     def finer(side: int) -> NDArray[np.uint8]:
         return read_photo(files[-1], target=side).pixels
 
-    place = place_of(alone, photo.pixels, 512, finer, exposure=light.exposure)
-    return view(light, 512, sun=light.sun_shines, place=place)[0]
+    place = photo_context_for_height(alone, photo.pixels, 512, finer, exposure=light.exposure)
+    return render_view(light, 512, sun=light.sun_shines, place=place)[0]
 
 
 class TestSeveral:

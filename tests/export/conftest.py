@@ -4,23 +4,21 @@ from pathlib import Path
 
 import pytest
 
-from export.data.labelling import label_panorama
-from export.data.labels import write_labels
-from export.data.panoramas import read_index
-from export.data.synthetic import write_dataset
-from export.data.tables import DataError
-from export.networks.onnx import write_onnx
-from export.towns.llvm import find_llvm
+from export.data.labels import _label_panorama, write_labels
+from export.data.panoramas import DataError, read_index
+from export.data.path_tracing import find_llvm
+from export.data.rendered_panoramas import _write_dataset
+from export.networks.onnx_export import write_onnx
 from export.training.config import TrainConfig
-from export.training.train import train
+from export.training.loop import train_network
 
 
 @pytest.fixture(scope="session")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of rendered panoramas and its labels."""
     folder = tmp_path_factory.mktemp("data")
-    write_dataset(folder, 12, height=64)
-    write_labels([label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
+    _write_dataset(folder, 12, height=64)
+    write_labels([_label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
     return folder
 
 
@@ -32,7 +30,7 @@ def config(data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainConfig:
 
 @pytest.fixture(scope="session")
 def trained(config: TrainConfig) -> Path:
-    train(config)
+    train_network(config)
     return Path(config.out)
 
 

@@ -5,18 +5,17 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from export.__main__ import cli
-from export.data.panoramas import INDEX
-from export.data.tables import DataError
-from export.evaluation.relight import lit_crops
-from export.networks.specs import specs
+from export.__main__ import export_cli
+from export.data.panoramas import INDEX, DataError
+from export.evaluation.relighting import _lit_crops
+from export.networks.outdoor import specs
 from lighting.errors import LightingError
 
 
 @pytest.mark.parametrize("option", [["--only-seen"], ["--only-camera"], ["--surroundings"], ["--teacher", "x"]])
 def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: list[str]) -> None:
     arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--network", "cvpr2017", *option]
-    result = CliRunner().invoke(cli, arguments)
+    result = CliRunner().invoke(export_cli, arguments)
     assert result.exit_code == 2
     assert "not for cvpr2017" in result.output
     assert not (tmp_path / "run").exists()
@@ -24,13 +23,13 @@ def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: list
 
 def test_a_run_learns_one_thing_alone(data: Path, tmp_path: Path) -> None:
     arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--only-seen", "--only-camera"]
-    result = CliRunner().invoke(cli, arguments)
+    result = CliRunner().invoke(export_cli, arguments)
     assert result.exit_code == 2
     assert "Choose one" in result.output
-    result = CliRunner().invoke(cli, [*arguments[:-2], "--start", str(tmp_path), "--scratch"])
+    result = CliRunner().invoke(export_cli, [*arguments[:-2], "--start", str(tmp_path), "--scratch"])
     assert result.exit_code == 2
     assert "Choose one of --start and --scratch" in result.output
-    result = CliRunner().invoke(cli, [*arguments[:-1], "--teacher", str(tmp_path)])
+    result = CliRunner().invoke(export_cli, [*arguments[:-1], "--teacher", str(tmp_path)])
     assert result.exit_code == 2
     assert "--teacher answers for all heads" in result.output
 
@@ -43,7 +42,7 @@ def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path
         ["onnx", str(tmp_path / "none")],
         ["evaluate", "--data", str(data), "--labels", str(data / "labels.csv"), "--model", str(tmp_path / "none.onnx")],
     ):
-        result = runner.invoke(cli, arguments)
+        result = runner.invoke(export_cli, arguments)
         assert isinstance(result.exception, DataError | LightingError), (arguments, result.output)
         assert "\n" not in str(result.exception)
 
@@ -60,15 +59,15 @@ def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, ne
         (["report", "video", "--model", str(network)], tmp_path, "is of the split val"),
         (["report", "photo-sets", "pairs"], tmp_path, "is left in `val`"),
     ):
-        result = CliRunner().invoke(cli, [*command, "--data", str(folder)])
+        result = CliRunner().invoke(export_cli, [*command, "--data", str(folder)])
         assert isinstance(result.exception, DataError | LightingError), (command, result.output)
         assert message in str(result.exception)
     with pytest.raises(DataError, match="has no HDR panorama in `val` that shows its sun"):
-        lit_crops(data, data / "labels.csv", specs("0")["outdoor"])
+        _lit_crops(data, data / "labels.csv", specs("0")["outdoor"])
 
 
 def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:
-    result = CliRunner().invoke(cli, ["report", "video", "--data", str(data), "--kind", "nosuch"])
+    result = CliRunner().invoke(export_cli, ["report", "video", "--data", str(data), "--kind", "nosuch"])
     assert result.exit_code == 2
     assert "'nosuch' is not one of 'pan', 'tilt'" in result.output
 
@@ -78,7 +77,7 @@ def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:
     [["label", "--data", "none", "--out"], ["synthesize", "--samples"], ["onnx", "run", "--out"]],
 )
 def test_a_folder_is_no_file_to_write_which_is_said_before_the_work(tmp_path: Path, arguments: list[str]) -> None:
-    result = CliRunner().invoke(cli, [*arguments, str(tmp_path)])
+    result = CliRunner().invoke(export_cli, [*arguments, str(tmp_path)])
     assert result.exit_code == 2
     assert "is a directory" in result.output
 
@@ -87,13 +86,13 @@ def test_a_folder_is_no_file_to_write_which_is_said_before_the_work(tmp_path: Pa
     "command", ["label", "prior", "train", "evaluate", "report video", "report photo-sets", "fit ground", "suitable x"]
 )
 def test_commands_without_data_say_so_in_one_sentence(command: str) -> None:
-    result = CliRunner().invoke(cli, command.split())
+    result = CliRunner().invoke(export_cli, command.split())
     assert result.exit_code == 2
     assert result.output.splitlines()[-1] == "Error: Missing option '--data'."
 
 
 def test_required_options_are_named(tmp_path: Path) -> None:
     for arguments, name in ((["merge", "x"], "--out"), (["unpack", "x", "0", "--data", str(tmp_path)], "--out")):
-        result = CliRunner().invoke(cli, arguments)
+        result = CliRunner().invoke(export_cli, arguments)
         assert result.exit_code == 2
         assert result.output.splitlines()[-1] == f"Error: Missing option '{name}'."

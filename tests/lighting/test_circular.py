@@ -1,11 +1,11 @@
-"""Distributions over headings."""
+"""Tests of circular."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.circular import HEADINGS, best_angle, blur, correlate, heading, von_mises
+from lighting.circular import HEADINGS, best_angle, blur_headings, correlate, heading, von_mises, weighted_median
 from lighting.geometry import wrap_azimuth
 
 angles_ = st.floats(0.0, 360.0)
@@ -39,10 +39,17 @@ def test_the_stronger_mode_wins_and_the_other_does_not_pull() -> None:
 
 
 def test_two_blurs_are_one_of_their_hypotenuse() -> None:
-    assert blur(bell(50.0, 6.0), 8.0) == pytest.approx(bell(50.0, 10.0), abs=2e-4)
+    assert blur_headings(bell(50.0, 6.0), 8.0) == pytest.approx(bell(50.0, 10.0), abs=2e-4)
 
 
 def test_correlation_finds_the_turn_between_two() -> None:
     product = correlate(bell(70.0, 5.0), bell(40.0, 5.0))
     assert product.argmax() == 30
     assert product.sum() == pytest.approx(1.0)
+
+
+def test_a_weighted_median_is_where_half_of_the_weight_lies() -> None:
+    weight = np.array([3.0, 1.0, 1.0, 1.0])
+    assert weighted_median(np.array([9.0, 1.0, 2.0, 3.0]), weight) == 3.0
+    assert weighted_median(np.array([1.0, 9.0, 8.0, 7.0]), weight) == 1.0
+    assert np.isnan(weighted_median(np.empty(0), np.empty(0)))

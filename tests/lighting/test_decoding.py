@@ -1,4 +1,4 @@
-"""One answer of a distribution, and a Lighting of a prediction."""
+"""Tests of decoding."""
 
 import json
 import math
@@ -11,15 +11,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.circular import HEADINGS, von_mises
+from lighting.color import luminance
 from lighting.decoding import (
-    best_guess,
-    lighting_from,
+    _irradiance_from_network,
+    _visibility_attenuation,
+    bayes_direction,
+    blend_to_clear_sun,
+    correct_sun_color,
+    light_numbers,
+    light_of_numbers,
+    lighting_from_prediction,
     sun_on_rings,
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
-from lighting.ranges import RANGES
-from lighting.records import Prediction
+from lighting.records import Light, Prediction
 from lighting.sun_grid import grid_directions, soft_label
+from lighting.validation import RANGES
 from tests.conftest import TINY
 
 FINE = "fibonacci:1024"
@@ -37,61 +44,61 @@ elevations = st.floats(0.0, 90.0)
 @given(azimuths, st.floats(15.0, 90.0))
 def test_the_fine_grid_gives_the_sun_back_within_half_a_degree(az: float, el: float) -> None:
     sun = direction(az, el)
-    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
+    assert angle_between(bayes_direction(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
 
 
 @given(azimuths, elevations)
 def test_the_fine_grid_gives_a_low_sun_back_within_six_degrees(az: float, el: float) -> None:
     """Cells end at the horizon, so the mean around a low sun lies above it."""
     sun = direction(az, el)
-    assert angle_between(best_guess(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
+    assert angle_between(bayes_direction(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
 
 
 def test_the_best_guess_follows_the_stronger_of_two_modes() -> None:
     left, right = direction(-90.0, 40.0), direction(90.0, 40.0)
     p = 0.6 * soft_label(left, CONCENTRATION, FINE) + 0.4 * soft_label(right, CONCENTRATION, FINE)
-    assert angle_between(best_guess(p, FINE), left) < 0.5
+    assert angle_between(bayes_direction(p, FINE), left) < 0.5
 
 
 def test_the_best_guess_prefers_a_broad_mode_to_one_stray_cell() -> None:
     sun = direction(30.0, 50.0)
     p = soft_label(sun, CONCENTRATION, FINE)
     p[np.argmin(grid_directions(FINE) @ sun)] = 1.1 * p.max()
-    assert angle_between(best_guess(p, FINE), sun) < 0.5
+    assert angle_between(bayes_direction(p, FINE), sun) < 0.5
 
 
 def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
     """The single mode is the strongest, but more suns lie on the other side."""
     modes = [direction(az, 40.0) for az in (-60.0, -20.0, 140.0)]
     p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.32, 0.3, 0.38))
-    assert angle_between(best_guess(p, FINE), modes[0]) < 35.0
+    assert angle_between(bayes_direction(p, FINE), modes[0]) < 35.0
 
 
 def test_errors_beyond_sixty_degrees_count_alike() -> None:
     """By the mean error the strongest mode would lose to two far away from it, either of which is weaker."""
     modes = [direction(az, 20.0) for az in (0.0, 110.0, 155.0)]
     p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.42, 0.29, 0.29))
-    assert angle_between(best_guess(p, FINE), modes[0]) < 6.0
+    assert angle_between(bayes_direction(p, FINE), modes[0]) < 6.0
 
 
 @pytest.mark.parametrize("apart", [34.0, 38.0, 60.0])
 def test_the_best_guess_is_not_in_the_gap_between_two_sharp_modes(apart: float) -> None:
     modes = direction(np.array([-apart / 2, apart / 2]), 20.0)
     p = soft_label(modes, math.radians(2.0) ** -2, FINE).mean(axis=0)
-    assert min(angle_between(best_guess(p, FINE), modes)) < 6.0
+    assert min(angle_between(bayes_direction(p, FINE), modes)) < 6.0
 
 
 def test_a_few_cells_with_all_probability_are_answered_by_one_of_them() -> None:
     p = np.zeros(1024, np.float32)
     p[[140, 316, 724]] = 0.287, 0.383, 0.330
-    assert min(angle_between(best_guess(p, FINE), grid_directions(FINE)[[140, 316, 724]])) < 0.01
+    assert min(angle_between(bayes_direction(p, FINE), grid_directions(FINE)[[140, 316, 724]])) < 0.01
 
 
 @given(st.floats(20.0, 60.0))
 def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
     """With every azimuth as likely, the direction that errs least would be the zenith, where no sun is."""
     ring = soft_label(direction(np.arange(-180.0, 180.0, 2.0), np.full(180, el)), CONCENTRATION, FINE).mean(axis=0)
-    assert abs(float(angles(best_guess(ring, FINE))[1]) - el) < 6.0
+    assert abs(float(angles(bayes_direction(ring, FINE))[1]) - el) < 6.0
 
 
 def prediction(**values: Any) -> Prediction:
@@ -110,7 +117,7 @@ def prediction(**values: Any) -> Prediction:
 
 
 def test_lighting_from_a_prediction() -> None:
-    lighting = lighting_from(prediction())
+    lighting = lighting_from_prediction(prediction())
     assert angle_between(lighting.sun_direction, direction(-70.0, 40.0)) < 0.5
     assert (lighting.turbidity, lighting.exposure, lighting.vertical_fov) == (3.0, 0.05, 50.0)
     assert (lighting.model_name, lighting.model_version) == ("tiny", "0.0.1")
@@ -122,7 +129,7 @@ def test_lighting_from_a_prediction() -> None:
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_network_that_overshoots_is_clipped_into_the_ranges(sign: float) -> None:
     names = ["sun_visibility", "turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov"]
-    lighting = lighting_from(prediction(**dict.fromkeys(names, sign * 1e9)))
+    lighting = lighting_from_prediction(prediction(**dict.fromkeys(names, sign * 1e9)))
     for name in names:
         assert getattr(lighting, name) == RANGES[name][sign > 0]
 
@@ -151,5 +158,62 @@ def test_rings_far_apart_are_not_averaged() -> None:
 def test_a_sun_near_the_horizon_stands_as_low_as_networks_are_trained_to_say(elevation: float) -> None:
     """Half of the lobe around a sun on the horizon is cut off, which lifts its mean by 3.2 deg."""
     lobes = soft_label(direction(np.arange(-180.0, 180.0, 20.0), elevation), math.radians(4.0) ** -2, FINE)
-    found = [float(angles(best_guess(lobe, FINE))[1]) for lobe in lobes]
+    found = [float(angles(bayes_direction(lobe, FINE))[1]) for lobe in lobes]
     assert np.mean(found) == pytest.approx(elevation, abs=0.5)
+
+
+WHITE = (3.0, 3.0, 3.0)
+
+
+def test_lights_are_averaged_by_their_numbers() -> None:
+    light = Light(np.array([1.0, 2.0, 0.0]), np.array([0.5, 0.5, 0.5]), 0.2, 0.9)
+    back = light_of_numbers(light_numbers(light))
+    assert back.sun_irradiance == pytest.approx([1.0, 2.0, 1e-6])
+    assert (back.cover, back.suitable) == pytest.approx((0.2, 0.9))
+
+
+def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
+    assert _visibility_attenuation(1.0) == _visibility_attenuation(0.8) == 1.0
+    assert 0.05 < _visibility_attenuation(0.5) < 0.15
+    assert _visibility_attenuation(0.1) < 1e-3
+    light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
+    doubtful, sure = (_irradiance_from_network(light, visibility) for visibility in (0.4, 0.9))
+    assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.18, rel=1e-5)
+    assert np.array(doubtful.sun_irradiance) == pytest.approx(0.125 * 2**0.18, rel=1e-5)
+    assert doubtful.sky_irradiance == sure.sky_irradiance
+
+
+def test_a_sun_that_is_known_to_be_low_is_warmer_and_as_bright() -> None:
+    red, green, blue = correct_sun_color(WHITE, 14.0, 5.0)
+    as_said = correct_sun_color(WHITE, 14.0, 14.0)
+    assert red > green > blue
+    assert red / blue > 1.5 * as_said[0] / as_said[2]
+    assert luminance(np.array([red, green, blue])) == pytest.approx(3.0, rel=1e-4)
+    assert correct_sun_color(WHITE, 5.0, 14.0) == correct_sun_color(WHITE, 5.0, 5.0)
+    assert correct_sun_color(WHITE, 20.0, 60.0) == correct_sun_color(WHITE, 20.0, 20.0)
+    assert correct_sun_color(WHITE, 40.0, 0.0) == correct_sun_color(WHITE, 40.0, 3.0)
+    assert correct_sun_color((0.0, 0.0, 0.0), 14.0, 5.0) == (0.0, 0.0, 0.0)
+    faint = np.array(correct_sun_color((3e-8, 3e-8, 3e-8), 14.0, 5.0))
+    assert faint == pytest.approx(1e-8 * np.array([red, green, blue]), rel=1e-4)
+
+
+def test_a_sun_s_colour_goes_to_that_of_a_clear_one_as_high() -> None:
+    assert correct_sun_color(WHITE, 60.0, 60.0) == pytest.approx(WHITE, rel=1e-4)
+    shades = [
+        red / blue for red, _, blue in (correct_sun_color(WHITE, e, e) for e in (3.0, 5.0, 10.0, 20.0, 40.0, 90.0))
+    ]
+    assert shades == sorted(shades, reverse=True)
+    assert shades[-1] == pytest.approx(1.0, abs=0.03)
+    cyan = np.array([2.2, 3.0, 3.3])
+    assert blend_to_clear_sun(cyan, 60.0, 0.0) == pytest.approx(cyan)
+    half, whole = (blend_to_clear_sun(cyan, 60.0, power) for power in (0.5, 1.0))
+    assert whole == pytest.approx(np.full(3, float(luminance(cyan))))
+    assert half[0] / half[1] == pytest.approx((2.2 / 3.0) ** 0.5)
+    assert luminance(half) == pytest.approx(luminance(cyan))
+
+
+def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:
+    clear, overcast = (Light(np.ones(3), np.ones(3), cover, 1.0) for cover in (0.0, 1.0))
+    skies = [_irradiance_from_network(light, 1.0).sky_irradiance for light in (clear, overcast)]
+    assert skies[0] == (1.0, 1.0, 1.0)
+    assert skies[1] == pytest.approx((2**0.7,) * 3, rel=1e-5)

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from lighting import errors
-from lighting.envmap import Place, change, known_place, lit_ground, place_factors, place_of, surround, turn, view
+from lighting.envmap.relighting import edit_lighting, rotate_lighting
+from lighting.envmap.shadow_mask import ground_shadow_mask
+from lighting.envmap.surroundings import (
+    PhotoContext,
+    photo_context,
+    photo_context_for_height,
+    render_view,
+    render_with_surroundings,
+    surroundings_gain,
+)
 from lighting.errors import (
     ErrorCode,
     LightingError,
@@ -21,19 +30,22 @@ from lighting.errors import (
     reason,
     require_extra,
 )
-from lighting.files import write_envmap, write_exr
+from lighting.files import write_envmap
+from lighting.files.exr import write_exr
 from lighting.model import Model
-from lighting.photo import photo_of, read_offset, read_time
-from lighting.preview import draw_preview, preview_png
-from lighting.ranges import check_range, option_name, parameter_name, record_path
+from lighting.photo.metadata import read_offset, read_time
+from lighting.photo.reader import photo_from_array
+from lighting.preview.picture import _draw_preview, preview_png
 from lighting.records import Lighting
-from lighting.scene import make_scene, write_scene, zip_scene
-from tests.previews import estimate, outdoors, photo, small_map
+from lighting.scene.records import make_scene
+from lighting.scene.writer import write_scene, zip_scene
+from lighting.validation import check_range, option_name, parameter_name, record_path
+from tests.helpers.scenes import estimate, outdoors, photo, small_map
 
 LIGHT = outdoors(30.0, 40.0)
 ESTIMATE = estimate(LIGHT)
 PIXELS = photo(64, 48)
-PLACE = Place(PIXELS)
+PLACE = PhotoContext(PIXELS)
 MAP = small_map(LIGHT)
 WRONG = [
     "x",
@@ -48,21 +60,21 @@ WRONG = [
     np.zeros((0, 0, 3), np.uint8),
 ]
 TAKERS: dict[str, Callable[[Any], object]] = {
-    "surround: light": lambda thing: surround(thing, PLACE, 16),
-    "surround: place": lambda thing: surround(LIGHT, thing, 16),
-    "place_factors: place": lambda thing: place_factors(LIGHT, thing),
-    "known_place: estimate": lambda thing: known_place(thing, PIXELS, wanted=True),
-    "known_place: photo": lambda thing: known_place(ESTIMATE, thing, wanted=True),
-    "place_of: height": lambda thing: place_of(ESTIMATE, PIXELS, thing, lambda _: PIXELS, wanted=True),
-    "lit_ground: photo": lambda thing: lit_ground(thing, LIGHT),
-    "lit_ground: light": lambda thing: lit_ground(PIXELS, thing),
-    "turn: light": lambda thing: turn(thing, 10.0),
-    "turn: yaw": lambda thing: turn(LIGHT, thing),
-    "change: light": lambda thing: change(thing, {"sun_azimuth": 3.0}),
+    "surround: light": lambda thing: render_with_surroundings(thing, PLACE, 16),
+    "surround: place": lambda thing: render_with_surroundings(LIGHT, thing, 16),
+    "place_factors: place": lambda thing: surroundings_gain(LIGHT, thing),
+    "known_place: estimate": lambda thing: photo_context(thing, PIXELS, wanted=True),
+    "known_place: photo": lambda thing: photo_context(ESTIMATE, thing, wanted=True),
+    "place_of: height": lambda thing: photo_context_for_height(ESTIMATE, PIXELS, thing, lambda _: PIXELS, wanted=True),
+    "lit_ground: photo": lambda thing: ground_shadow_mask(thing, LIGHT),
+    "lit_ground: light": lambda thing: ground_shadow_mask(PIXELS, thing),
+    "turn: light": lambda thing: rotate_lighting(thing, 10.0),
+    "turn: yaw": lambda thing: rotate_lighting(LIGHT, thing),
+    "change: light": lambda thing: edit_lighting(thing, {"sun_azimuth": 3.0}),
     "preview_png: photo": lambda thing: preview_png(thing, ESTIMATE),
     "preview_png: estimate": lambda thing: preview_png(PIXELS, thing),
-    "draw_preview: photo": lambda thing: draw_preview(thing, ESTIMATE, MAP),
-    "draw_preview: map": lambda thing: draw_preview(PIXELS, ESTIMATE, thing),
+    "draw_preview: photo": lambda thing: _draw_preview(thing, ESTIMATE, MAP),
+    "draw_preview: map": lambda thing: _draw_preview(PIXELS, ESTIMATE, thing),
     "read_time: text": read_time,
     "read_offset: text": read_offset,
     "make_scene: photo": lambda thing: make_scene(thing, LIGHT, map_height=16),
@@ -101,8 +113,8 @@ def test_public_functions_refuse_what_they_cannot_take_in_one_sentence(
     [
         lambda: write_exr("never.exr", MAP, LIGHT, "x"),  # type: ignore[arg-type]
         lambda: write_envmap(5, MAP, LIGHT),  # type: ignore[arg-type]
-        lambda: write_scene(make_scene(photo_of(PIXELS), LIGHT, map_height=16), "usd", 5),  # type: ignore[arg-type]
-        lambda: view(LIGHT, 16, yaw="x"),  # type: ignore[arg-type]
+        lambda: write_scene(make_scene(photo_from_array(PIXELS), LIGHT, map_height=16), "usd", 5),  # type: ignore[arg-type]
+        lambda: render_view(LIGHT, 16, yaw="x"),  # type: ignore[arg-type]
         lambda: Model.load(5),  # type: ignore[arg-type]
     ],
 )

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lighting.estimator import Estimator
 from lighting.files.exr import read_attributes
 from lighting.model import Model
-from lighting.photo import read_photo
-from lighting.pipeline import Estimator
+from lighting.photo.reader import read_photo
 from lighting.records import Lighting
-from tests.lighting.cli.runners import sub
+from tests.helpers.processes import sub
 
 PHOTO = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
 

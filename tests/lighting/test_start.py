@@ -11,7 +11,7 @@ import lighting.start as start_module
 from lighting.errors import ModelError
 from lighting.model import Model, packaged_model
 from lighting.start import start_network, started_session
-from tests.lighting.cli.runners import sub
+from tests.helpers.processes import sub
 
 STARTED = """
 import gc, os, sys

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction
-from lighting.sun_grid import density, grid_directions, grid_solid_angle, over_cells, radii, soft_label
+from lighting.sun_grid import credible_radii, density, grid_directions, grid_solid_angle, soft_label, splat_to_grid
 
 FINE = "fibonacci:1024"
 
@@ -87,13 +87,13 @@ def test_radii_are_those_of_the_von_mises_fisher_lobe(az: float, el: float) -> N
     """A share s of a lobe of concentration k lies within acos(1 + log(1 - s) / k): 7.55 and 13.78 deg here."""
     sun = direction(az, el)
     label = soft_label(sun, CONCENTRATION, FINE)
-    assert radii(label, grid_directions(FINE), sun) == pytest.approx([7.55, 13.78], abs=1.2)
+    assert credible_radii(label, grid_directions(FINE), sun) == pytest.approx([7.55, 13.78], abs=1.2)
 
 
 @given(azimuths, elevations, st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5))
 def test_radii_grow_with_the_share(az: float, el: float, shares: list[float]) -> None:
     label = soft_label(direction(az, el), 20.0, FINE)
-    found = radii(label, grid_directions(FINE), direction(0.0, 45.0), sorted(shares))
+    found = credible_radii(label, grid_directions(FINE), direction(0.0, 45.0), sorted(shares))
     assert found == sorted(found)
     assert found[0] >= 0.0
     assert found[-1] <= 180.0
@@ -114,7 +114,7 @@ def test_density_of_a_uniform_sky_is_one_over_two_pi() -> None:
 
 def test_a_ring_over_the_cells() -> None:
     ring = direction(np.arange(0.0, 360.0), 40.0)
-    cells = over_cells(np.full(360, 1 / 360), ring, FINE)
+    cells = splat_to_grid(np.full(360, 1 / 360), ring, FINE)
     assert cells.sum() == pytest.approx(1.0)
     elevation = angles(grid_directions(FINE))[1]
     assert cells[np.abs(elevation - 40.0) < 10.0].sum() > 0.95
@@ -122,4 +122,4 @@ def test_a_ring_over_the_cells() -> None:
 
 def test_cells_over_their_own_cells_stay() -> None:
     probability = np.random.default_rng(0).dirichlet(np.ones(24))
-    np.testing.assert_array_equal(over_cells(probability, grid_directions("rings:3x8"), "rings:3x8"), probability)
+    np.testing.assert_array_equal(splat_to_grid(probability, grid_directions("rings:3x8"), "rings:3x8"), probability)

@@ -19,13 +19,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.batch.photos import SUFFIXES
-from lighting.envmap import change, render, sun_irradiance
+from lighting.batch.job import SUFFIXES
+from lighting.envmap.relighting import edit_lighting
+from lighting.envmap.render import render
+from lighting.envmap.sun_disc import sun_irradiance
 from lighting.records import Lighting
-from lighting.scene import zip_scene
+from lighting.scene.writer import zip_scene
 from scripts.blender_extension import ROOT, build, relative
-from tests.blender import PYTHON, needs_blender
-from tests.scenes import known_scene
+from tests.helpers.blender import PYTHON, needs_blender
+from tests.helpers.scenes import known_scene
 
 NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
 
@@ -114,7 +116,7 @@ def test_the_lights_power_follows_the_sliders(unpacked: str) -> None:
     as_estimated = skies.moved(record, {"sun_azimuth": stated.sun_azimuth, "exposure": stated.exposure})
     assert as_estimated.sky_irradiance == pytest.approx(stated.sky_irradiance)
     low = skies.moved(record, {"sun_elevation": 5.0, "turbidity": float(np.float32(10.0000001)), "exposure": 9.9e-7})
-    ours = change(stated, {"sun_elevation": 5.0, "turbidity": 10.0, "exposure": 1e-6})
+    ours = edit_lighting(stated, {"sun_elevation": 5.0, "turbidity": 10.0, "exposure": 1e-6})
     assert Lighting.from_dict(low.to_dict()) == ours
 
 
@@ -314,7 +316,7 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
     stated = Lighting.from_dict(found["record"])
     assert stated.sky_irradiance is not None
-    light = change(stated, dict(zip(names, moved["sliders"], strict=True)))
+    light = edit_lighting(stated, dict(zip(names, moved["sliders"], strict=True)))
     assert moved["energy"] == pytest.approx(float(sun_irradiance(light).max()), rel=1e-4)
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
     assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)

@@ -11,10 +11,10 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
+from lighting.estimator import Estimator
 from lighting.model import Model
-from lighting.pipeline import Estimator
 from server.app import create_app
-from server.service import Service
+from server.dependencies import Service
 from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
 

@@ -1,4 +1,4 @@
-"""The service as a process of its own: real sockets, signals, slow and huge uploads."""
+"""Tests of main."""
 
 import http.client
 import json
@@ -19,13 +19,12 @@ from typing import IO
 
 import pytest
 
-from lighting import read_exr
+from lighting.files.exr import read_exr
 from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
-from tests.pages import README, ROOT, blocks
-from tests.processes import wait_until_ended
+from tests.helpers.pages import README, ROOT, blocks
+from tests.helpers.processes import wait_until_ended
 
-pytestmark = pytest.mark.slow
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 QUERY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
@@ -143,6 +142,7 @@ def server(network: Path) -> Iterator[Server]:
         yield server
 
 
+@pytest.mark.slow
 def test_it_answers(server: Server) -> None:
     status, body = server.request("POST", "/v1/lighting", PHOTO)
     assert (status, json.loads(body)["model"]) == (200, {"name": "tiny", "version": "0.0.1"})
@@ -160,6 +160,7 @@ def starts_well(path: Path) -> bool:
     return path.read_bytes().startswith(beginnings[path.suffix])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("curl") is None, reason="needs curl")
 @pytest.mark.parametrize("page", [README, ROOT / "docs" / "service.md"], ids=lambda page: page.name)
 def test_the_requests_of_a_page_are_answered(server: Server, tmp_path: Path, page: Path) -> None:
@@ -175,6 +176,7 @@ def test_the_requests_of_a_page_are_answered(server: Server, tmp_path: Path, pag
     assert read_exr(tmp_path / "sky.exr")[1] is not None
 
 
+@pytest.mark.slow
 def test_100_megabytes_are_413_and_the_connection_survives(server: Server) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     for _ in range(2):
@@ -186,6 +188,7 @@ def test_100_megabytes_are_413_and_the_connection_survives(server: Server) -> No
     connection.close()
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("line", [b"X-A: " + bytes(1000).replace(b"\0", b"a"), b"X-A: a"], ids=["long", "many"])
 def test_megabytes_of_headers_are_refused_and_take_no_memory(server: Server, line: bytes) -> None:
@@ -198,6 +201,7 @@ def test_megabytes_of_headers_are_refused_and_take_no_memory(server: Server, lin
     assert server.request("GET", "/livez")[0] == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("trusted", "second"), [("", 429), ("127.0.0.1", 200)])
 def test_a_client_names_itself_only_through_a_proxy_that_is_trusted(network: Path, trusted: str, second: int) -> None:
     with started(network, rate_limit="1/minute", trusted_proxies=trusted) as server:
@@ -210,6 +214,7 @@ def test_a_client_names_itself_only_through_a_proxy_that_is_trusted(network: Pat
         assert answers == [200, second]
 
 
+@pytest.mark.slow
 def test_clients_that_go_away_in_their_upload_free_their_places(server: Server) -> None:
     connections = [server.begin(1_000_000) for _ in range(3)]
     server.until("lighting_uploads", 3)
@@ -222,6 +227,7 @@ def test_clients_that_go_away_in_their_upload_free_their_places(server: Server) 
     assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
 
 
+@pytest.mark.slow
 def test_clients_that_go_away_while_they_wait_free_their_places(server: Server) -> None:
     request = f"GET /v1/envmap?{QUERY}&height=2048 HTTP/1.1\r\nHost: x\r\n\r\n".encode()
     connections = [socket.create_connection(("127.0.0.1", server.port), timeout=60) for _ in range(3)]
@@ -235,6 +241,7 @@ def test_clients_that_go_away_while_they_wait_free_their_places(server: Server) 
     assert server.request("GET", f"/v1/envmap?{QUERY}&height=16")[0] == 200
 
 
+@pytest.mark.slow
 def test_a_slow_upload_is_408_and_harms_nobody(network: Path) -> None:
     with started(network, upload_seconds=1) as server:
         slow = server.begin(1_000_000)
@@ -244,6 +251,7 @@ def test_a_slow_upload_is_408_and_harms_nobody(network: Path) -> None:
         assert server.request("POST", "/v1/lighting", PHOTO)[0] == 200
 
 
+@pytest.mark.slow
 def test_a_photo_that_takes_too_long_is_413_and_the_next_one_is_read(network: Path) -> None:
     with started(network, concurrency=1, decode_seconds=0.1) as server:
         large = encode(scene(6000, 5000), "PNG", compress_level=1)
@@ -253,6 +261,7 @@ def test_a_photo_that_takes_too_long_is_413_and_the_next_one_is_read(network: Pa
         assert server.request("POST", "/v1/lighting", large, "image/png")[0] == 200
 
 
+@pytest.mark.slow
 def test_66_slow_uploads_from_one_address_leave_the_others_alone(network: Path) -> None:
     allowed = Settings().uploads_per_client
     with started(network) as server:
@@ -288,6 +297,7 @@ def held(decoder: int) -> Iterator[None]:
             os.kill(decoder, signal.SIGCONT)
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
 def test_what_ends_all_processes_together_lets_the_running_photo_end_well(network: Path, sign: signal.Signals) -> None:
@@ -306,6 +316,7 @@ def test_what_ends_all_processes_together_lets_the_running_photo_end_well(networ
         assert "Traceback" not in server.log
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
 def test_a_step_that_takes_longer_than_a_shutdown_does_not_hold_it(network: Path, sign: signal.Signals) -> None:
@@ -318,6 +329,7 @@ def test_a_step_that_takes_longer_than_a_shutdown_does_not_hold_it(network: Path
         assert "Traceback" not in server.log
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("first", ENDING, ids=lambda sign: sign.name)
 def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, first: signal.Signals) -> None:
@@ -331,6 +343,7 @@ def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, first: signal.Sig
         assert "Traceback" not in server.log
 
 
+@pytest.mark.slow
 @linux
 def test_a_sighup_that_is_ignored_at_the_start_stays_ignored(network: Path) -> None:
     """As nohup has it."""
@@ -344,6 +357,7 @@ def test_a_sighup_that_is_ignored_at_the_start_stays_ignored(network: Path) -> N
         signal.signal(signal.SIGHUP, before)
 
 
+@pytest.mark.slow
 def test_after_sigterm_running_requests_end_well_and_new_ones_are_refused(network: Path) -> None:
     with started(network, concurrency=1, queue=8) as server:
         connections = [socket.create_connection(("127.0.0.1", server.port), timeout=60) for _ in range(3)]
@@ -360,6 +374,7 @@ def test_after_sigterm_running_requests_end_well_and_new_ones_are_refused(networ
         assert "sun_azimuth" not in server.log
 
 
+@pytest.mark.slow
 def test_what_a_shutdown_cannot_wait_for_is_answered_503(network: Path) -> None:
     with started(network, concurrency=1, shutdown_seconds=1) as server:
         connection = socket.create_connection(("127.0.0.1", server.port), timeout=60)
@@ -383,13 +398,15 @@ def whole_answer(connection: socket.socket, status: int = 200) -> bytes:
     return body
 
 
+@pytest.mark.slow
 def test_without_the_extra_it_says_what_to_install() -> None:
-    code = "import sys; sys.modules['uvicorn'] = None; from server.__main__ import main; main()"
+    code = "import sys; sys.modules['uvicorn'] = None; from server.__main__ import run_server; run_server()"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == "The service needs uvicorn: pip install 'outdoor-lighting[server]'.\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("argument", ["--port=8193", "photo.jpg"])
 def test_arguments_are_refused_not_ignored(argument: str) -> None:
     done = subprocess.run(
@@ -399,6 +416,7 @@ def test_arguments_are_refused_not_ignored(argument: str) -> None:
     assert done.stderr.splitlines()[-1] == f"lighting-server: error: unrecognized arguments: {argument}"
 
 
+@pytest.mark.slow
 def test_help_lists_every_setting_with_its_default() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "server", "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60
@@ -410,6 +428,7 @@ def test_help_lists_every_setting_with_its_default() -> None:
         assert re.search(rf"^  {PREFIX}{name.upper()} +{meaning}$", done.stdout, re.MULTILINE), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
@@ -432,6 +451,7 @@ def test_a_start_that_fails_says_why_in_a_sentence(settings: dict[str, str], wor
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
     with started(network, concurrency=1, root_path="/tools/light") as server:
         link = json.loads(server.request("POST", "/v1/lighting", PHOTO)[1])["links"]["envmap"]
@@ -443,6 +463,7 @@ def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
         assert server.request("GET", "/healthz")[0] == 410
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", ["2", "auto"])
 def test_it_starts_where_a_host_says_how_many_processes_a_service_may_have(
     network: Path, monkeypatch: pytest.MonkeyPatch, workers: str
@@ -452,6 +473,7 @@ def test_it_starts_where_a_host_says_how_many_processes_a_service_may_have(
         assert server.request("GET", "/livez")[0] == 200
 
 
+@pytest.mark.slow
 def test_a_port_that_is_taken_is_told_in_a_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -460,3 +482,46 @@ def test_a_port_that_is_taken_is_told_in_a_sentence() -> None:
         done = subprocess.run(command, cwd=ROOT, env=given, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == f"LIGHTING_PORT: 127.0.0.1:{port} cannot be listened on: Address already in use.\n"
+
+
+KEPT = """
+import sys
+from pathlib import Path
+from server.process import prepare
+if sys.argv[1] == "prepared":
+    prepare()
+import numpy as np
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+before = resident()
+buffers = [np.ones(1_000_000) for _ in range(20)]
+del buffers
+print((resident() - before) // 1_000_000)
+"""
+
+
+def run(code: str, *arguments: str, **environment: str) -> str:
+    kept = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, env=kept | environment, capture_output=True, text=True, timeout=60, check=True)
+    return done.stdout.strip()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3")])
+def test_one_thread_unless_the_operator_says_otherwise(given: dict[str, str], threads: str) -> None:
+    code = "import os; from server.process import prepare; prepare(); print(os.environ['OMP_NUM_THREADS'])"
+    assert run(code, **given) == threads
+
+
+@pytest.mark.slow
+def test_nothing_imports_numpy_before() -> None:
+    assert run("import sys, server.__main__; print('numpy' in sys.modules)") == "False"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="needs glibc's mallopt")
+def test_the_buffers_of_photos_stay_with_the_process() -> None:
+    """Of 20 buffers of 8 MB."""
+    assert int(run(KEPT, "prepared")) > 120
+    assert int(run(KEPT, "as it comes")) < 40

@@ -7,7 +7,7 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from lighting.errors import ModelError
-from lighting.pipeline import Estimator
+from lighting.estimator import Estimator
 from server.app import EXPOSED, create_app
 from server.settings import Settings, SettingsError
 from tests.server.conftest import client_of

@@ -12,8 +12,9 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from lighting.envmap import view
-from lighting.scene import EXPORTERS, make_scene
+from lighting.envmap.surroundings import render_view
+from lighting.scene import EXPORTERS
+from lighting.scene.records import make_scene
 from server import tasks
 from tests.conftest import encode, scene
 
@@ -24,7 +25,7 @@ PHOTO = encode(scene(64, 48))
 @pytest.fixture
 def client(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> TestClient:
     """A client of a service that draws small maps, whatever the size asked for."""
-    monkeypatch.setattr(tasks, "view", lambda lighting, _, **options: view(lighting, 16, **options))
+    monkeypatch.setattr(tasks, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options))
     monkeypatch.setattr(tasks, "make_scene", lambda *a, **options: make_scene(*a, **{**options, "map_height": 16}))
     return client
 

@@ -3,11 +3,9 @@
 from prometheus_client import generate_latest
 from starlette.testclient import TestClient
 
-from lighting.pipeline import Estimator
-from server.arrivals import Arrivals
-from server.limiter import Limiter
+from lighting.estimator import Estimator
+from server.limits import Limiter, PendingResponses, UploadLimiter
 from server.metrics import Metrics
-from server.unsent import Unsent
 from tests.server.conftest import client_of, jpeg_headers, sample
 
 
@@ -54,7 +52,7 @@ class Waiting:
 
 
 def test_the_gauges_follow_the_limits() -> None:
-    limiter, arrivals, unsent = Limiter(1, 2), Arrivals(3, 2), Unsent(1000)
+    limiter, arrivals, unsent = Limiter(1, 2), UploadLimiter(3, 2), PendingResponses(1000)
     metrics = Metrics(limiter, arrivals, unsent)
     unsent.add(Waiting())
     with limiter.admission(), limiter.admission(), arrivals.one_of("me"):

@@ -16,13 +16,13 @@ from schemathesis.generation.case import Case
 from schemathesis.hooks import HookContext
 from starlette.testclient import TestClient
 
-from lighting.envmap import view
-from lighting.pipeline import Estimator
+from lighting.envmap.surroundings import render_view
+from lighting.estimator import Estimator
 from server import tasks
 from server.app import create_app
+from server.request_body import FORM, PHOTO_TYPES
 from server.schemas import Problem
 from server.settings import Settings
-from server.uploads import FORM, PHOTO_TYPES
 from tests.conftest import encode, scene
 
 OPERATIONS = {
@@ -120,7 +120,7 @@ schemathesis.openapi.format("binary", PHOTOS)
 @pytest.fixture
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
-    monkeypatch.setattr(tasks, "view", lambda lighting, _, **options: view(lighting, 16, **options))
+    monkeypatch.setattr(tasks, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options))
     monkeypatch.setattr(tasks, "preview_png", lambda *_, **__: encode(scene(16, 16), "PNG"))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: SimpleNamespace(warnings=("It was dark.",)))

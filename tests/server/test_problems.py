@@ -9,8 +9,8 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from lighting.errors import LightingError, ModelError, ParameterError, PhotoError, PhotoTooLargeError
-from lighting.pipeline import Estimator
-from lighting.ranges import RANGES
+from lighting.estimator import Estimator
+from lighting.validation import RANGES
 from server import problems
 from server.problems import MOST_ERRORS
 from server.schemas import Problem

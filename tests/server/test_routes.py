@@ -10,15 +10,16 @@ import pytest
 from PIL import Image
 from starlette.testclient import TestClient
 
-from lighting import Lighting, read_exr, render
-from lighting.decoding import lighting_from
+from lighting.decoding import lighting_from_prediction
+from lighting.envmap.render import render
 from lighting.errors import PhotoExtraError
-from lighting.files import full_record
-from lighting.photo.read import read_photo
-from lighting.pipeline import Estimator
+from lighting.estimator import Estimator
+from lighting.files.exr import read_exr
+from lighting.photo.reader import read_photo
+from lighting.records import Lighting, record_with_coefficients
+from lighting.registration.features import has_opencv
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
-from lighting.turns import has_opencv
 from tests.conftest import TINY, encode, scene
 from tests.server.conftest import SKY
 
@@ -34,7 +35,7 @@ def form(data: bytes, name: str = "photo.jpg", kind: str = "image/jpeg") -> dict
 def test_a_form_and_a_raw_body_give_the_record_of_the_library(
     client: TestClient, jpeg: bytes, estimator: Estimator
 ) -> None:
-    expected = full_record(estimator(read_photo(jpeg)).lighting)
+    expected = record_with_coefficients(estimator(read_photo(jpeg)).lighting)
     for answer in (
         client.post("/v1/lighting", **form(jpeg)),
         client.post("/v1/lighting", content=jpeg, headers=JPEG),
@@ -141,7 +142,7 @@ def test_a_record_needs_only_sun_and_sky(client: TestClient) -> None:
 def test_the_sun_of_a_photo_is_painted_where_it_shines_or_where_asked(
     client: TestClient, jpeg: bytes, estimator: Estimator
 ) -> None:
-    lighting = lighting_from(estimator.predict(read_photo(jpeg)))
+    lighting = lighting_from_prediction(estimator.predict(read_photo(jpeg)))
     assert lighting.sun_visibility >= 0.5
     for query, sun in {"": True, "&sun=false": False, "&sun=true": True}.items():
         answer = client.post(f"/v1/envmap?height=64{query}", **form(jpeg))
@@ -178,7 +179,7 @@ def test_heic_where_the_service_does_not_read_it_is_refused_in_words_for_its_cli
     def without_reader(*_: Any, **__: Any) -> None:
         raise PhotoExtraError("HEIC photos need pillow-heif: pip install 'outdoor-lighting[heif]'.")
 
-    monkeypatch.setattr("server.service.read_apart", without_reader)
+    monkeypatch.setattr("server.dependencies.read_photo_isolated", without_reader)
     answer = client.post("/v1/lighting", **form(encode(scene(64, 48))))
     assert answer.status_code == 400
     assert answer.json()["type"].endswith(":unreadable-photo")
@@ -198,7 +199,7 @@ def test_the_model_describes_itself(client: TestClient) -> None:
 def test_the_model_says_whether_photos_are_matched(
     client: TestClient, monkeypatch: pytest.MonkeyPatch, there: bool
 ) -> None:
-    monkeypatch.setattr("lighting.turns.has_opencv", lambda: there)
+    monkeypatch.setattr("lighting.registration.features.has_opencv", lambda: there)
     assert client.get("/v1/model").json()["matching"] is there
 
 

@@ -13,11 +13,13 @@ import pytest
 from PIL import Image
 from starlette.testclient import TestClient
 
-from lighting import Lighting
-from lighting.evidence import Given
-from lighting.photo.read import read_photo
-from lighting.pipeline import Estimator
-from lighting.scene import EXPORTERS, PLATE_SIDE, make_scene, zip_scene
+from lighting.estimator import Estimator
+from lighting.fusion.user_input import UserInput
+from lighting.photo.reader import read_photo
+from lighting.records import Lighting
+from lighting.scene import EXPORTERS
+from lighting.scene.records import PLATE_SIDE, make_scene
+from lighting.scene.writer import zip_scene
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import SKY, jpeg_headers
 from tests.server.test_problems import problem
@@ -112,7 +114,7 @@ def test_warnings_are_those_of_the_library(client: TestClient, estimator: Estima
     """Of the light, and of a spot that the picture does not show: a camera that looks up sees no ground."""
     upwards: dict[str, Any] = {"camera_elevation": 40.0, "vertical_fov": 40.0, "camera_roll": 0.0}
     evening = "2024-06-01T21:30+02:00"
-    given = Given(time=datetime.fromisoformat(evening))
+    given = UserInput(time=datetime.fromisoformat(evening))
     lighting = replace(estimator(read_photo(PHONE), given).lighting, **upwards)
     expected = list(make_scene(read_photo(PHONE), lighting, map_height=16).warnings)
     answer = post(client, tool=tool, time=evening, **upwards)

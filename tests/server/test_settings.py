@@ -9,7 +9,7 @@ from pydantic import SecretStr, ValidationError
 from server import problems
 from server.app import create_app
 from server.settings import PREFIX, Settings, SettingsError, read_settings
-from tests.pages import ROOT, text
+from tests.helpers.pages import ROOT, text
 
 
 def test_the_page_lists_every_setting_with_its_default_and_meaning() -> None:

@@ -14,14 +14,14 @@ import pytest
 from PIL import Image
 
 from lighting.errors import PhotoError
-from lighting.files import read_exr
+from lighting.estimator import Estimator
+from lighting.files.exr import read_exr
 from lighting.model import Model
-from lighting.pipeline import Estimator
 from server import tasks
-from server.queries import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
-from server.service import Service
+from server.dependencies import Service
+from server.query_params import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
+from server.request_body import Upload
 from server.settings import Settings
-from server.uploads import Upload
 from tests.conftest import encode, scene
 from tests.server.conftest import SKY
 

@@ -1,24 +1,39 @@
-"""Crops: their targets agree with what their pixels show."""
+"""Tests of crops."""
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from export.crops.cameras import Camera
-from export.crops.crops import take
-from export.crops.sources import Source
+from export.crops.crops import (
+    ALONG,
+    NOT_STRETCHED,
+    UPWARDS,
+    Source,
+    Stretch,
+    _load_source,
+    anisotropic_scale,
+    any_stretch,
+    generator,
+    is_resolved,
+    sampling_weights,
+    take,
+)
+from export.crops.targets import COLUMNS, ROWS, light_around, surroundings_in_camera
 from export.data.labels import Label
-from lighting.geometry import Pinhole, camera_directions, camera_pixel
-from tests.export.crops.examples import SPEC, brightest, label, source
+from export.data.panoramas import Panorama
+from lighting.geometry import Pinhole, angles, camera_directions, camera_pixel, direction
+from tests.helpers.panoramas import EXAMPLES_SPEC, SUN, brightest, label, source
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("roll", [0.0, 9.0])
 @pytest.mark.parametrize("aspect", [9 / 16, 4 / 3])
 def test_the_target_points_at_the_brightest_pixel(aspect: float, roll: float, mirrored: bool) -> None:
-    crop = take(source(), Camera(30.0, 15.0, roll, 60.0, aspect, mirrored), SPEC)
+    crop = take(source(), Camera(30.0, 15.0, roll, 60.0, aspect, mirrored), EXAMPLES_SPEC)
     height, width = crop.linear.shape[:2]
     c = crop.camera
     expected = camera_pixel(crop.sun_direction, Pinhole(width, height, c.vertical_fov, 0.0, c.elevation, c.roll))
@@ -31,14 +46,14 @@ def test_no_black_ring_surrounds_the_sun_of_an_hdr_panorama() -> None:
     bright = hdr.levels[0].copy()
     bright[:] = 0.2
     bright[bright.shape[0] // 2, bright.shape[1] // 2] = 1e4
-    crop = take(replace(hdr, levels=(bright,)), Camera(0.0, 0.0, 0.0, 60.0, 4 / 3), SPEC)
+    crop = take(replace(hdr, levels=(bright,)), Camera(0.0, 0.0, 0.0, 60.0, 4 / 3), EXAMPLES_SPEC)
     assert crop.linear.max() > 100 * crop.linear.min()
     assert crop.linear.min() == pytest.approx(0.2 * crop.gain, rel=1e-3)
 
 
 def test_ldr_and_hdr_crops_show_the_same_light() -> None:
     camera = Camera(0.0, 5.0, 2.0, 50.0, 4 / 3)
-    ldr, hdr = take(source("ldr"), camera, SPEC), take(source("hdr"), camera, SPEC)
+    ldr, hdr = take(source("ldr"), camera, EXAMPLES_SPEC), take(source("hdr"), camera, EXAMPLES_SPEC)
     np.testing.assert_allclose(ldr.linear * (hdr.exposure / ldr.exposure), hdr.linear, rtol=0.05, atol=0.01)
 
 
@@ -48,7 +63,7 @@ def test_lower_sharpness_and_narrow_views_keep_the_size_and_lose_detail() -> Non
     sizes = set()
     spread = []
     for fov, sharpness in ((60.0, 1.0), (60.0, 0.4), (25.0, 1.0)):
-        crop = take(noisy, Camera(0.0, 0.0, 0.0, fov, 4 / 3), SPEC, sharpness)
+        crop = take(noisy, Camera(0.0, 0.0, 0.0, fov, 4 / 3), EXAMPLES_SPEC, sharpness)
         sizes.add(crop.linear.shape)
         spread.append(float(np.abs(np.diff(crop.linear[..., 0] / crop.linear[..., 0].mean(), axis=1)).mean()))
     assert sizes == {(168, 224, 3)}
@@ -59,7 +74,7 @@ def test_lower_sharpness_and_narrow_views_keep_the_size_and_lose_detail() -> Non
 def test_unknown_suns_and_untrusted_fits_are_nan() -> None:
     nan = math.nan
     unknown = Label("p", nan, nan, nan, "none", nan, nan, 3.0, 0.5, 0.1, False, "")
-    crop = take(source(sun=unknown), Camera(0.0, 0.0, 0.0, 50.0, 1.0), SPEC)
+    crop = take(source(sun=unknown), Camera(0.0, 0.0, 0.0, 50.0, 1.0), EXAMPLES_SPEC)
     assert np.isnan(crop.sun_direction).all()
     np.testing.assert_array_equal(np.isnan(crop.parameters), [True, True, False, False, False, True])
 
@@ -67,7 +82,118 @@ def test_unknown_suns_and_untrusted_fits_are_nan() -> None:
 def test_rays_above_the_horizon_see_the_upper_half() -> None:
     upper = np.zeros((256, 512, 3), np.float32)
     upper[:128] = 1.0
-    crop = take(Source(source().panorama, (upper,), label()), Camera(77.0, 12.0, 6.0, 50.0, 4 / 3), SPEC)
+    crop = take(Source(source().panorama, (upper,), label()), Camera(77.0, 12.0, 6.0, 50.0, 4 / 3), EXAMPLES_SPEC)
     rays = camera_directions(Pinhole(224, 168, 50.0, 0.0, 12.0, 6.0))
     clear = np.abs(rays[..., 1]) > 0.02
     assert ((crop.linear[..., 0] > 0.5 * crop.linear.max()) == (rays[..., 1] > 0))[clear].all()
+
+
+def test_randomness_depends_on_name_index_and_purpose_alone() -> None:
+    values = {generator(n, i, p).random() for n in "ab" for i in range(3) for p in ("train", "tune")}
+    assert len(values) == 12
+    assert generator("a", 1, "train").random() == generator("a", 1, "train").random()
+
+
+def test_large_places_and_common_elevations_are_drawn_less_each() -> None:
+    crowd = [source(place="big") for _ in range(9)] + [source(place="small")]
+    weights = sampling_weights(crowd)
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[-1] == pytest.approx(3 * weights[0])
+    low = sampling_weights([source(place=str(i)) for i in range(16)] + [source(place="x", sun=label(elevation=5.0))])
+    assert low[-1] == pytest.approx(8 * low[0])
+
+
+def test_sources_are_halved_for_wide_views(tmp_path: Path) -> None:
+    from PIL import Image
+
+    Image.new("RGB", (1536, 768), (10, 200, 30)).save(tmp_path / "p.png")
+    loaded = _load_source(Panorama("p", tmp_path / "p.png", "ldr", "a", "train"), label())
+    assert [level.shape[0] for level in loaded.levels] == [768, 384, 192]
+    assert all((level == [10, 200, 30]).all() for level in loaded.levels)
+    crop = take(loaded, Camera(0.0, 0.0, 0.0, 80.0, 1.0), EXAMPLES_SPEC)
+    assert np.ptp(crop.linear, axis=(0, 1)).max() < 1e-3
+
+
+TALL = Stretch(upwards=1.5)
+LONG = Stretch(upwards=0.7, along=1.2, heading=70.0)
+
+
+def test_a_taller_world_has_a_higher_sun_whose_shadows_are_as_long() -> None:
+    azimuth, elevation = angles(TALL.applied(direction(40.0, 25.0)))
+    assert float(azimuth) == pytest.approx(40.0)
+    assert math.tan(math.radians(float(elevation))) == pytest.approx(1.5 * math.tan(math.radians(25.0)))
+
+
+@pytest.mark.parametrize("stretch", [TALL, LONG, Stretch(along=0.8, heading=-20.0)])
+def test_the_shadow_of_a_pole_ends_where_the_stretched_sun_s_ray_meets_the_ground(stretch: Stretch) -> None:
+    """The top of a stretched pole, the stretched end of its shadow and the stretched sun lie on one line."""
+    top, sun = np.array([3.0, 2.0, -5.0]), direction(*SUN)
+    end = top - sun * (top[1] + 1.6) / sun[1]  # on the ground, 1.6 below the camera
+    ray = stretch.applied(top) - stretch.applied(end)
+    assert ray / np.linalg.norm(ray) == pytest.approx(stretch.applied(sun) / np.linalg.norm(stretch.applied(sun)))
+    assert stretch.undone(stretch.applied(top)) == pytest.approx(top)
+
+
+def test_upright_and_level_things_stay_so() -> None:
+    assert LONG.applied(np.array([0.0, 1.0, 0.0])) == pytest.approx([0.0, 0.7, 0.0])
+    assert LONG.applied(direction(np.array([0.0, 30.0, 200.0]), 0.0))[:, 1] == pytest.approx([0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("stretch", [TALL, LONG])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_crop_shows_the_sun_where_its_target_says(stretch: Stretch, mirrored: bool) -> None:
+    crop = take(anisotropic_scale(source(), stretch), Camera(30.0, 15.0, 5.0, 70.0, 4 / 3, mirrored), EXAMPLES_SPEC)
+    assert crop.sun_elevation != pytest.approx(SUN[1], abs=3.0)
+    assert crop.sun_pixel is not None
+    np.testing.assert_allclose(brightest(crop), crop.sun_pixel, atol=2.5)
+
+
+def test_a_world_that_is_not_stretched_gives_the_same_crop() -> None:
+    camera = Camera(30.0, 15.0, 5.0, 70.0, 4 / 3)
+    np.testing.assert_array_equal(
+        take(anisotropic_scale(source(), NOT_STRETCHED), camera, EXAMPLES_SPEC).linear,
+        take(source(), camera, EXAMPLES_SPEC).linear,
+    )
+
+
+def test_a_panorama_without_a_sun_has_none_when_it_is_stretched() -> None:
+    nan = math.nan
+    sunless = source(sun=replace(label(), sun_azimuth=nan, sun_elevation=nan))
+    assert math.isnan(anisotropic_scale(sunless, TALL).label.sun_elevation)
+
+
+def test_a_sky_that_was_fitted_around_another_sun_is_unknown() -> None:
+    camera = Camera(0.0, 0.0, 0.0, 60.0, 1.0)
+    one, other = (
+        take(anisotropic_scale(source(), stretch), camera, EXAMPLES_SPEC) for stretch in (NOT_STRETCHED, TALL)
+    )
+    assert math.isfinite(one.turbidity * one.exposure)
+    assert math.isnan(other.turbidity)
+    assert math.isnan(other.exposure)
+
+
+def test_a_stretch_costs_resolution() -> None:
+    camera = Camera(0.0, 0.0, 0.0, 60.0, 1.0)
+    assert is_resolved(source(), camera, 80)
+    assert not is_resolved(anisotropic_scale(source(), TALL), camera, 80)
+    assert is_resolved(anisotropic_scale(source(), Stretch(upwards=0.7)), camera, 80)
+
+
+def test_the_light_around_is_that_of_the_stretched_world() -> None:
+    camera = Camera(SUN[0], 0.0, 0.0, 60.0, 1.0)
+    around = light_around(source())
+    before, after = (
+        surroundings_in_camera(around, camera, np.ones(3), stretch).reshape(ROWS, COLUMNS, 3)[..., 0]
+        for stretch in (NOT_STRETCHED, Stretch(upwards=4.0))
+    )
+    rows = [int(np.argmax(cells.max(axis=1))) for cells in (before, after)]
+    assert rows == [ROWS * (90 - 25) // 180, ROWS * (90 - 62) // 180]
+
+
+def test_stretches_are_drawn_within_their_limits_both_ways() -> None:
+    drawn = [any_stretch(np.random.default_rng(seed)) for seed in range(300)]
+    upwards, along = np.log2([s.upwards for s in drawn]), np.log2([s.along for s in drawn])
+    assert np.abs(upwards).max() <= UPWARDS
+    assert np.abs(along).max() <= ALONG
+    assert abs(upwards.mean()) < 0.1
+    assert np.ptp([s.heading for s in drawn]) > 150.0

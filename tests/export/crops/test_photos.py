@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
-from export.data import PhotoRow
-from lighting.colour import tone_map
+from export.data.photos import PhotoRow
+from lighting.color import tone_map
 from lighting.geometry import angles
 from lighting.sun_grid import grid_directions
-from tests.export.crops.examples import SPEC
+from tests.helpers.panoramas import EXAMPLES_SPEC
 
 ROW = PhotoRow(Path("a.jpg"), "a_1", 30.0, 20.0, 10.0, "yes", 60.0)
 
@@ -27,22 +27,22 @@ def test_an_off_centre_crop_sees_the_sun_at_another_azimuth() -> None:
     focal = 200 / math.tan(math.radians(30))
     rng = np.random.default_rng(1)
     for _ in range(30):
-        crop = take_photo(photo(), rng, SPEC)
+        crop = take_photo(photo(), rng, EXAMPLES_SPEC)
         height, width = crop.linear.shape[:2]
         red = crop.linear[height // 2, width // 2 - 1 : width // 2 + 1, 0].mean()
         column = 255 * float(np.where(red <= 0.0031308, 12.92 * red, 1.055 * red ** (1 / 2.4) - 0.055)) / 0.6
         looking = math.degrees(math.atan2(column - 200, focal))
         azimuth = -crop.sun_azimuth if crop.camera.mirrored else crop.sun_azimuth
         assert azimuth + looking == pytest.approx(30.0, abs=1.0)
-        assert max(height, width) == SPEC.width
+        assert max(height, width) == EXAMPLES_SPEC.width
         assert 0 < crop.camera.vertical_fov < 60
         assert math.isnan(crop.camera.elevation)
 
 
 def test_the_likelihood_is_widest_where_least_is_known() -> None:
-    crop = take_photo(photo(), np.random.default_rng(0), SPEC)
-    azimuth, elevation = angles(grid_directions(SPEC.sun_grid))
-    weight = likelihood(crop, SPEC.sun_grid)
+    crop = take_photo(photo(), np.random.default_rng(0), EXAMPLES_SPEC)
+    azimuth, elevation = angles(grid_directions(EXAMPLES_SPEC.sun_grid))
+    weight = likelihood(crop, EXAMPLES_SPEC.sun_grid)
     assert weight.sum() == pytest.approx(1.0)
     best = int(np.argmax(weight))
     assert azimuth[best] == pytest.approx(crop.sun_azimuth, abs=5.0)
@@ -50,9 +50,9 @@ def test_the_likelihood_is_widest_where_least_is_known() -> None:
     behind = np.abs(np.abs(azimuth - crop.sun_azimuth) - 180) < 30
     assert 0 < weight[behind].sum() < 0.05
     unknown = take_photo(
-        photo(PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)), np.random.default_rng(0), SPEC
+        photo(PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)), np.random.default_rng(0), EXAMPLES_SPEC
     )
-    ring = likelihood(unknown, SPEC.sun_grid)
+    ring = likelihood(unknown, EXAMPLES_SPEC.sun_grid)
     near = np.abs(elevation - 20.0) < 3.0
     assert np.ptp(ring[near]) < ring[near].max()
     assert ring[near].sum() > 0.5
@@ -61,7 +61,7 @@ def test_the_likelihood_is_widest_where_least_is_known() -> None:
 def test_a_stretched_photo_is_taller_and_has_a_higher_sun() -> None:
     """Each step down the picture shows fewer rows of the photo, by the stretch; columns stay as they are."""
     for seed in range(8):
-        crop = take_photo(photo(), np.random.default_rng(seed), SPEC, upwards=1.4)
+        crop = take_photo(photo(), np.random.default_rng(seed), EXAMPLES_SPEC, upwards=1.4)
         assert math.tan(math.radians(crop.sun_elevation)) == pytest.approx(1.4 * math.tan(math.radians(20.0)))
         height, width = crop.linear.shape[:2]
         srgb = np.asarray(tone_map(crop.linear), dtype=float)

@@ -1,4 +1,4 @@
-"""Labels survive their file, and bad files are refused."""
+"""Tests of labels."""
 
 import dataclasses
 import math
@@ -6,8 +6,41 @@ from pathlib import Path
 
 import pytest
 
-from export.data.labels import Label, read_labels, write_labels
-from export.data.tables import DataError
+from export.data.labels import Label, _label_panorama, agreement, check_rendered, read_labels, run, write_labels
+from export.data.panoramas import DataError, Panorama, read_index
+from export.data.rendered_panoramas import _write_dataset
+
+
+def test_a_given_sun_wins_over_the_found_one(tmp_path: Path) -> None:
+    _write_dataset(tmp_path, 1, 64)
+    (panorama,) = read_index(tmp_path)
+    moved = dataclasses.replace(panorama, sun_azimuth=10.0, sun_elevation=20.0, sun_uncertainty=None)
+    label = _label_panorama(moved)
+    assert (label.sun_azimuth, label.sun_elevation, label.sun_source) == (10.0, 20.0, "given")
+    assert label.sun_uncertainty > 0
+    assert label.found_azimuth == pytest.approx(panorama.sun_azimuth, abs=3.0)
+
+
+@pytest.mark.parametrize(
+    ("sun", "label", "source"), [("unknown", "", "found"), ("unknown", "by eye", "none"), ("none", "", "none")]
+)
+def test_a_found_sun_is_used_only_where_nobody_looked(tmp_path: Path, sun: str, label: str, source: str) -> None:
+    _write_dataset(tmp_path, 1, 64)
+    (panorama,) = read_index(tmp_path)
+    bare = Panorama("a", panorama.path, "ldr", "here", "train", sun, label=label)
+    labelled = _label_panorama(bare)
+    assert labelled.sun_source == source
+    assert math.isnan(labelled.sun_azimuth) == (source == "none")
+    assert math.isnan(labelled.turbidity) == (source == "none")
+    assert not math.isnan(labelled.found_azimuth)
+
+
+def test_the_fit_of_an_altered_sky_is_not_trusted(tmp_path: Path) -> None:
+    _write_dataset(tmp_path, 1, 64)
+    (panorama,) = read_index(tmp_path)
+    assert _label_panorama(panorama).fit_ok
+    assert not _label_panorama(dataclasses.replace(panorama, notes="strong HDR tone mapping")).fit_ok
+
 
 LABEL = Label("a", -12.5, 40.0, 2.0, "given", -12.0, 41.0, 3.2, 5.1, 0.12, True, "yes")
 
@@ -40,3 +73,43 @@ def test_labels_that_cannot_be_read_are_refused(tmp_path: Path, text: str | None
         path.write_text(text)
     with pytest.raises(DataError, match=message):
         read_labels(path)
+
+
+@pytest.mark.slow
+def test_rendered_skies_are_labelled_well() -> None:
+    check = check_rendered(60)
+    assert check.rendered > 50
+    assert check.found > 0.85 * check.rendered
+    assert check.sun_error < 1.0
+    assert check.fitted > 0.9 * check.rendered
+    assert check.turbidity_error < 0.3
+    assert check.exposure_error < 0.02
+
+
+def test_agreement_counts_suns_and_overcast_skies() -> None:
+    def panorama(name: str, sun: str) -> Panorama:
+        return Panorama(name, Path(name), "ldr", "here", "train", sun)
+
+    missed = dataclasses.replace(LABEL, name="b", found_azimuth=math.nan, found_elevation=math.nan)
+    wrong = dataclasses.replace(LABEL, name="c", found_azimuth=170.0)
+    none = dataclasses.replace(missed, name="d", sun_source="none", sun_azimuth=math.nan)
+    suns = [panorama("a", "visible"), panorama("b", "visible"), panorama("c", "visible"), panorama("d", "none")]
+    result = agreement(suns, [LABEL, missed, wrong, none])
+    assert (result.visible, result.found, result.overcast, result.rejected) == (3, 2, 1, 1)
+    assert result.gross == 0.5
+    assert result.error_25 < result.error_50 < result.error_75
+
+
+@pytest.mark.slow
+def test_a_folder_is_labelled_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("export.data.labels.check_rendered", lambda: check_rendered(4, 32))
+    _write_dataset(tmp_path, 8, 64)
+    run(tmp_path, tmp_path / "labels.csv", workers=2)
+    labels = read_labels(tmp_path / "labels.csv")
+    assert [label.name for label in labels] == [p.name for p in read_index(tmp_path)]
+    assert sum(label.fit_ok for label in labels) >= 4
+    printed = capsys.readouterr().out
+    assert "found suns against given ones: sun found in" in printed
+    assert "rendered skies: sun found in" in printed

@@ -1,13 +1,28 @@
-"""The index of a folder of panoramas."""
+"""Tests of panoramas."""
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+from PIL import Image
 
-from export.data.panoramas import PATCH, Panorama, is_permissive, read_index, read_patch
-from export.data.synthetic import write_dataset
-from export.data.tables import DataError
-from tests.export.data.examples import ROW, write_index
+from export.data.panoramas import (
+    PATCH,
+    DataError,
+    Panorama,
+    _read_patch,
+    decode_srgb,
+    is_permissive,
+    read_index,
+    read_linear_panorama,
+    read_picture,
+    read_table,
+    write_table,
+)
+from export.data.rendered_panoramas import _write_dataset
+from tests.helpers.panoramas import ROW, write_index
 
 PATCH_HEADER = "name,sun,sun_azimuth,sun_elevation,sun_uncertainty,direct,reason"
 
@@ -20,7 +35,7 @@ def test_five_columns_are_enough(tmp_path: Path) -> None:
 
 
 def test_all_columns_of_a_rendered_folder(tmp_path: Path) -> None:
-    write_dataset(tmp_path, 8, 16)
+    _write_dataset(tmp_path, 8, 16)
     panoramas = read_index(tmp_path)
     assert [p.name for p in panoramas] == [f"rendered_{number:04d}" for number in range(8)]
     assert {p.sun for p in panoramas} >= {"visible", "none"}
@@ -144,7 +159,7 @@ GIVEN = {**ROW, "sun": "visible", "sun_azimuth": "10", "sun_elevation": "40", "s
 
 def test_the_projects_own_patch_can_be_read() -> None:
     assert PATCH.read_text(encoding="utf-8").splitlines()[0] == PATCH_HEADER
-    read_patch(PATCH)
+    _read_patch(PATCH)
 
 
 def test_a_patch_changes_the_fields_that_it_fills_and_ignores_unknown_names(
@@ -196,3 +211,84 @@ def test_a_patch_without_its_columns_is_refused(tmp_path: Path, monkeypatch: pyt
     patch_with(monkeypatch, tmp_path, header="name,azimuth,reason")
     with pytest.raises(DataError, match="has no column sun, sun_azimuth"):
         read_index(write_index(tmp_path, ROW))
+
+
+def test_an_ldr_picture_is_read_and_made_linear(tmp_path: Path) -> None:
+    (panorama,) = read_index(write_index(tmp_path, ROW))
+    picture = read_picture(panorama)
+    assert picture.dtype == np.uint8
+    assert picture.shape == (4, 8, 3)
+    linear = read_linear_panorama(panorama, 2)
+    assert linear.dtype == np.float32
+    assert linear.shape == (2, 4, 3)
+    np.testing.assert_allclose(linear[0, 0], decode_srgb(np.array([10, 20, 30], np.uint8)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_an_hdr_picture_is_read_and_cleaned(tmp_path: Path, channels: int, kind: type) -> None:
+    import OpenEXR
+
+    pixels: NDArray[np.floating[Any]] = np.full((4, 8, channels), 0.5, kind)
+    pixels[0, 0, :3] = (np.inf, np.nan, -1.0)
+    file = OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGBA"[:channels]: pixels})
+    file.write(str(tmp_path / "a.exr"))
+    panorama = Panorama("a", tmp_path / "a.exr", "hdr", "here", "train")
+    read = read_picture(panorama)
+    assert read.dtype == np.float32
+    assert read.shape == (4, 8, 3)
+    assert read[0, 0].tolist() == [65504.0, 0.0, 0.0]
+    assert np.all(read[1:] == 0.5)
+    assert np.array_equal(read_linear_panorama(panorama, 4), read)
+
+
+@pytest.mark.parametrize(("kind", "message"), [("ldr", "cannot be read"), ("hdr", "cannot be read")])
+def test_a_damaged_picture_is_refused(tmp_path: Path, kind: str, message: str) -> None:
+    (tmp_path / "a").write_bytes(b"not a picture")
+    with pytest.raises(DataError, match=message):
+        read_picture(Panorama("a", tmp_path / "a", kind, "here", "train"))
+
+
+def test_a_picture_of_another_shape_is_refused(tmp_path: Path) -> None:
+    Image.new("RGB", (9, 4)).save(tmp_path / "a.png")
+    with pytest.raises(DataError, match="9 x 4 pixels"):
+        read_picture(Panorama("a", tmp_path / "a.png", "ldr", "here", "train"))
+
+
+def test_a_table_survives_its_file_and_makes_its_folder(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "table.csv"
+    write_table(path, ["name", "note"], [["a", 'with, comma and "quotes"'], ["b", ""]])
+    assert read_table(path, ["note"]) == [
+        {"name": "a", "note": 'with, comma and "quotes"'},
+        {"name": "b", "note": ""},
+    ]
+
+
+def test_short_rows_are_filled_and_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"\xef\xbb\xbfname,note\na\n")
+    assert read_table(path, ["name"]) == [{"name": "a", "note": ""}]
+
+
+def test_missing_columns_and_files_are_named(tmp_path: Path) -> None:
+    write_table(tmp_path / "table.csv", ["name"], [])
+    with pytest.raises(DataError, match="has no column place, split"):
+        read_table(tmp_path / "table.csv", ["name", "place", "split"])
+    with pytest.raises(DataError, match="cannot be read"):
+        read_table(tmp_path / "none.csv")
+
+
+def test_a_table_that_fails_midway_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError):
+        write_table(tmp_path / "table.csv", ["x"], ([1 / x] for x in (1, 0)))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_missing_or_in_the_way_is_named_once(tmp_path: Path) -> None:
+    missing = tmp_path / "none.csv"
+    with pytest.raises(DataError) as refused:
+        read_table(missing)
+    assert str(refused.value) == f"{missing} cannot be read: No such file or directory."
+    with pytest.raises(DataError) as refused:
+        write_table(tmp_path, ["x"], [])
+    assert str(refused.value).count(str(tmp_path)) == 1

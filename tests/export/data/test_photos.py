@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from export.data.panoramas import DataError
 from export.data.photos import COLUMNS, PHOTOS, needed_photo_rows, read_photo_rows
-from export.data.tables import DataError
 
 
 def table(folder: Path, *rows: str) -> None:

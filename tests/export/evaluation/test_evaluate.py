@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from export.data.panoramas import read_index
-from export.evaluation import Options, evaluate
+from export.evaluation.evaluate import Options, evaluate_networks
 
 
 @pytest.mark.slow
@@ -13,11 +13,11 @@ def test_evaluation_reports_every_method_and_group(
     data: Path, trained_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("relight", "light_report"):  # which need HDR panoramas
-        monkeypatch.setitem(evaluate.__globals__, name, lambda *_, name=name: f"## By {name}")
+        monkeypatch.setitem(evaluate_networks.__globals__, name, lambda *_, name=name: f"## By {name}")
     options = Options(
         data, data / "labels.csv", (trained_network,), tmp_path, with_metadata=True, failures=True, relight=True
     )
-    evaluation = evaluate(options)
+    evaluation = evaluate_networks(options)
     report = evaluation.report
     for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |"):
         assert part in report

@@ -1,4 +1,4 @@
-"""The worst crops and their causes."""
+"""Tests of failures."""
 
 import csv
 from collections import Counter
@@ -7,9 +7,83 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from export.evaluation.failures import CAUSES, MOST_EACH, WORST, failures_report, worst, write_failures
-from tests.export.evaluation.examples import EACH, FAILURE, off_by, truth_of
+from export.crops.cameras import Camera
+from export.crops.crops import Source
+from export.data.labels import Label
+from export.data.panoramas import Panorama
+from export.evaluation.baselines import CONSTANT
+from export.evaluation.failures import (
+    ACROSS,
+    CAUSES,
+    MOST_EACH,
+    RELIABILITY_FILE,
+    SAID,
+    THUMBNAIL,
+    TRUE,
+    WORST,
+    ScoredCrops,
+    _failures_report,
+    _sheet,
+    _turbidity_report,
+    _worst,
+    _write_failures,
+    _write_sheet,
+    diagnostic_sections,
+)
+from export.evaluation.metrics import answers
+from export.evaluation.predictions import interpret
+from tests.helpers.panoramas import EACH, FAILURE, erring, off_by, truth_of
+
+
+def test_the_sheet_shows_each_picture_with_both_suns(tmp_path: Path) -> None:
+    grey = np.full((30, 40, 3), 128, np.uint8)
+    found = [replace(FAILURE, sun=(90.0, 0.0), said=(-90.0, 0.0))] * (ACROSS + 1)
+    whole = _sheet(found, [grey] * len(found))
+    assert whole.width == ACROSS * (THUMBNAIL[0] + 4)
+    assert whole.height == 2 * _sheet(found[:1], [grey]).height
+    first = np.asarray(whole)[: THUMBNAIL[1], : THUMBNAIL[0]]
+    assert (first[5, 5] == 128).all()
+    middle = {c: np.argwhere((first == c).all(axis=-1)).mean(axis=0) for c in (TRUE, SAID)}
+    assert middle[TRUE][1] > middle[SAID][1] + 40
+    assert middle[TRUE][0] == pytest.approx(middle[SAID][0], abs=1)
+    _write_sheet(tmp_path / "s.png", found, [grey] * len(found))
+    with Image.open(tmp_path / "s.png") as again:
+        assert again.size == whole.size
+
+
+LABEL = Label("p", 0.0, 40.0, 2.0, "given", 0.0, 40.0, 3.0, 0.5, 0.1, True, "yes")
+
+
+def judged() -> ScoredCrops:
+    truth = truth_of(4)
+    predictions = erring(truth, shared=False)
+    said = interpret(predictions, truth.sun)
+    grey = np.full((64, 128, 3), 100, np.uint8)
+    sources = [Source(Panorama(n, Path(n), "ldr", n, "val"), (grey,), LABEL) for n in ("p0", "p1", "p2", "p3")]
+    views = [(source, Camera(45.0 * i, 0.0, 0.0, 50.0, 4 / 3)) for source in sources for i in range(EACH)]
+    return ScoredCrops(views, truth, predictions, predictions, {"outdoor": said, CONSTANT: said}, {"outdoor": said})
+
+
+def test_both_protocols_get_reliability_and_temperature_and_paper_the_rest(tmp_path: Path) -> None:
+    one = judged()
+    assert one.ours == "outdoor"
+    sections = diagnostic_sections({"paper": one, "phone": one}, tmp_path, failures=False)
+    titles = [section.splitlines()[0].removeprefix("## ").split(",")[0] for section in sections]
+    assert titles[0] == titles[1] == "Reliability of the sun's distribution"
+    assert titles[2:] == ["Temperature", "Temperature", "Turbidity", "Where it fails"]
+    assert [path.name for path in tmp_path.iterdir()] == [RELIABILITY_FILE]
+
+
+def test_the_worst_crops_are_written_only_when_asked_for(tmp_path: Path) -> None:
+    diagnostic_sections({"paper": judged()}, tmp_path, failures=True)
+    assert {path.name for path in tmp_path.iterdir()} == {RELIABILITY_FILE, "failures.csv", "failures.png"}
+
+
+def test_without_a_sun_to_score_there_is_nothing_to_say(tmp_path: Path) -> None:
+    assert diagnostic_sections({}, tmp_path, failures=True) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -35,7 +109,7 @@ def test_the_worst_come_first_few_of_each_panorama_and_none_unscored() -> None:
     truth = truth_of(30)
     truth.scored[:EACH] = False
     error = np.linspace(170, 1, len(truth.sun))
-    found = worst(truth, off_by(truth, error))
+    found = _worst(truth, off_by(truth, error))
     assert len(found) == WORST
     assert found[0].index == EACH
     assert [f.index % EACH for f in found[:4]] == [0, 1, 2, 0]
@@ -48,7 +122,7 @@ def test_the_worst_come_first_few_of_each_panorama_and_none_unscored() -> None:
 
 def test_a_sun_that_is_not_known_to_shine_says_nothing() -> None:
     truth = replace(truth_of(1), visibility=np.array([np.nan, 0.5, 0, 1, 1, 1, 1, 1]))
-    found = worst(truth, off_by(truth, np.linspace(170, 100, EACH)))
+    found = _worst(truth, off_by(truth, np.linspace(170, 100, EACH)))
     assert [f.direct for f in found] == ["", "partly", "no"]
 
 
@@ -58,7 +132,7 @@ def test_the_report_counts_every_cause_and_the_flips() -> None:
         replace(FAILURE, direct="no", azimuth_error=-160.0),
         replace(FAILURE, direct="no", panorama="p1"),
     ]
-    text = failures_report(found)
+    text = _failures_report(found)
     rows = {
         cells[1].strip(): [c.strip() for c in cells[3:-1]]
         for line in text.splitlines()
@@ -75,7 +149,7 @@ def test_the_report_counts_every_cause_and_the_flips() -> None:
 
 
 def test_the_file_has_a_line_a_failure(tmp_path: Path) -> None:
-    write_failures(tmp_path / "f.csv", [replace(FAILURE, index=2)], np.array([0.0, 0.0, -33.25]))
+    _write_failures(tmp_path / "f.csv", [replace(FAILURE, index=2)], np.array([0.0, 0.0, -33.25]))
     with (tmp_path / "f.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row == {
@@ -88,3 +162,29 @@ def test_the_file_has_a_line_a_failure(tmp_path: Path) -> None:
         "direct": "yes",
         "cause": "confident and wrong",
     }
+
+
+@pytest.mark.slow
+def test_errors_and_intervals_by_kind_of_panorama() -> None:
+    truth = replace(truth_of(6), turbidity=np.repeat([2.0, 4.0, 2.0, 4.0, 2.0, np.nan], EACH))
+    ours = answers(truth.sun, turbidity=truth.turbidity + 0.25)
+    constant = answers(truth.sun, turbidity=np.full(len(truth.sun), 3.5))
+    kind = np.repeat(["hdr", "hdr", "ldr", "ldr", "ldr", "ldr"], EACH)
+    text = _turbidity_report("paper", truth, ours, constant, kind)
+    rows = {
+        cells[1].strip(): [c.strip() for c in cells[2:-1]]
+        for line in text.splitlines()
+        if "|" in line and (cells := line.split("|"))
+    }
+    assert rows["HDR"] == ["16", "2", "1", "0.25", "1.00", "-1.25 to -0.25", "-0.75 to -0.75"]
+    assert rows["LDR, clean sky"][:5] == ["24", "3", "2", "0.25", "1.50"]
+    assert rows["both"][:5] == ["40", "5", "3", "0.25", "1.50"]
+
+
+@pytest.mark.slow
+def test_kinds_without_a_known_sky_have_no_row() -> None:
+    truth = truth_of(1)
+    said = answers(truth.sun, turbidity=truth.turbidity)
+    text = _turbidity_report("paper", truth, said, said, np.full(EACH, "ldr"))
+    assert "| LDR, clean sky | 8 |" in text
+    assert "HDR |" not in text

@@ -1,10 +1,75 @@
-"""Figures of errors that are known."""
+"""Tests of metrics."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from export.evaluation.metrics import auc, azimuth_error, elevation_error, sun_figures
-from tests.export.evaluation.examples import said, truth
+from export.evaluation.metrics import (
+    _bootstrap,
+    _horizon_ends,
+    _number,
+    _recall_area,
+    auc,
+    azimuth_error,
+    camera_scores,
+    difference_interval,
+    elevation_error,
+    figures_table,
+    interval,
+    select,
+    sun_error,
+    sun_figures,
+    table,
+)
+from lighting.geometry import Pinhole, camera_directions
+from tests.helpers.panoramas import said, truth
+
+
+def test_the_area_under_the_recall_of_errors() -> None:
+    assert _recall_area(np.zeros(3), 5.0) == pytest.approx(100.0)
+    assert _recall_area(np.array([2.5, 7.0]), 5.0) == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize(("elevation", "roll"), [(0.0, 0.0), (12.0, 0.0), (-8.0, 15.0)])
+def test_the_horizon_is_where_the_camera_sees_elevation_zero(elevation: float, roll: float) -> None:
+    width, height = 400, 300
+    rays = camera_directions(Pinhole(width, height, 60.0, 0.0, elevation, roll))
+    ends = _horizon_ends(np.array([[elevation, roll, 60.0]]), np.array([width / height]))[0]
+    for column, end in ((0, ends[0]), (width - 1, ends[1])):
+        row = int(np.argmin(np.abs(rays[:, column, 1])))
+        if 0 < row < height - 1:
+            assert 0.5 - (row + 0.5) / height == pytest.approx(end, abs=0.01)
+
+
+def test_a_perfect_camera_scores_full_marks() -> None:
+    known = truth([0.0, 10.0], [20.0, 30.0])
+    known = replace(known, camera=np.array([[5.0, 0.0, 50.0], [-5.0, 2.0, 60.0]]))
+    scores = camera_scores(known, replace(said([0.0, 10.0], [20.0, 30.0]), camera=known.camera))
+    assert scores["elevation AUC 1°"] == pytest.approx(100.0)
+    assert scores["horizon AUC"] == pytest.approx(100.0)
+    assert scores["horizon off %"] == pytest.approx(0.0)
+
+
+def test_bootstrap_draws_whole_units() -> None:
+    """Crops of one panorama are no independent evidence: a hundred copies of each do not narrow the interval."""
+    value = np.random.default_rng(1).normal(0, 1, 30)
+    units = np.array([f"u{i}" for i in range(30)])
+    once = _bootstrap(units, lambda i: float(value[i].mean()))
+    many = np.repeat(value, 100)
+    repeated = _bootstrap(np.repeat(units, 100), lambda i: float(many[i].mean()))
+    assert once[0] < value.mean() < once[1]
+    np.testing.assert_allclose(repeated, once, atol=1e-9)
+    assert once[1] - once[0] == pytest.approx(2 * 1.96 / np.sqrt(30), rel=0.3)
+
+
+def test_difference_interval_is_below_zero_for_the_better() -> None:
+    rng = np.random.default_rng(2)
+    units = np.repeat([f"u{i}" for i in range(40)], 5)
+    worse = rng.uniform(10, 60, 200)
+    assert difference_interval(worse - 5, worse, units)[1] < 0
+    low, high = difference_interval(rng.permutation(worse), worse, units)
+    assert low < 0 < high
 
 
 def test_errors_cross_the_seam_with_their_sign() -> None:
@@ -29,3 +94,33 @@ def test_auc_counts_ties_half() -> None:
     score = np.array([0.1, 0.4, 0.4, 0.9])
     assert auc(score, np.array([False, False, True, True])) == pytest.approx(0.875)
     assert np.isnan(auc(score, np.zeros(4, bool)))
+
+
+def test_select_keeps_the_chosen_crops_of_every_field() -> None:
+    t = truth([0.0, 10.0, 20.0], [0.0, 0.0, 0.0])
+    chosen = select(t, np.array([False, True, True]))
+    assert chosen.panorama.tolist() == ["p0", "p1"]
+    np.testing.assert_allclose(sun_error(chosen, said([0.0, 0.0], [0.0, 0.0])), [10.0, 20.0], atol=1e-9)
+
+
+def test_a_table_has_a_line_for_each_row() -> None:
+    assert table(["", "a"], [["x", "1"], ["y", "2"]]).splitlines() == [
+        "|  | a |",
+        "| --- | --- |",
+        "| x | 1 |",
+        "| y | 2 |",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("value", "column", "shown"),
+    [(12.34, "median", "12.3"), (12.34, "NLL", "12.34"), (8.0, "crops", "8"), (float("nan"), "median", "-")],
+)
+def test_a_column_decides_the_decimals(value: float, column: str, shown: str) -> None:
+    assert _number(value, column) == shown
+    assert figures_table({"outdoor": {column: value}}).splitlines()[-1] == f"| outdoor | {shown} |"
+
+
+def test_an_interval_shows_both_ends() -> None:
+    assert interval((-1.26, 3.0)) == "-1.3 to 3.0"
+    assert interval((-1.26, 3.0), 2) == "-1.26 to 3.00"

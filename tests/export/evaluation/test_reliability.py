@@ -1,4 +1,4 @@
-"""Regions that hold a given probability, and how many true suns lie in them."""
+"""Tests of reliability."""
 
 from pathlib import Path
 
@@ -9,60 +9,63 @@ from PIL import Image
 from export.evaluation.reliability import (
     CONE,
     DENSEST,
-    cone_levels,
+    _cone_levels,
+    _density_levels,
+    _fitted,
+    _inside,
+    _tempered,
     curves,
-    density_levels,
     draw,
-    inside,
     reliability_report,
+    temperature_report,
 )
 from lighting.decoding import sun_of
 from lighting.geometry import angle_between, direction
 from lighting.sun_grid import grid_directions
-from tests.export.evaluation.examples import EACH, drawn, rings, truth_of
-from tests.lighting.evidence.test_fusion import UNIFORM, lobe, prediction
+from tests.helpers.panoramas import EACH, drawn, erring, rings, truth_of
+from tests.lighting.fusion.test_single_view import FUSION_UNIFORM, fusion_lobe, fusion_prediction
 
 
 def test_the_densest_cells_come_first_whatever_their_size() -> None:
-    found = density_levels([rings(0.4, 0.1, 0.2, 0.3)] * 4, grid_directions("rings:2x2"))
+    found = _density_levels([rings(0.4, 0.1, 0.2, 0.3)] * 4, grid_directions("rings:2x2"))
     np.testing.assert_allclose(found, [0.5 + 0.2, 0.9 + 0.05, 0.3 + 0.1, 0.15], atol=1e-6)
 
 
 def test_a_uniform_sky_says_the_same_of_every_sun() -> None:
-    found = density_levels([prediction(UNIFORM)] * 3, direction([0.0, 90.0, -50.0], [5.0, 40.0, 80.0]))
+    found = _density_levels([fusion_prediction(FUSION_UNIFORM)] * 3, direction([0.0, 90.0, -50.0], [5.0, 40.0, 80.0]))
     np.testing.assert_allclose(found, 0.5, atol=1e-6)
 
 
 def test_honest_distributions_lie_on_the_diagonal() -> None:
     said, sun = drawn(400, 40.0)
-    np.testing.assert_allclose(inside(density_levels(said, sun), (25, 50, 75)), (25, 50, 75), atol=6)
+    np.testing.assert_allclose(_inside(_density_levels(said, sun), (25, 50, 75)), (25, 50, 75), atol=6)
 
 
 @pytest.mark.parametrize(("claimed", "sign"), [(160.0, -1), (10.0, 1)])
 def test_those_too_sure_lie_below_it_and_timid_ones_above(claimed: float, sign: int) -> None:
     _, sun = drawn(400, 40.0)
     said, _ = drawn(400, claimed)
-    assert (sign * (inside(density_levels(said, sun), (25, 50, 75)) - (25, 50, 75)) > 10).all()
+    assert (sign * (_inside(_density_levels(said, sun), (25, 50, 75)) - (25, 50, 75)) > 10).all()
 
 
 def test_cones_are_those_of_the_reported_radii() -> None:
     said, sun = drawn(60, 8.0)
     answers = [sun_of(p) for p in said]
     error = angle_between(sun, direction([a.azimuth for a in answers], [a.elevation for a in answers]))
-    levels = cone_levels(said, sun)
+    levels = _cone_levels(said, sun)
     np.testing.assert_array_equal(levels <= 0.5, error <= [a.radius_50 for a in answers])
     np.testing.assert_array_equal(levels <= 0.9, error <= [a.radius_90 for a in answers])
 
 
 def test_shares_are_counted() -> None:
-    np.testing.assert_allclose(inside(np.array([0.05, 0.1, 0.5, 0.96]), (5, 10, 50, 95, 100)), [25, 50, 75, 75, 100])
+    np.testing.assert_allclose(_inside(np.array([0.05, 0.1, 0.5, 0.96]), (5, 10, 50, 95, 100)), [25, 50, 75, 75, 100])
 
 
 def test_crops_that_are_not_scored_count_nowhere() -> None:
     truth = truth_of(2)
     truth.scored[:EACH] = False
     truth.in_view[EACH:] = ["no sky"] * 2 + ["sky in view"] * 6
-    found = curves(truth, [lobe(0.0, 40.0)] * (2 * EACH))
+    found = curves(truth, [fusion_lobe(0.0, 40.0)] * (2 * EACH))
     assert {name: len(levels) for name, levels in found.items()} == {
         DENSEST: 8,
         "sun 20 to 45°": 8,
@@ -83,3 +86,44 @@ def test_the_table_sets_found_beside_expected(tmp_path: Path) -> None:
     with Image.open(tmp_path / "r.png") as picture:
         assert picture.width > 500
         assert len(picture.convert("RGB").getcolors(1 << 20) or []) > 20
+
+
+def test_tempering_is_a_power_that_sums_to_one() -> None:
+    said = fusion_prediction(np.array([0.64, 0.16, 0.16, 0.04]))
+    np.testing.assert_allclose(_tempered(said, 2.0).sun_probability, [0.8 / 1.8, 0.4 / 1.8, 0.4 / 1.8, 0.2 / 1.8], 1e-6)
+    np.testing.assert_allclose(_tempered(said, 1.0).sun_probability, said.sun_probability, 1e-6)
+
+
+@pytest.mark.parametrize("temperature", [0.6, 1.0, 1.7])
+def test_the_temperature_that_was_taken_away_is_found_again(temperature: float) -> None:
+    said, sun = drawn(300, 30.0)
+    assert _fitted([_tempered(p, 1 / temperature) for p in said], sun) == pytest.approx(temperature, rel=0.1)
+
+
+def test_an_impossible_sun_costs_much_but_not_everything() -> None:
+    said = [fusion_prediction(np.r_[1.0, np.zeros(1023)])]
+    assert np.isfinite(_fitted(said, np.array([[0.0, -1.0, 0.0]])))
+
+
+@pytest.mark.slow
+def test_each_half_is_fitted_on_its_own_places_and_measured_on_the_others() -> None:
+    truth = truth_of(8)
+    sharp = [_tempered(p, 0.5) for p in erring(truth, shared=False)]
+    text = temperature_report("paper", truth, sharp)
+    header, _, *lines = [line for line in text.splitlines() if line.startswith("|")]
+    columns = [cell.strip() for cell in header.split("|")[1:-1]]
+    rows = [dict(zip(columns, (c.strip() for c in line.split("|")[1:-1]), strict=True)) for line in lines]
+    assert [row[""] for row in rows] == ["half A", "half B", "all"]
+    assert [int(row["fitted to"]) for row in rows] == [4 * EACH, 4 * EACH, 8 * EACH]
+    assert [int(row["crops"]) for row in rows] == [4 * EACH, 4 * EACH, 8 * EACH]
+    for row in rows:
+        assert float(row["temperature"]) == pytest.approx(2.0, rel=0.35)
+        assert float(row["NLL, after"]) < float(row["NLL, before"])
+        assert float(row["in 50 %, after"]) > float(row["in 50 %, before"])
+
+
+def test_one_place_alone_has_no_other_half() -> None:
+    truth = truth_of(2)
+    text = temperature_report("paper", truth, [fusion_lobe(0.0, 40.0)] * len(truth.sun))
+    assert "half A" not in text
+    assert "| all | 16 |" in text

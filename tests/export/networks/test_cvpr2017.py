@@ -3,8 +3,7 @@
 import pytest
 import torch
 
-from export.networks.network import build
-from export.networks.specs import specs
+from export.networks.outdoor import build, specs
 from lighting.sun_grid import grid_directions
 
 SPECS = specs("0")

@@ -1,13 +1,91 @@
-"""Our network's heads."""
+"""Tests of outdoor."""
 
+import numpy as np
+import pytest
 import torch
 
-from export.crops import CELL, CELLS
-from export.networks.outdoor import Outdoor
-from export.networks.parameters import BINS, LIGHT
-from export.networks.specs import specs
+from export.crops.cameras import Camera
+from export.crops.crops import Crop
+from export.crops.targets import CELL, CELLS, where_seen
+from export.data.panoramas import DataError
+from export.networks.outdoor import (
+    BINS,
+    LIGHT,
+    RARER,
+    ROLL_SCALE,
+    TARGET_WIDTH,
+    Outdoor,
+    binned,
+    build,
+    decode_parameters,
+    encode,
+    expected,
+    levelled,
+    load_weights,
+    roll_spread,
+    seen_probability,
+    specs,
+    towards,
+    with_the_seen,
+)
+from lighting.color import tone_map
+from lighting.geometry import Pinhole, angle_between, camera_directions, direction
+from lighting.model import Model
+from lighting.photo.preprocess import pad_to_input
+from lighting.records import ModelSpec
+from lighting.sun_grid import grid_directions
+from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, crop
+
+
+def said(roll: float, spread: float) -> float:
+    return float(levelled(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
+
+
+def test_a_camera_that_is_nearly_level_is_level() -> None:
+    assert abs(said(0.6, 1.5)) < 0.35
+    assert said(0.0, 1.5) == 0.0
+
+
+@pytest.mark.parametrize("roll", [-40.0, -12.0, 6.0, 20.0])
+def test_a_camera_that_is_clearly_rolled_stays_so(roll: float) -> None:
+    assert said(roll, 1.5) == pytest.approx(roll, rel=0.06)
+
+
+def test_a_roll_grows_with_what_the_network_says_and_shrinks_with_its_doubt() -> None:
+    rolls = [said(0.5 * step, 1.5) for step in range(40)]
+    assert rolls == sorted(rolls)
+    assert all(said(4.0, spread) > said(4.0, spread + 1) > 0 for spread in (0.0, 1.0, 3.0))
+    assert said(-4.0, 2.0) == -said(4.0, 2.0)
+
+
+SPECS = specs("0")
+
+
+def test_weights_with_the_light_around_fit_a_network_without_it_and_the_other_way_round() -> None:
+    learnt, served = build(SPECS["outdoor"], around=True), build(SPECS["outdoor"])
+    load_weights(served, learnt.state_dict())
+    again = build(SPECS["outdoor"], around=True)
+    load_weights(again, served.state_dict())
+    for name, value in served.state_dict().items():
+        torch.testing.assert_close(value, learnt.state_dict()[name])
+        torch.testing.assert_close(value, again.state_dict()[name])
+    with pytest.raises(DataError, match="are of another network"):
+        load_weights(served, {"sun.2.weight": torch.zeros(3)} | build(SPECS["cvpr2017"]).state_dict())
+
 
 SPEC = specs("0")["outdoor"]
+
+
+def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
+    mute, seeing = build(SPEC, sees=False).eval(), build(SPEC).eval()
+    photo = torch.randn(2, 3, SPEC.height, SPEC.width)
+    with torch.inference_mode():
+        assert mute(photo)[2].shape == (2, 0)
+        assert seeing(photo)[2].shape == (2, 1 + (SPEC.height // CELL) * (SPEC.width // CELL))
+        load_weights(seeing, mute.state_dict())
+        torch.testing.assert_close(seeing(photo)[:2], mute(photo)[:2])
+    with pytest.raises(DataError, match="are of another network"):
+        load_weights(seeing, {})
 
 
 def test_every_head_has_its_size() -> None:
@@ -31,3 +109,96 @@ def test_a_new_network_sees_no_sun() -> None:
 def test_heads_that_are_not_asked_for_are_not_there() -> None:
     names = Outdoor(SPEC, 1024, sees=False, bins=False).state_dict()
     assert not any(name.startswith(("seen.", "around.", "camera.", "light.", "suitable.")) for name in names)
+
+
+def test_encode_and_decode_are_inverse() -> None:
+    parameters = torch.tensor([[1.0, 0.01, -35.0, -10.0, 25.0], [10.0, 40.0, 35.0, 10.0, 90.0]])
+    raw = torch.cat([encode(parameters), torch.zeros(2, 1)], dim=1)
+    torch.testing.assert_close(decode_parameters(raw)[:, :5], parameters)
+    assert (decode_parameters(raw)[:, 5] == 0.5).all()
+
+
+def test_the_mean_of_a_target_s_bins_is_the_target() -> None:
+    camera = encode(torch.tensor([[1.0, 1.0, 12.3, -38.0, 91.0], [1.0, 1.0, -31.0, 0.4, 27.0]]))[:, 2:5]
+    target = binned(camera)
+    assert target.shape == (2, 3, BINS)
+    torch.testing.assert_close(expected(target.clamp_min(1e-12).log()), camera, rtol=1e-3, atol=1e-3)
+
+
+def test_the_spread_of_a_roll_is_what_its_bins_have_beyond_their_target() -> None:
+    camera = encode(torch.tensor([[1.0, 1.0, 12.3, -8.0, 91.0], [1.0, 1.0, 12.3, 8.0, 91.0]]))[:, 2:5]
+    one, other = binned(camera)
+    sure, torn = ROLL_SCALE * roll_spread(torch.stack([one, 0.5 * (one + other)]).clamp_min(1e-12).log())
+    assert float(sure) < 0.1
+    assert float(torn) == pytest.approx(8.0, rel=0.01)
+
+
+SEEN_SUN_CELLS = torch.tensor(grid_directions(EXAMPLES_SPEC.sun_grid), dtype=torch.float32)
+
+
+def canvas(one: Crop) -> torch.Tensor:
+    return torch.from_numpy(pad_to_input(tone_map(one.linear), EXAMPLES_SPEC))[None]
+
+
+def rays(one: Crop) -> torch.Tensor:
+    c = one.camera
+    return towards(canvas(one), torch.tensor([c.elevation]), torch.tensor([c.roll]), torch.tensor([c.vertical_fov]))
+
+
+@pytest.mark.parametrize("camera", VIEWS)
+def test_cells_look_where_the_cameras_pixels_do(camera: Camera) -> None:
+    one = crop(camera, 0.0, 20.0)
+    height, width = one.linear.shape[:2]
+    expected = camera_directions(Pinhole(width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll))
+    top, left = (EXAMPLES_SPEC.height - height) // 2, (EXAMPLES_SPEC.width - width) // 2
+    found = rays(one)[0].reshape(EXAMPLES_SPEC.height // CELL, EXAMPLES_SPEC.width // CELL, 3).numpy()
+    for row, column in [(7, 7), (6, 8), (8, 5)]:
+        y, x = (row + 0.5) * CELL - top, (column + 0.5) * CELL - left
+        between = expected[round(y) - 1 : round(y) + 1, round(x) - 1 : round(x) + 1].reshape(-1, 3).mean(axis=0)
+        assert angle_between(found[row, column], between) < 0.3
+
+
+@pytest.mark.parametrize("camera", VIEWS)
+def test_a_target_that_the_network_meets_points_at_the_sun(camera: Camera) -> None:
+    """From the pixel of the sun to the cells and back to a direction, whatever the camera's angles."""
+    one = crop(camera, 8.0, 17.0)
+    assert one.sun_pixel
+    wanted = torch.from_numpy(where_seen(one, EXAMPLES_SPEC, True)).float()[None]
+    uniform = torch.full((1, len(SEEN_SUN_CELLS)), 1 / len(SEEN_SUN_CELLS))
+    answer = with_the_seen(uniform, wanted, rays(one), SEEN_SUN_CELLS)
+    assert float(answer.sum()) == pytest.approx(1.0, abs=1e-5)
+    assert angle_between((answer @ SEEN_SUN_CELLS)[0].numpy(), direction(8.0, 17.0)) < 1.0
+
+
+def test_what_is_not_seen_changes_nothing_and_half_a_doubt_counts_half() -> None:
+    one = crop(VIEWS[0], 8.0, 17.0)
+    sun = torch.rand(1, len(SEEN_SUN_CELLS)).softmax(dim=1)
+    nowhere = torch.from_numpy(where_seen(one, EXAMPLES_SPEC, False)).float()[None]
+    seen = torch.from_numpy(where_seen(one, EXAMPLES_SPEC, True)).float()[None]
+    torch.testing.assert_close(with_the_seen(sun, nowhere, rays(one), SEEN_SUN_CELLS), sun)
+    half = with_the_seen(sun, (nowhere + seen) / 2, rays(one), SEEN_SUN_CELLS)
+    torch.testing.assert_close(half, (sun + with_the_seen(sun, seen, rays(one), SEEN_SUN_CELLS)) / 2)
+
+
+def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> None:
+    """Of even odds in training: they fall by RARER, and the cells keep theirs among each other."""
+    logits = torch.tensor([[2.0, *np.log([0.1, 0.3, 0.6]) + 2.0]], dtype=torch.float32)
+    nowhere, *cells = seen_probability(logits)[0].tolist()
+    assert sum(cells) / nowhere == pytest.approx(np.exp(-RARER), rel=1e-5)
+    assert cells == pytest.approx(np.array([0.1, 0.3, 0.6]) * (1 - nowhere), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
+def test_a_spec_survives_its_json_and_has_a_grid(name: str) -> None:
+    spec = specs("1.2.3")[name]
+    assert (spec.name, spec.version) == (name, "1.2.3")
+    assert ModelSpec.from_json(spec.to_json()) == spec
+    assert len(grid_directions(spec.sun_grid)) in (160, 1024)
+    assert TARGET_WIDTH[name] > 0
+
+
+def test_the_packaged_network_expects_what_training_gives() -> None:
+    shipped, ours = Model.load().spec, specs("")["outdoor"]
+    assert (shipped.width, shipped.height, shipped.sun_grid) == (ours.width, ours.height, ours.sun_grid)
+    assert shipped.mean == pytest.approx(ours.mean)
+    assert shipped.std == pytest.approx(ours.std)

@@ -5,24 +5,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.data import Panorama, write_index
+from export.data.panoramas import Panorama, write_index
 from export.reports.multi_view import fuse_sets, set_figures, set_sun_figures
 from export.reports.photo_sets import PhotoSetOptions, _rows, report_photo_sets
 from export.reports.registration import (
     PHOTO_FOVS,
     SWEEP_OVERLAPS,
+    _sweep_width,
     match_sweeps,
     match_zooms,
     one_panorama_per_place,
     pair_figures,
     photograph_sweep,
     split_by_overlap,
-    sweep_width,
 )
-from lighting.files import encode_png
+from lighting.files.atomic import encode_png
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
-from tests.lighting.turns.cameras import texture
+from tests.helpers.cameras import texture
 
 pytest.importorskip("cv2")
 
@@ -55,7 +55,7 @@ def test_a_sweep_overlaps_as_it_says_and_is_the_same_again(panoramas: list[Panor
     assert len(fov) == 1
     assert PHOTO_FOVS[0] <= min(fov) <= PHOTO_FOVS[1]
     steps = np.abs(wrap_azimuth(np.diff([t.camera.azimuth for t in taken])))
-    shared = 1 - steps / sweep_width(min(fov))
+    shared = 1 - steps / _sweep_width(min(fov))
     assert (shared >= SWEEP_OVERLAPS[0] - 1e-9).all()
     assert (shared <= SWEEP_OVERLAPS[1] + 1e-9).all()
 

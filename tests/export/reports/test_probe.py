@@ -13,25 +13,23 @@ from export.reports.probe import (
     SKY_FILL,
     SKY_PLACE,
     BracketCamera,
-    bracket_gain,
+    _bracket_gain,
+    _measure_bracket,
+    _offset_along_sky,
+    _rotation_between,
+    _scan_residuals,
     clear_sky_at,
     expose_bracket,
-    measure_bracket,
-    offset_along_sky,
     photograph_sky,
     read_sky_scans,
-    rotation_between,
-    scan_residuals,
 )
-from lighting.envmap import sun_irradiance
+from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ProbeError
-from lighting.probe.align import yaw_rotation
-from lighting.probe.develop import make_probe
-from lighting.probe.exposures import bracket_of, read_bracket
-from lighting.probe.lens import lens_of
-from lighting.probe.orientation import orient
-from lighting.probe.ratios import exposed
-from lighting.probe.settings import Moment, Settings
+from lighting.probe.alignment import orient, yaw_rotation
+from lighting.probe.bracket import bracket_of, read_bracket
+from lighting.probe.develop import BracketSettings, Moment, make_probe
+from lighting.probe.fisheye import fisheye_lens
+from lighting.probe.hdr_merge import measure_ratios
 
 RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)
 
@@ -44,7 +42,7 @@ def test_a_bracket_holds_rounded_values_that_clip() -> None:
     assert long.max() == 1
     np.testing.assert_allclose(255 * short, np.rint(255 * short), atol=1e-4)
     np.testing.assert_allclose(
-        short, RAMP * bracket_gain(RAMP, BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
+        short, RAMP * _bracket_gain(RAMP, BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
     )
 
 
@@ -57,7 +55,7 @@ def test_noise_is_that_of_light_and_reading() -> None:
 
 def test_the_sun_stands_out_and_nothing_is_outside_the_lens() -> None:
     moment = Moment(datetime(2024, 6, 1, 9, tzinfo=UTC), 47.0, 8.0)
-    picture = photograph_sky(clear_sky_at(moment), lens_of("equidistant", 64, 64), np.eye(3))
+    picture = photograph_sky(clear_sky_at(moment), fisheye_lens("equidistant", 64, 64), np.eye(3))
     assert picture.max() > 1000 * np.median(picture[picture > 0])
     assert not picture[0, 0].any()
 
@@ -69,12 +67,12 @@ def test_azimuths_of_the_clear_day_run_counter_clockwise_from_about_13_degrees()
     assert found.sure
     assert found.offset == pytest.approx(13, abs=5)
     assert np.median(found.offsets) == pytest.approx(13, abs=5)
-    assert offset_along_sky(scans, found, 13) < 5  # each scan of the day
+    assert _offset_along_sky(scans, found, 13) < 5  # each scan of the day
 
 
 def test_the_clear_sky_is_near_the_models_and_far_from_overcast() -> None:
     scans = read_sky_scans()["2013-05-27"][::5]
-    errors = {name: float(np.median(scan_residuals(scans, -1, 11.0, model))) for name, model in SCAN_MODELS.items()}
+    errors = {name: float(np.median(_scan_residuals(scans, -1, 11.0, model))) for name, model in SCAN_MODELS.items()}
     assert 0.08 < errors["Hosek-Wilkie, turbidity fitted"] < 0.2
     assert errors["CIE general sky, type fitted"] <= errors["CIE clear sky (type 12)"] < 0.2
     assert errors["CIE overcast sky"] > 0.5
@@ -84,12 +82,12 @@ STACK = Path(__file__).parents[3].parent / "shared" / "stereo-data" / "fisheye_b
 ALPNACH = Moment(datetime(2018, 1, 29, 11, 9, 20, tzinfo=UTC), 46.94, 8.28)
 ALPNACH_CIRCLE = ((149.5, 141.0), 132.5)  # centre and radius, pixels, read off the longest exposure
 MOMENT = Moment(SKY_DAY, *SKY_PLACE)
-LENS = lens_of("equidistant", 400, 400)
+LENS = fisheye_lens("equidistant", 400, 400)
 
 
 @pytest.mark.parametrize("bits", [8, 12, 14])
 def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(bits: int) -> None:
-    got = measure_bracket(BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
+    got = _measure_bracket(BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
     assert got.sky < 0.02
     assert got.clipped
     assert got.turn < 0.3
@@ -97,7 +95,7 @@ def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(
 
 @pytest.mark.parametrize("bits", [8, 12, 14])
 def test_suns_exposed_for_are_within_three_percent(bits: int) -> None:
-    got = measure_bracket(BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
+    got = _measure_bracket(BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
     assert not got.clipped
     assert got.sun < 0.03
     assert got.turn < 0.3
@@ -110,25 +108,27 @@ def test_a_photographed_sun_has_its_power() -> None:
     lighting = clear_sky_at(MOMENT)
     picture = photograph_sky(lighting, LENS, yaw_rotation(0.0))
     probe = make_probe(
-        bracket_of(expose_bracket(picture, BracketCamera(noise=False), np.random.default_rng(0))), MOMENT, Settings()
+        bracket_of(expose_bracket(picture, BracketCamera(noise=False), np.random.default_rng(0))),
+        MOMENT,
+        BracketSettings(),
     )
     assert probe.spot is not None
-    assert probe.spot.irradiance / bracket_gain(picture, BracketCamera()) == pytest.approx(
+    assert probe.spot.irradiance / _bracket_gain(picture, BracketCamera()) == pytest.approx(
         sun_irradiance(lighting), rel=0.02
     )
 
 
 def test_turns_are_measured() -> None:
-    assert rotation_between(yaw_rotation(20.0), yaw_rotation(-10.0)) == pytest.approx(30.0)
+    assert _rotation_between(yaw_rotation(20.0), yaw_rotation(-10.0)) == pytest.approx(30.0)
 
 
 @pytest.mark.skipif(not STACK.is_dir(), reason="the fisheye stack is not here")
 def test_the_fisheye_stack_has_its_ratios_its_clipped_sun_and_its_lens_residual() -> None:
     bracket = read_bracket(sorted(STACK.glob("*_image.png")), "linear")
-    ratios = [ratio.value for ratio in exposed(bracket).ratios if ratio is not None]
+    ratios = [ratio.value for ratio in measure_ratios(bracket).ratios if ratio is not None]
     # From the sixth exposure on the camera's times follow a 1-2-5 series; the shorter ones show the sun alone.
     assert ratios[5:] == pytest.approx([2, 2, 2.5, 2.5, 4, 2.5, 2], rel=0.05)
-    told = Settings(centre=ALPNACH_CIRCLE[0], radius=ALPNACH_CIRCLE[1], height=64)
+    told = BracketSettings(centre=ALPNACH_CIRCLE[0], radius=ALPNACH_CIRCLE[1], height=64)
     probe = make_probe(bracket, ALPNACH, told)
     assert "clipped in every exposure" in probe.warnings[0]
     assert probe.off == pytest.approx(4.6, abs=1.0)

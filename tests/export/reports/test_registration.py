@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export.reports.registration import Daylight, Standpoint, WalkableTown
+from export.reports.registration import Standpoint, WalkableTown, _Daylight
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sun_radiance
 
@@ -24,7 +24,7 @@ def test_a_standpoint_gives_the_same_photo_again_and_a_step_another(walk: Walkab
 
 
 def test_a_lower_sun_throws_redder_light() -> None:
-    low, high = (Daylight.of(Lighting(0.0, e, turbidity=3.0, exposure=0.02)) for e in (8.0, 60.0))
+    low, high = (_Daylight.of(Lighting(0.0, e, turbidity=3.0, exposure=0.02)) for e in (8.0, 60.0))
     assert low.beam[0] / low.beam[2] > 1.5 * high.beam[0] / high.beam[2]
     assert (high.ambient > 0).all()
     expected = sun_radiance(Lighting(0.0, 60.0, turbidity=3.0, exposure=0.02).sun_direction, 3.0)

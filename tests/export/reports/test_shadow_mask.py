@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 
 from export.reports.shadow_mask import (
-    GroundScene,
-    predicted_mask,
+    _GroundScene,
+    _predicted_mask,
+    _shade_figures,
+    _shadow_error,
     render_ground_scenes,
     report_shadow_mask,
-    shade_figures,
-    shadow_error,
 )
-from lighting.colour import tone_map
+from lighting.color import tone_map
 from lighting.model import Model
-from tests.lighting.envmap import test_lit_ground
-from tests.lighting.envmap.test_lit_ground import SHADED, SUNLIT
+from tests.lighting.envmap import test_shadow_mask
+from tests.lighting.envmap.test_shadow_mask import SHADED, SUNLIT
 
-LIGHT = replace(test_lit_ground.LIGHT, camera_elevation=0.0)
+LIGHT = replace(test_shadow_mask.LIGHT, camera_elevation=0.0)
 
 
-def halves(width: int = 320, height: int = 240) -> GroundScene:
+def halves(width: int = 320, height: int = 240) -> _GroundScene:
     """Ground of which the right half lies in shade."""
     linear = np.full((height, width, 3), 0.8)
     lit = np.ones((height, width), dtype=bool)
@@ -31,23 +31,23 @@ def halves(width: int = 320, height: int = 240) -> GroundScene:
     ground[height // 2 :] = True
     linear[ground] = np.where(lit[ground][:, None], SUNLIT, SHADED)
     weights = np.array([0.2126, 0.7152, 0.0722])
-    return GroundScene(tone_map(linear), LIGHT, ground, lit & ground, np.full(lit.shape, SHADED @ weights))
+    return _GroundScene(tone_map(linear), LIGHT, ground, lit & ground, np.full(lit.shape, SHADED @ weights))
 
 
 def test_a_right_mask_leaves_no_error_of_the_shadow() -> None:
     scene = halves()
-    right = shade_figures([scene], [LIGHT], [predicted_mask(scene, LIGHT)])
+    right = _shade_figures([scene], [LIGHT], [_predicted_mask(scene, LIGHT)])
     assert right["right"] > 97
     assert right["shadow off by, mean"] < 10
 
 
 def test_without_a_mask_shade_is_darkened_twice() -> None:
     scene = halves()
-    error = shadow_error(scene, LIGHT, np.ones(scene.lit.shape))
+    error = _shadow_error(scene, LIGHT, np.ones(scene.lit.shape))
     shade = ~scene.lit[scene.ground]
     assert np.abs(error[~shade]).max() < 0.05
     assert error[shade].max() < -1.0
-    none = shade_figures([scene], [LIGHT], [np.ones(scene.lit.shape)])
+    none = _shade_figures([scene], [LIGHT], [np.ones(scene.lit.shape)])
     assert none["recall"] == 0.0
     assert none["right"] == pytest.approx(50.0)
     assert none["too dark by, mean"] == pytest.approx(none["shadow off by, mean"], abs=5.0)

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.arguments import CLIP_KINDS
-from export.data import DataError, Panorama, write_index
+from export import CLIP_KINDS
+from export.data.panoramas import DataError, Panorama, write_index
 from export.reports.video import (
     CLIP_HEIGHT,
     CLIP_MEDIANS,
@@ -16,27 +16,26 @@ from export.reports.video import (
     CLIP_WIDTH,
     DISSOLVE_ALONE,
     STREAM_OFF,
-    DissolvingClip,
-    KnownClip,
     Pixels,
+    _apply_gain,
+    _choose_panoramas,
+    _clip_figures,
+    _decimals_table,
+    _DissolvingClip,
     _is_divided,
+    _known_clips,
+    _KnownClip,
+    _measure_clip,
     _stream_errors,
-    apply_gain,
-    choose_panoramas,
-    clip_figures,
-    decimals_table,
-    known_clips,
-    measure_clip,
-    view_panorama,
+    _view_panorama,
 )
-from lighting.colour import srgb_decode
-from lighting.files import encode_png
+from lighting.color import srgb_decode
+from lighting.files.atomic import encode_png
 from lighting.geometry import Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
-from lighting.video.shot import solve
-from lighting.video.watch import shots_watched
-from lighting.video.watched import Circumstances
-from tests.lighting.video.clips import FOV, SIZE, panorama
+from lighting.video.shot import shots_watched, solve_shot
+from lighting.video.tracking import ClipMetadata
+from tests.helpers.clips import FOV, SIZE, panorama
 
 cv2 = pytest.importorskip("cv2")
 
@@ -54,23 +53,23 @@ def test_a_camera_sees_what_its_pinhole_does() -> None:
     picture: Pixels = cv2.GaussianBlur(panorama(), (0, 0), 6.0)
     rays = camera_directions(Pinhole(64, 36, 50.0, 170.0, 12.0, -7.0))  # across the seam
     expected = sample_latlong(picture.astype(np.float32), rays)
-    seen = view_panorama(picture, (170.0, 12.0, -7.0), 50.0, (64, 36))
+    seen = _view_panorama(picture, (170.0, 12.0, -7.0), 50.0, (64, 36))
     assert seen.shape == (36, 64, 3)
     assert np.abs(seen - expected).mean() < 0.6
 
 
 def test_a_clip_is_the_same_in_every_run_and_told_from_others(shown: Panorama) -> None:
-    first, again = (next(known_clips([shown], "pan")) for _ in range(2))
+    first, again = (next(_known_clips([shown], "pan")) for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(first.path, again.path, strict=True))
     assert first.sun == (30.0, 40.0)
-    other = next(known_clips([replace(shown, name="p1")], "pan"))
+    other = next(_known_clips([replace(shown, name="p1")], "pan"))
     assert not np.array_equal(first.path[0], other.path[0])
     assert [frame.index for frame in first.frames(90)] == [0, 90]
 
 
 @pytest.mark.parametrize("kind", [kind for kind in CLIP_KINDS if kind != "walk"])
 def test_each_kind_is_hard_in_what_its_name_says(shown: Panorama, kind: str) -> None:
-    clip = next(known_clips([shown], kind))
+    clip = next(_known_clips([shown], kind))
     azimuth, elevation, _ = clip.path
     assert len(clip.time) == len(azimuth) == len(clip.gain) == len(clip.zoom) == COUNT
     assert clip.zoom[0] == 1.0
@@ -83,8 +82,8 @@ def test_each_kind_is_hard_in_what_its_name_says(shown: Panorama, kind: str) -> 
 
 def test_things_and_crowds_hide_a_part_of_a_pan(shown: Panorama) -> None:
     for kind, least, most in (("moving things", 0.01, 0.3), ("crowd", 0.05, 0.6)):
-        clip = next(known_clips([shown], kind))
-        bare = view_panorama(panorama(), (clip.path[0][0], clip.path[1][0], clip.path[2][0]), clip.vertical_fov)
+        clip = next(_known_clips([shown], kind))
+        bare = _view_panorama(panorama(), (clip.path[0][0], clip.path[1][0], clip.path[2][0]), clip.vertical_fov)
         hidden = (clip.picture(0) != bare).any(axis=-1).mean()
         assert least < hidden < most
         assert not np.array_equal(clip.picture(0), clip.picture(COUNT - 1))
@@ -94,9 +93,9 @@ def test_things_and_crowds_hide_a_part_of_a_pan(shown: Panorama) -> None:
 def test_motion_blurs_across_the_way_and_keeps_the_brightness(shown: Panorama, tmp_path: Path) -> None:
     grain = np.random.default_rng(0).integers(0, 256, (512, 1024, 3), dtype=np.uint8)
     (tmp_path / "grain.png").write_bytes(encode_png(grain))
-    clip = next(known_clips([replace(shown, path=tmp_path / "grain.png")], "motion blur"))
+    clip = next(_known_clips([replace(shown, path=tmp_path / "grain.png")], "motion blur"))
     middle = COUNT // 2  # where the camera turns fastest
-    sharp = view_panorama(grain, (clip.path[0][middle], clip.path[1][middle], clip.path[2][middle]), clip.vertical_fov)
+    sharp = _view_panorama(grain, (clip.path[0][middle], clip.path[1][middle], clip.path[2][middle]), clip.vertical_fov)
     blurred = clip.picture(middle)
     across, down = ([np.abs(np.diff(p.astype(int), axis=axis)).mean() for p in (sharp, blurred)] for axis in (1, 0))
     assert across[1] < 0.6 * across[0]
@@ -107,8 +106,8 @@ def test_motion_blurs_across_the_way_and_keeps_the_brightness(shown: Panorama, t
 
 def test_a_gain_is_of_linear_values() -> None:
     picture = np.arange(256, dtype=np.uint8).repeat(3).reshape(16, 16, 3)
-    assert apply_gain(picture, np.ones(3)) is picture
-    halved = srgb_decode(apply_gain(picture, np.array([0.5, 1.0, 0.25])) / 255.0)
+    assert _apply_gain(picture, np.ones(3)) is picture
+    halved = srgb_decode(_apply_gain(picture, np.array([0.5, 1.0, 0.25])) / 255.0)
     known = srgb_decode(picture / 255.0)
     assert np.abs(halved / np.array([0.5, 1.0, 0.25]) - known).max() < 0.02
 
@@ -123,25 +122,25 @@ def model(network: Path) -> Model:
     return Model.load(network, threads=1)
 
 
-def pan() -> KnownClip:
+def pan() -> _KnownClip:
     """A level camera that turns by 50 degrees and grows darker."""
     time, level = np.arange(PAN_FRAMES) / CLIP_RATE, np.zeros(PAN_FRAMES)
     azimuth = 20.0 + 50.0 * time / time[-1]
     gain = np.linspace(1.0, 0.7, PAN_FRAMES)[:, None] * np.ones(3)
 
     def shot(i: int) -> Pixels:
-        return view_panorama(panorama(), (float(azimuth[i]), 0.0, 0.0), FOV, SIZE)
+        return _view_panorama(panorama(), (float(azimuth[i]), 0.0, 0.0), FOV, SIZE)
 
-    return KnownClip("pan", time, (azimuth, level, level), gain, FOV, np.ones(PAN_FRAMES), (30.0, 40.0), shot)
+    return _KnownClip("pan", time, (azimuth, level, level), gain, FOV, np.ones(PAN_FRAMES), (30.0, 40.0), shot)
 
 
 def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:
     """The same pictures, once with their own truth and once with another told of them."""
     clip = pan()
     (watched,) = shots_watched(clip.frames(), model)
-    sun = solve(watched, Circumstances()).fused.sun
+    sun = solve_shot(watched, ClipMetadata()).fused.sun
     clip = replace(clip, sun=(clip.path[0][0] + sun.azimuth, sun.elevation))
-    right = measure_clip(clip, model)
+    right = _measure_clip(clip, model)
     assert right["sun"] < 1e-3
     assert right["heading, 90 %"] < 2.0
     assert right["field of view"] < 1.5
@@ -150,7 +149,7 @@ def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:
     assert right["split"] == right["bridged"] == 0.0
     azimuth, level, roll = clip.path
     told = replace(clip, path=(1.2 * azimuth, level + 10.0, roll - 5.0), vertical_fov=FOV + 8.0, sun=(100.0, 40.0))
-    wrong = measure_clip(told, model)
+    wrong = _measure_clip(told, model)
     assert wrong["heading"] == pytest.approx(5.0, abs=1.0)
     assert wrong["elevation"] > 4.0
     assert wrong["roll"] > 3.0
@@ -161,12 +160,12 @@ def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:
 def test_a_row_has_medians_worst_cases_shares_and_counts() -> None:
     clip = dict.fromkeys((*CLIP_MEDIANS, "in 50 %", "in 90 %", "bridged", "split", "doubted"), 0.0)
     clips = [clip | {"trembling": t, "sun": t, "in 50 %": 100.0 * (t < 2), "split": t < 3} for t in (1.0, 2.0, 9.0)]
-    row = clip_figures(clips)
+    row = _clip_figures(clips)
     assert row["sun"] == 2.0
     assert row["trembling, worst"] == 9.0
     assert row["in 50 %"] == pytest.approx(100.0 / 3)
     assert row["split"] == 2.0
-    assert "| 9.00 |" in decimals_table({"pan": row})
+    assert "| 9.00 |" in _decimals_table({"pan": row})
 
 
 def test_panoramas_are_of_different_places_as_long_as_there_are_some(tmp_path: Path) -> None:
@@ -177,13 +176,13 @@ def test_panoramas_are_of_different_places_as_long_as_there_are_some(tmp_path: P
 
     unfit = [row("train", "t", "train"), row("hidden", "h", sun="inferred")]
     write_index([row("a", "x"), row("b", "x"), row("c", "x"), row("d", "y"), *unfit], tmp_path)
-    found = choose_panoramas(tmp_path, 3)
+    found = _choose_panoramas(tmp_path, 3)
     assert {p.place for p in found[:2]} == {"x", "y"}
-    assert [p.name for p in found] == [p.name for p in choose_panoramas(tmp_path, 9)[:3]]
-    assert {p.name for p in choose_panoramas(tmp_path, 9)} == {"a", "b", "c", "d"}
+    assert [p.name for p in found] == [p.name for p in _choose_panoramas(tmp_path, 9)[:3]]
+    assert {p.name for p in _choose_panoramas(tmp_path, 9)} == {"a", "b", "c", "d"}
     write_index(unfit, tmp_path)
     with pytest.raises(DataError, match="shows a given sun"):
-        choose_panoramas(tmp_path, 3)
+        _choose_panoramas(tmp_path, 3)
 
 
 def test_a_stream_is_silently_off_where_a_linked_heading_is() -> None:
@@ -204,13 +203,13 @@ GREY, WHITE = (np.full((180, 320, 3), value, np.uint8) for value in (100, 200))
 FADE_FIRST, FADE_LAST = round(DISSOLVE_ALONE * CLIP_RATE), round((DISSOLVE_ALONE + 0.5) * CLIP_RATE)
 
 
-def still(picture: Pixels) -> KnownClip:
+def still(picture: Pixels) -> _KnownClip:
     """A clip of one picture."""
     return replace(pan(), picture=lambda _: picture)
 
 
 def test_a_dissolve_shows_one_place_then_both_then_the_other() -> None:
-    clip = DissolvingClip(still(GREY), still(WHITE), 0.5)
+    clip = _DissolvingClip(still(GREY), still(WHITE), 0.5)
     frames = list(clip.frames())
     level = np.array([frame.pixels[0, 0, 0] for frame in frames])
     assert (level[:FADE_FIRST] == 100).all()

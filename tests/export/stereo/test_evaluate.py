@@ -1,4 +1,4 @@
-"""Tables of errors."""
+"""Tests of evaluate."""
 
 from pathlib import Path
 from typing import Any, cast
@@ -6,10 +6,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from export.stereo.evaluate import TABLES, _cell, _trial, evaluate
-from export.stereo.trials import SEASONS, Found
+import export.stereo.evaluate as evaluation
+from export.stereo.dataset import CaptureDay, hours_of
+from export.stereo.evaluate import SEASONS, TABLES, Trial, _cell, _Found, _trial, angle, evaluate_normals, session
+from export.stereo.renders import Subject
+from export.stereo.surfaces import _of_height, turned
 from lighting.errors import LightingError
-from lighting.stereo.normals.network import Network
+from lighting.stereo.network import Network
+from lighting.stereo.solver import Session
 
 
 class Errors:
@@ -24,7 +28,7 @@ class Errors:
 
 def test_a_cell_holds_median_and_mean_over_all_shapes() -> None:
     shapes = [Errors([1.0, 2.0], [1.0, 1.0]), Errors([3.0, 10.0, 4.0], [1.0, 1.0, 6.0])]
-    assert _cell(cast(list[Found], shapes)) == "3.0 / 4.0, 1.0 / 2.0"
+    assert _cell(cast(list[_Found], shapes)) == "3.0 / 4.0, 1.0 / 2.0"
 
 
 def test_a_row_changes_its_season() -> None:
@@ -40,4 +44,50 @@ def test_a_row_changes_its_season() -> None:
 def test_every_table_has_a_name_and_a_folder_without_shapes_is_refused(tmp_path: Path) -> None:
     assert TABLES == ("seasons", "wrong", "photos", "heading", "turbidity", "gloss")
     with pytest.raises(LightingError, match="no scanned_objects and no meshes"):
-        evaluate(tmp_path, cast(Network, None), print)
+        evaluate_normals(tmp_path, cast(Network, None), print)
+
+
+def test_one_and_three_channels_with_and_without_the_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    shapes = []
+
+    def solve(session: Session, *, network: Any) -> None:
+        shapes.append((*session.images.shape, network is not None))
+
+    monkeypatch.setattr(evaluation, "SIDE", 16)
+    monkeypatch.setattr(evaluation, "solve_normals", solve)
+    lines: list[str] = []
+    evaluation.print_speed(lines.append)
+    assert shapes == [(8, 16, 16, channels, network) for channels in (1, 3) for network in (False, True)]
+    assert [line.split(":")[0] for line in lines] == [
+        "1 channel(s), search",
+        "1 channel(s), search and network",
+        "3 channel(s), search",
+        "3 channel(s), search and network",
+    ]
+
+
+def test_a_session_of_two_shapes_in_june_meets_the_target_of_the_search() -> None:
+    y, x = np.mgrid[:40, :40] - 19.5
+    inside = x * x + y * y < 17**2
+    ball = _of_height(np.sqrt(np.maximum(19.0**2 - x * x - y * y, 1)).astype(np.float32), inside)
+    day = CaptureDay(hours_of("2024-06-21", np.arange(9.0, 17.0)), 47.0)
+    found: list[Any] = session([Subject("a", "b", ball), Subject("c", "b", turned(ball, 1))], Trial(day), None)
+    assert [shape.subject.name for shape in found] == ["a", "c"]
+    for shape in found:
+        search, both = shape.errors()
+        assert np.median(search) < 4  # issue: at most 4 in June
+        np.testing.assert_array_equal(search, both)
+
+
+def test_a_photographer_is_told_wrong_what_a_trial_says() -> None:
+    day = SEASONS["47° N, June"]
+    told = Trial(day, heading_error=2.0, clock_error=5.0, turbidity_error=-1.0).told()
+    assert told.pose.heading == day.pose.heading + 2
+    assert (told.times - day.times == np.timedelta64(300, "s")).all()
+    assert told.turbidity == day.turbidity - 1
+    assert told.latitude == day.latitude
+
+
+def test_angles_are_between_unit_vectors() -> None:
+    a, b = np.array([[1.0, 0, 0], [0, 0, 1]]), np.array([[0, 1.0, 0], [0, 0, 1]])
+    np.testing.assert_allclose(angle(a, b), [90, 0], atol=1e-5)

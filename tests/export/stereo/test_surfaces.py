@@ -1,10 +1,21 @@
-"""What a camera sees of a mesh and of a height field."""
+"""Tests of surfaces."""
 
 from pathlib import Path
 
 import numpy as np
 
-from export.stereo.surfaces import of_height, random_turn, read_mesh, turned, view
+from export.stereo.surfaces import _of_height, random_turn, read_mesh, relief, turned, view
+
+
+def test_reliefs_have_unit_normals_where_their_mask_is() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        surface = relief(64, rng)
+        length = np.linalg.norm(surface.normals, axis=-1)
+        np.testing.assert_allclose(length[surface.mask], 1, rtol=1e-5)
+        assert not length[~surface.mask].any()
+        assert surface.mask.any()
+
 
 OCTAHEDRON = """v 1 0 0
 v -1 0 0
@@ -41,9 +52,9 @@ def test_turns_are_rotations_and_turned_surfaces_keep_normals_and_slopes_togethe
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(turn) > 0
     y, x = np.mgrid[:24, :24].astype(np.float32)
-    surface = of_height(0.3 * x + 0.02 * y * y, np.ones((24, 24), bool))
+    surface = _of_height(0.3 * x + 0.02 * y * y, np.ones((24, 24), bool))
     for quarters in range(4):
         for mirrored in (False, True):
             found = turned(surface, quarters, mirrored=mirrored)
-            again = of_height(found.height, found.mask)
+            again = _of_height(found.height, found.mask)
             np.testing.assert_allclose(found.normals[2:-2, 2:-2], again.normals[2:-2, 2:-2], atol=1e-5)

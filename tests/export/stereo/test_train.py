@@ -1,21 +1,38 @@
-"""A run of a few steps, and one that goes on."""
+"""Tests of train."""
 
+from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
-from export.data import DataError
-from export.stereo.network import NormalsNetwork
-from export.stereo.train import Config, average, train
+from export.data.panoramas import DataError
+from export.stereo.dataset import samples
+from export.stereo.train import Config, NormalsNetwork, _batch, average, train_normals
+
+
+def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None:
+    chosen = list(islice(samples([], seed=3), 2))
+    by_image, present, shared, _ = _batch(chosen)
+    network = NormalsNetwork().eval()
+    with torch.inference_mode():
+        normal, error = network(by_image, present, shared)
+    inside = shared[:, -1] > 0
+    cosine = (normal * shared[:, :3]).sum(dim=1)[inside]
+    assert float(cosine.median()) > 0.98
+    assert (error > 0).all()
+    mirrored = _batch(chosen, mirrored=True)
+    np.testing.assert_allclose(mirrored[2][:, 0].flip(-1), -shared[:, 0])
+    np.testing.assert_allclose(mirrored[3][:, 1].flip(-1), _batch(chosen)[3][:, 1])
 
 
 def test_a_run_resumes(tmp_path: Path) -> None:
-    file = train(Config(out=str(tmp_path), minutes=0.005, batch=2, first=2))
+    file = train_normals(Config(out=str(tmp_path), minutes=0.005, batch=2, first=2))
     before = torch.load(file, weights_only=True)
     assert before["step"] > 0
     longer = before["seconds"] / 60 + 0.005
-    after = torch.load(train(Config(out=str(tmp_path), minutes=longer, batch=2, first=2)), weights_only=True)
+    after = torch.load(train_normals(Config(out=str(tmp_path), minutes=longer, batch=2, first=2)), weights_only=True)
     assert after["step"] > before["step"]
     assert after["seconds"] > before["seconds"]
     assert isinstance(average(tmp_path), NormalsNetwork)
@@ -31,7 +48,7 @@ def test_a_checkpoint_that_is_none_of_normals_is_refused_and_stays(
     else:
         torch.save(saved, file)
     before = file.read_bytes()
-    for work in (lambda: train(Config(out=str(tmp_path), minutes=0.001)), lambda: average(tmp_path)):
+    for work in (lambda: train_normals(Config(out=str(tmp_path), minutes=0.001)), lambda: average(tmp_path)):
         with pytest.raises(DataError, match=r"is cut short or damaged|is not of the network of normals"):
             work()
     assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.pt"]
@@ -42,5 +59,5 @@ def test_a_folder_without_meshes_to_learn_from_is_refused(tmp_path: Path) -> Non
     (tmp_path / "spot.obj").write_text("v 0 0 0\n")  # held out
     run = tmp_path / "run"
     with pytest.raises(DataError, match=r"holds no OBJ files to learn from\.$"):
-        train(Config(out=str(run), meshes=str(tmp_path), minutes=0.001))
+        train_normals(Config(out=str(run), meshes=str(tmp_path), minutes=0.001))
     assert not run.exists()

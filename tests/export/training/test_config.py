@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict, fields
 
-from export.networks import TARGET_WIDTH
+from export.networks.outdoor import TARGET_WIDTH
 from export.training.config import MAY_CHANGE, TrainConfig
 
 

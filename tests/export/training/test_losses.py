@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from export.networks.layers import Said
-from export.networks.parameters import binned, decode, encode
-from export.training.batches import Batch
+from export.networks.backbone import Said
+from export.networks.outdoor import binned, decode_parameters, encode
+from export.training.dataset import Batch
 from export.training.losses import losses
 
 
@@ -49,7 +49,7 @@ def test_a_likelihood_is_met_by_any_sharp_answer_inside_it() -> None:
 
 def test_light_and_camera_cost_nothing_where_they_are_right_or_unknown() -> None:
     raw = torch.zeros(1, 6)
-    parameters = decode(raw)
+    parameters = decode_parameters(raw)
     empty = torch.zeros(1, 0)
     light = torch.tensor([[0.1, 0.2, 0.3, -1.0, -1.1, -1.2, float("nan")]])
     around = torch.zeros(1, 6)

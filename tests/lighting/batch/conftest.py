@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import encode, scene
-from tests.lighting.batch.runners import MANY
+from tests.helpers.processes import MANY
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What a batch on one machine writes, and that a stopped batch loses and repeats nothing."""
+"""Tests of pool."""
 
 import json
 import os
@@ -6,8 +6,11 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +18,20 @@ import pytest
 from click.testing import CliRunner
 from PIL import ExifTags, Image
 
-from lighting.batch import find_photos
+from lighting.batch.job import find_photos
+from lighting.batch.pool import _dismiss, _interrupts_held, _map_in_processes, _start
 from lighting.cli import cli
-from lighting.files import full_record, read_exr
+from lighting.errors import BatchError, ModelError
+from lighting.estimator import Estimator
+from lighting.files.exr import read_exr
 from lighting.model import Model
-from lighting.photo import read_photo
-from lighting.pipeline import Estimator
+from lighting.photo.reader import read_photo
+from lighting.records import record_with_coefficients
 from tests.conftest import encode, scene, write_network
-from tests.lighting.batch.runners import MANY, records, run
-
-pytestmark = pytest.mark.slow
+from tests.helpers.processes import MANY, records, run
 
 
+@pytest.mark.slow
 def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path) -> None:
     for name in ("a.gif", "b.JXL"):
         (photos / name).touch()
@@ -39,10 +44,13 @@ def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path
     assert sorted(found) == find_photos(str(photos))[1]
     assert found.pop("bad.jpg")["error"].startswith("The file is not a JPEG")
     estimator = Estimator(Model.load(network))
-    assert found == {name: {"lighting": full_record(estimator(read_photo(photos / name)).lighting)} for name in found}
+    assert found == {
+        name: {"lighting": record_with_coefficients(estimator(read_photo(photos / name)).lighting)} for name in found
+    }
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"batch.json", "lighting.jsonl"}
 
 
+@pytest.mark.slow
 def test_maps_lie_under_the_photos_own_names(photos: Path, tmp_path: Path, network: Path) -> None:
     assert run(photos / "**" / "a.jpg", tmp_path / "out", "--envmap", "--height", 32, "--model", network).exit_code == 0
     assert sorted(path.name for path in tmp_path.glob("out/**/*.exr")) == ["a.jpg.exr", "a.jpg.exr"]
@@ -50,9 +58,10 @@ def test_maps_lie_under_the_photos_own_names(photos: Path, tmp_path: Path, netwo
         image, lighting = read_exr(tmp_path / "out" / f"{record['file']}.exr")
         assert image.shape == (32, 64, 3)
         assert lighting is not None
-        assert full_record(lighting) == record["lighting"]
+        assert record_with_coefficients(lighting) == record["lighting"]
 
 
+@pytest.mark.slow
 def test_maps_take_the_options_of_render(photos: Path, tmp_path: Path, network: Path) -> None:
     options = ["--envmap", "--height", 64, "--no-sun", "--yaw", 90, "--model", network]
     assert run(photos / "a.jpg", tmp_path / "out", *options).exit_code == 0
@@ -66,6 +75,7 @@ def test_maps_take_the_options_of_render(photos: Path, tmp_path: Path, network: 
     np.testing.assert_array_equal(batch[0], same[0])
 
 
+@pytest.mark.slow
 def test_a_name_too_long_for_its_map_fails_alone(tmp_path: Path, network: Path) -> None:
     folder = tmp_path / "photos"
     folder.mkdir()
@@ -79,6 +89,7 @@ def test_a_name_too_long_for_its_map_fails_alone(tmp_path: Path, network: Path) 
     assert len(list(tmp_path.glob("out/*.exr"))) == 2
 
 
+@pytest.mark.slow
 def test_a_photo_whose_map_has_the_name_of_a_folder_fails_alone(tmp_path: Path, network: Path) -> None:
     folder = tmp_path / "photos"
     folder.mkdir()
@@ -90,6 +101,7 @@ def test_a_photo_whose_map_has_the_name_of_a_folder_fails_alone(tmp_path: Path, 
     assert failed == {"a.jpg": "A folder in the results has the name of the photo's map.", "b.jpg": None}
 
 
+@pytest.mark.slow
 def test_what_failed_is_tried_again(photos: Path, tmp_path: Path, network: Path) -> None:
     arguments = (photos, tmp_path / "out", "--model", network)
     assert run(*arguments).exit_code == 1
@@ -102,6 +114,7 @@ def test_what_failed_is_tried_again(photos: Path, tmp_path: Path, network: Path)
     assert len(records(tmp_path / "out")) == len(before)
 
 
+@pytest.mark.slow
 def test_what_is_known_of_all_photos_counts_and_is_kept(photos: Path, tmp_path: Path, network: Path) -> None:
     out = tmp_path / "out"
     said = (photos / "a.jpg", out, "--model", network, "--fov", 44, "--no-exif")
@@ -115,11 +128,13 @@ def test_what_is_known_of_all_photos_counts_and_is_kept(photos: Path, tmp_path: 
     assert run(*said[:-1], "--lat", 91, "--lon", 0).exit_code == 2
 
 
+@pytest.mark.slow
 def test_a_missing_network_is_one_sentence(photos: Path, tmp_path: Path) -> None:
     result = run(photos, tmp_path / "out", "--model", tmp_path / "no.onnx")
     assert (result.exit_code, result.stderr) == (1, f"Error: There is no network at {tmp_path / 'no.onnx'}.\n")
 
 
+@pytest.mark.slow
 def test_a_damaged_network_is_one_sentence(photos: Path, tmp_path: Path) -> None:
     (tmp_path / "bad.onnx").write_bytes(b"nonsense")
     result = run(photos, tmp_path / "out", "--model", tmp_path / "bad.onnx")
@@ -128,6 +143,7 @@ def test_a_damaged_network_is_one_sentence(photos: Path, tmp_path: Path) -> None
     assert len(result.stderr.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_finished_photos_are_not_redone(photos: Path, tmp_path: Path, network: Path) -> None:
     assert run(photos, tmp_path / "out", "--model", network).exit_code == 1
     lines = (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines(keepends=True)
@@ -139,6 +155,7 @@ def test_finished_photos_are_not_redone(photos: Path, tmp_path: Path, network: P
     assert [json.loads(line)["file"] for line in after[len(before) :].splitlines()] == ["bad.jpg", "new.jpg"]
 
 
+@pytest.mark.slow
 def test_overwrite_starts_anew(photos: Path, tmp_path: Path, network: Path) -> None:
     assert run(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
     (photos / "bad.jpg").unlink()
@@ -147,6 +164,7 @@ def test_overwrite_starts_anew(photos: Path, tmp_path: Path, network: Path) -> N
     assert not (tmp_path / "out" / "lighting.parquet").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "named"),
     [(["--envmap"], "maps"), (["--model", "other.onnx"], "network, sha256"), (["--source"], "source")],
@@ -167,6 +185,7 @@ def test_results_of_another_job_are_refused(
     assert len(records(tmp_path / "out")) == 5
 
 
+@pytest.mark.slow
 def test_a_folder_without_one_photo_done_takes_other_settings(photos: Path, tmp_path: Path, network: Path) -> None:
     (tmp_path / "damaged.onnx").write_bytes(b"nonsense")
     out = tmp_path / "out"
@@ -178,6 +197,7 @@ def test_a_folder_without_one_photo_done_takes_other_settings(photos: Path, tmp_
     assert [record["file"] for record in records(out)] == ["a.jpg"]
 
 
+@pytest.mark.slow
 def test_what_ray_did_is_refused(photos: Path, tmp_path: Path, network: Path) -> None:
     (tmp_path / "lighting.parquet").mkdir()
     (tmp_path / "batch.json").write_text('{"engine": "ray"}\n')
@@ -187,6 +207,7 @@ def test_what_ray_did_is_refused(photos: Path, tmp_path: Path, network: Path) ->
     assert "holds results of other settings (engine, " in result.stderr
 
 
+@pytest.mark.slow
 def test_a_photo_of_night_failed_and_could_be_read(tmp_path: Path, network: Path) -> None:
     exif = Image.Exif()
     exif[ExifTags.IFD.Exif] = {
@@ -200,6 +221,7 @@ def test_a_photo_of_night_failed_and_could_be_read(tmp_path: Path, network: Path
     assert "too dark for these skies" in records(out)[0]["error"]
 
 
+@pytest.mark.slow
 def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, network: Path) -> None:
     (tmp_path / "lighting.jsonl").write_text("somebody's\n")
     result = run(photos, tmp_path, "--model", network)
@@ -208,6 +230,7 @@ def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, net
     assert (tmp_path / "lighting.jsonl").read_text() == "somebody's\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
 def test_a_stopped_batch_goes_on(many: Path, tmp_path: Path, network: Path, sign: signal.Signals) -> None:
     """Each photo exactly once, and its map whole, whatever stopped the first run."""
@@ -232,6 +255,7 @@ def test_a_stopped_batch_goes_on(many: Path, tmp_path: Path, network: Path, sign
     assert all(read_exr(out / f"{number:04}.jpg.exr")[0].shape == (16, 32, 3) for number in range(MANY))
 
 
+@pytest.mark.slow
 def test_what_killed_runs_left_under_temporary_names_is_removed(photos: Path, tmp_path: Path, network: Path) -> None:
     out = tmp_path / "out"
     (out / "below").mkdir(parents=True)
@@ -242,6 +266,7 @@ def test_what_killed_runs_left_under_temporary_names_is_removed(photos: Path, tm
     assert [path.name for path in out.rglob(".*")] == [".own.exr"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds the workers in Linux's /proc")
 def test_a_killed_worker_costs_nothing(many: Path, tmp_path: Path, network: Path) -> None:
     out = tmp_path / "out"
@@ -266,3 +291,141 @@ def workers_of(pid: int) -> list[int]:
     """Processes that the pool of a process started."""
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+ITEMS = [f"item {number}" for number in range(20)]
+
+
+def shout() -> Callable[[str], str]:
+    return str.upper
+
+
+def mortal(folder: Path) -> Callable[[str], str]:
+    """Dies on "poison" always, on "accident" once, and raises on "error"."""
+
+    def work(item: str) -> str:
+        if item == "error":
+            raise ModelError("It failed.")
+        mark = folder / "accident"
+        if item == "poison" or (item == "accident" and not mark.exists()):
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return item.upper()
+
+    return work
+
+
+def unable() -> Callable[[str], str]:
+    raise ModelError("There is no network.")
+
+
+def stillborn() -> Callable[[str], str]:
+    os._exit(3)
+
+
+def second_attempt(folder: Path) -> Callable[[str], str]:
+    """The first process dies."""
+    try:
+        (folder / "started").touch(exist_ok=False)
+    except FileExistsError:
+        return str.upper
+    os._exit(3)
+
+
+def environment() -> Callable[[str], str]:
+    return lambda name: f"{os.environ[name]} {os.getpid()}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 3])
+def test_each_item_once(workers: int) -> None:
+    results = list(_map_in_processes(ITEMS, shout, workers))
+    assert sorted(results) == sorted((item, item.upper()) for item in ITEMS)
+
+
+@pytest.mark.slow
+def test_nothing_to_do() -> None:
+    assert list(_map_in_processes([], shout, 2)) == []
+
+
+@pytest.mark.slow
+def test_an_item_that_lost_its_worker_is_tried_again(tmp_path: Path) -> None:
+    items = [*ITEMS[:5], "accident", *ITEMS[5:]]
+    results = list(_map_in_processes(items, partial(mortal, tmp_path), 2))
+    assert sorted(results) == sorted((item, item.upper()) for item in items)
+
+
+@pytest.mark.slow
+def test_an_item_that_always_loses_its_worker_yields_none(tmp_path: Path) -> None:
+    results = list(_map_in_processes([*ITEMS, "poison"], partial(mortal, tmp_path), 2))
+    assert sorted(item for item, _ in results) == sorted([*ITEMS, "poison"])
+    assert [item for item, result in results if result is None] == ["poison"]
+
+
+@pytest.mark.slow
+def test_an_exception_ends_everything(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="It failed"):
+        list(_map_in_processes(["error", *ITEMS], partial(mortal, tmp_path), 2))
+
+
+@pytest.mark.slow
+def test_an_exception_of_the_preparation_is_raised() -> None:
+    with pytest.raises(ModelError, match="There is no network"):
+        list(_map_in_processes(ITEMS, unable, 2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_one_worker_that_dies_as_it_starts_costs_nothing(tmp_path: Path, workers: int) -> None:
+    found = dict(_map_in_processes(ITEMS, partial(second_attempt, tmp_path), workers))
+    assert found == {item: item.upper() for item in ITEMS}
+
+
+@pytest.mark.slow
+def test_workers_that_die_as_they_start_end_everything() -> None:
+    with pytest.raises(BatchError, match="exit status 3"):
+        list(_map_in_processes(ITEMS, stillborn, 1))
+
+
+@pytest.mark.slow
+def test_a_worker_is_never_interrupted_even_while_it_starts() -> None:
+    """The shell's Ctrl-C reaches all processes; one that imported its modules then printed a traceback."""
+    worker = _start(shout)
+    try:
+        for _ in range(20):
+            os.kill(worker.process.pid or 0, signal.SIGINT)
+            time.sleep(0.02)
+        assert worker.connection.recv() == "ready"
+    finally:
+        _dismiss([worker])
+    assert worker.process.exitcode == 0
+
+
+@pytest.mark.slow
+def test_workers_are_other_processes_with_one_thread_each() -> None:
+    ((_, answer),) = _map_in_processes(["OMP_NUM_THREADS"], environment, 1)
+    threads, pid = str(answer).split()
+    assert threads == "1"
+    assert int(pid) != os.getpid()
+
+
+@pytest.mark.slow
+def test_a_process_that_starts_is_not_left_half_told() -> None:
+    """Ctrl-C reached a thread of numpy's, cut the start short, and the new process printed a traceback."""
+    leave, ended = threading.Event(), threading.Event()
+    other = threading.Thread(target=leave.wait)
+
+    def start() -> None:
+        with _interrupts_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(1.0)
+            ended.set()
+
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            start()
+    finally:
+        leave.set()
+        other.join()
+    assert ended.is_set()

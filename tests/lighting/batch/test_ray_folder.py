@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from lighting.batch import Job
+from lighting.batch.job import BatchJob
 from lighting.batch.ray import _open_results, _place
 from lighting.errors import BatchError
 
 
 @pytest.fixture
-def job(tmp_path: Path, network: Path) -> Job:
+def job(tmp_path: Path, network: Path) -> BatchJob:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "batch.json").write_text("{}\n")
-    return Job(str(tmp_path), str(tmp_path / "out"), str(network), engine="ray")
+    return BatchJob(str(tmp_path), str(tmp_path / "out"), str(network), engine="ray")
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ def job(tmp_path: Path, network: Path) -> Job:
         ("lighting.parquet", "", True),
     ],
 )
-def test_results_of_other_settings_are_refused(job: Job, name: str, content: str, refused: bool) -> None:
+def test_results_of_other_settings_are_refused(job: BatchJob, name: str, content: str, refused: bool) -> None:
     file = Path(job.out, name)
     file.parent.mkdir(exist_ok=True)
     file.write_text(content)

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from lighting.estimator import Estimator
 from lighting.model import Model
-from lighting.photo.read import read_photo
-from lighting.pipeline import Estimator
+from lighting.photo.reader import read_photo
 from lighting.records import Lighting
-from tests.lighting.cli.runners import LIGHTING
+from tests.helpers.processes import LIGHTING
 
 
 @pytest.fixture

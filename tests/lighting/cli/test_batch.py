@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from lighting.cli import cli
-from tests.lighting.batch.runners import run
+from tests.helpers.processes import run
 
 
 @pytest.mark.parametrize("options", [["--height", 64], ["--yaw", 0], ["--surroundings"], ["--address", "auto"]])

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 import pytest
 
-from lighting import __version__
-from tests.lighting.cli.runners import commands, run, sub
+from lighting.version import __version__
+from tests.helpers.processes import commands, runners_run, sub
 
 COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
 
@@ -18,13 +18,13 @@ COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
 @pytest.mark.parametrize("flag", ["-h", "--help"])
 @pytest.mark.parametrize("command", [[], *([c] for c in COMMANDS)], ids=lambda c: " ".join(c) or "lighting")
 def test_help_is_everywhere(command: list[str], flag: str) -> None:
-    result = run(*command, flag)
+    result = runners_run(*command, flag)
     assert result.exit_code == 0
     assert result.stdout.startswith(f"Usage: {' '.join(['lighting', *command])} ")
 
 
 def test_help_names_every_command_whole() -> None:
-    text = run("--help").stdout
+    text = runners_run("--help").stdout
     for command in COMMANDS:
         assert f"\n  {command} " in text
     assert "..." not in text.split("Commands:")[1]
@@ -38,7 +38,7 @@ def test_every_option_has_help() -> None:
 
 
 def test_version() -> None:
-    assert run("--version").stdout == f"lighting, version {__version__}\n"
+    assert runners_run("--version").stdout == f"lighting, version {__version__}\n"
 
 
 def test_help_imports_nothing_heavy() -> None:
@@ -49,7 +49,7 @@ def test_help_imports_nothing_heavy() -> None:
         "print(*sys.modules)"
     )
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert {"lighting.cli", "lighting.cli.commands", "lighting.cli.video"} <= set(modules)
+    assert {"lighting.cli", "lighting.cli.estimate", "lighting.cli.video"} <= set(modules)
     assert not {"numpy", "PIL", "onnxruntime", "OpenEXR", "tqdm", "lighting.records"} & set(modules)
 
 
@@ -73,7 +73,7 @@ def test_help_answers_at_once() -> None:
     ],
 )
 def test_wrong_usage_is_status_2(arguments: list[str]) -> None:
-    assert run(*arguments).exit_code == 2
+    assert runners_run(*arguments).exit_code == 2
 
 
 def test_debug_shows_the_traceback(photo_path: Path) -> None:

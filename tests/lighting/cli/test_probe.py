@@ -12,16 +12,16 @@ from click.testing import CliRunner, Result
 from export.reports.probe import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from lighting.cli import cli
 from lighting.cli.probe import KINDS
-from lighting.envmap import render
+from lighting.envmap.render import render
 from lighting.files.exr import read_attributes, read_exr, write_exr
-from lighting.probe.align import yaw_rotation
-from lighting.probe.folders import probe_path, probes_in
-from lighting.probe.lens import KINDS as LENSES
-from lighting.probe.lens import lens_of
-from lighting.probe.settings import Moment
+from lighting.probe.alignment import yaw_rotation
+from lighting.probe.bracket import probe_path, probes_in
+from lighting.probe.develop import Moment
+from lighting.probe.fisheye import KINDS as LENSES
+from lighting.probe.fisheye import fisheye_lens
 from lighting.records import Lighting
-from tests.lighting.cli.runners import error_of
-from tests.pictures import taken, write_png16
+from tests.helpers.photos import taken, write_png16
+from tests.helpers.processes import error_of
 
 TIMES = (1 / 8000, 1 / 90, 1.0)
 WHERE = ["--lat", str(SKY_PLACE[0]), "--lon", str(SKY_PLACE[1])]
@@ -36,7 +36,7 @@ def shoot(folder: Path, hours: int = 0, fill: float = 8.0, with_exif: bool = Tru
     folder.mkdir(parents=True)
     time = SKY_DAY + timedelta(hours=hours)
     picture = photograph_sky(
-        clear_sky_at(Moment(time, *SKY_PLACE)), lens_of("equidistant", 160, 160), yaw_rotation(40.0)
+        clear_sky_at(Moment(time, *SKY_PLACE)), fisheye_lens("equidistant", 160, 160), yaw_rotation(40.0)
     )
     photos = expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(hours), TIMES)
     local = (time + timedelta(hours=2)).strftime("%Y:%m:%d %H:%M:%S")

@@ -1,4 +1,4 @@
-"""How the process of a command ends."""
+"""Tests of process."""
 
 import os
 import subprocess
@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.lighting.cli.runners import LIGHTING, sub
+from lighting.cli.process import silence
+from tests.helpers.processes import LIGHTING, sub
 
 ENDED = """
 import atexit, sys
@@ -27,7 +28,7 @@ print("still here")
 INTERRUPTED = """
 import os, signal, sys, threading
 from lighting.cli import files
-from lighting.evidence import Given
+from lighting.fusion.user_input import UserInput
 signal.signal(signal.SIGINT, signal.default_int_handler)
 files._load_for_one_photo = lambda _: threading.Event().wait()
 class Lost:
@@ -100,3 +101,29 @@ def test_a_closed_stderr_changes_nothing_else(photo_path: Path, network: Path) -
     done = closed("2>&-", "estimate", photo_path, photo_path, "--model", network)
     assert (done.returncode, len(done.stdout.splitlines())) == (0, 2)
     assert closed("<&- 2>&-", "estimate", "-").returncode == 1
+
+
+def chatter(words: str) -> None:
+    """Print as Python does, and as a library in C."""
+    sys.stdout.write(words)
+    os.write(2, words.encode())
+
+
+def fail_silently() -> None:
+    with silence():
+        chatter("early")
+        raise ValueError("failed")
+
+
+def test_nothing_is_printed_until_the_end_even_of_a_failure(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ValueError, match="failed"):
+        fail_silently()
+    chatter("later")
+    assert tuple(capfd.readouterr()) == ("later", "later")
+
+
+def test_a_closed_stderr_stays_closed(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("sys.stderr", None)
+    with silence():
+        chatter("to another file")
+    assert tuple(capfd.readouterr()) == ("", "to another file")

@@ -1,12 +1,24 @@
-"""The rendered map: sky, power of the sun, ground, turning."""
+"""Tests of render."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from lighting.envmap import render, sky_irradiance, sun_irradiance, with_irradiance
+from lighting.envmap.latlong import irradiance_of_rows, row_levels
+from lighting.envmap.render import (
+    _add_sun_glow,
+    _render_clear_sky,
+    _render_mixed_sky,
+    clear_irradiance,
+    lobe_table,
+    render,
+    sky_irradiance,
+    with_irradiance,
+)
+from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ParameterError
 from lighting.geometry import (
     SUN_RADIUS,
@@ -18,7 +30,9 @@ from lighting.geometry import (
     latlong_solid_angle,
 )
 from lighting.records import Lighting
+from lighting.sky import SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
+from lighting.sky.preetham import lalonde_matthews_sun
 
 HEIGHTS = (16, 18, 50, 128, 1024)
 SUNS = {  # azimuth and elevation, deg
@@ -34,7 +48,7 @@ SUNS = {  # azimuth and elevation, deg
 SUN_CASES = pytest.mark.parametrize(("azimuth", "elevation"), SUNS.values(), ids=SUNS.keys())
 
 
-def lighting(azimuth: float = -41.2, elevation: float = 33.0, **fields: float) -> Lighting:
+def render_lighting(azimuth: float = -41.2, elevation: float = 33.0, **fields: float) -> Lighting:
     given: dict[str, Any] = {"turbidity": 2.6, "exposure": 1.0, **fields}
     return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, **given)
 
@@ -65,7 +79,7 @@ def horizontal_irradiance(image: Floats) -> Floats:
 
 @pytest.mark.parametrize("height", [16, 18, 512, np.int64(64)])
 def test_shape_type_and_finite_values(height: int) -> None:
-    image = render(lighting(), height)
+    image = render(render_lighting(), height)
     assert image.shape == (height, 2 * height, 3)
     assert image.dtype == np.float32
     assert np.isfinite(image).all()
@@ -75,12 +89,12 @@ def test_shape_type_and_finite_values(height: int) -> None:
 @pytest.mark.parametrize("height", [0, 14, 17, 511, 4098, -512, 512.0, True, "512"])
 def test_other_heights_are_one_sentence(height: Any) -> None:
     with pytest.raises(ParameterError, match=r"^height is .*; it must be an even number from 16 to 4096\.$"):
-        render(lighting(), height)
+        render(render_lighting(), height)
 
 
 @pytest.mark.slow
 def test_the_largest_height() -> None:
-    light = lighting(*SUNS["seam"])
+    light = render_lighting(*SUNS["seam"])
     image = render(light, 4096)
     assert image.shape == (4096, 8192, 3)
     azimuth, elevation = latlong_angles(4096)
@@ -96,7 +110,9 @@ def test_the_largest_height() -> None:
 
 
 def test_exposure_scales_everything() -> None:
-    np.testing.assert_allclose(render(lighting(exposure=0.02), 64), 0.02 * render(lighting(), 64), rtol=1e-5)
+    np.testing.assert_allclose(
+        render(render_lighting(exposure=0.02), 64), 0.02 * render(render_lighting(), 64), rtol=1e-5
+    )
 
 
 # Sky
@@ -106,7 +122,7 @@ def test_exposure_scales_everything() -> None:
 @pytest.mark.parametrize("elevation", [0.0, 3.0, 33.0, 90.0])
 @pytest.mark.parametrize("height", [16, 256])
 def test_sky_pixels_hold_the_sky_model(height: int, elevation: float, turbidity: float) -> None:
-    light = lighting(25.0, elevation, turbidity=turbidity, ground_albedo=0.6)
+    light = render_lighting(25.0, elevation, turbidity=turbidity, ground_albedo=0.6)
     sky = render(light, height, sun=False)[: height // 2]
     expected = sky_radiance(latlong_directions(height)[: height // 2], light.sun_direction, turbidity, 0.6)
     strongest = expected.max(axis=-1, keepdims=True)
@@ -119,14 +135,14 @@ def test_sky_pixels_hold_the_sky_model(height: int, elevation: float, turbidity:
 @SUN_CASES
 @pytest.mark.parametrize("height", HEIGHTS)
 def test_sun_power_is_the_same_at_every_height(azimuth: float, elevation: float, height: int) -> None:
-    light = lighting(azimuth, elevation)
+    light = render_lighting(azimuth, elevation)
     expected = expected_power(light)
     assert np.abs(power(light, height) - expected).max() < 0.01 * expected.max()
 
 
 @SUN_CASES
 def test_the_disc_is_where_the_sun_is(azimuth: float, elevation: float) -> None:
-    light, height = lighting(azimuth, elevation), 512
+    light, height = render_lighting(azimuth, elevation), 512
     disc = disc_of(light, height)[..., 0]
     directions = latlong_directions(height)[: height // 2]
     pixel_diagonal = 2**0.5 * 180 / height
@@ -139,7 +155,7 @@ def test_the_disc_is_where_the_sun_is(azimuth: float, elevation: float) -> None:
 def test_large_maps_resolve_the_disc_and_its_limb(rows: int, columns: int) -> None:
     height, row, column = 2048, 568, 2048
     azimuth, elevation = latlong_angles(height)
-    light = lighting(azimuth[column], elevation[row])
+    light = render_lighting(azimuth[column], elevation[row])
     painted = disc_of(light, height)[row + rows, column + columns]
     inside = (np.arange(64) + 0.5) / 64 * (180 / height) - 90 / height
     points = direction(azimuth[column + columns] + inside, elevation[row + rows] + inside[:, None])
@@ -148,7 +164,7 @@ def test_large_maps_resolve_the_disc_and_its_limb(rows: int, columns: int) -> No
 
 
 def test_half_of_a_setting_sun_is_painted() -> None:
-    set_, whole = lighting(30.0, 0.0), lighting(30.0, 0.3)
+    set_, whole = render_lighting(30.0, 0.0), render_lighting(30.0, 0.3)
     assert disc_of(set_, 512).sum() > 0
     radiance = sun_radiance(set_.sun_direction, set_.turbidity) * SUN_SOLID_ANGLE / 2
     assert power(set_, 512) == pytest.approx(radiance, rel=0.01)
@@ -157,7 +173,7 @@ def test_half_of_a_setting_sun_is_painted() -> None:
 
 @pytest.mark.parametrize(("visibility", "painted"), [(0.49, False), (0.5, True), (1.0, True)])
 def test_visibility_decides_about_the_disc(visibility: float, painted: bool) -> None:
-    light = lighting(sun_visibility=visibility)
+    light = render_lighting(sun_visibility=visibility)
     np.testing.assert_array_equal(render(light, 32), render(light, 32, sun=painted))
     assert (render(light, 32, sun=True) > render(light, 32, sun=False)).any()
 
@@ -169,29 +185,31 @@ def test_visibility_decides_about_the_disc(visibility: float, painted: bool) -> 
 @pytest.mark.parametrize("elevation", [4.0, 33.0, 90.0])
 @pytest.mark.parametrize("albedo", [0.3, 1.0])
 def test_ground_reflects_the_hemisphere_integral(albedo: float, elevation: float, sun: bool) -> None:
-    light = lighting(60.0, elevation, ground_albedo=albedo)
+    light = render_lighting(60.0, elevation, ground_albedo=albedo)
     image = render(light, 512, sun=sun)
     assert (image[256:] == image[256, 0]).all()
     assert image[-1, 0] == pytest.approx(albedo / np.pi * horizontal_irradiance(image), rel=0.01)
 
 
 def test_ground_is_the_same_at_every_height() -> None:
-    expected = render(lighting(), 1024)[-1, 0]
+    expected = render(render_lighting(), 1024)[-1, 0]
     for height in HEIGHTS:
-        np.testing.assert_array_equal(render(lighting(), height)[-1, 0], expected)
+        np.testing.assert_array_equal(render(render_lighting(), height)[-1, 0], expected)
 
 
 def test_black_ground_is_black() -> None:
-    assert not render(lighting(ground_albedo=0.0), 32)[16:].any()
+    assert not render(render_lighting(ground_albedo=0.0), 32)[16:].any()
 
 
 # Given irradiances
 
-SUN, SKY, GROUND = (1.9, 1.5, 0.9), (0.4, 0.5, 0.8), (0.12, 0.11, 0.1)
+SUN, RENDER_SKY, GROUND = (1.9, 1.5, 0.9), (0.4, 0.5, 0.8), (0.12, 0.11, 0.1)
 
 
-def given_light(elevation: float = 33.0, **fields: Any) -> Lighting:
-    return Lighting(-41.2, elevation, 2.6, 5.0, sun_irradiance=SUN, sky_irradiance=SKY, ground_color=GROUND, **fields)
+def render_given_light(elevation: float = 33.0, **fields: Any) -> Lighting:
+    return Lighting(
+        -41.2, elevation, 2.6, 5.0, sun_irradiance=SUN, sky_irradiance=RENDER_SKY, ground_color=GROUND, **fields
+    )
 
 
 def test_what_is_no_lighting_is_named() -> None:
@@ -203,40 +221,120 @@ def test_what_is_no_lighting_is_named() -> None:
 @pytest.mark.parametrize("elevation", [0.3, 33.0, 89.0])
 @pytest.mark.parametrize("height", [16, 128])
 def test_the_integrals_are_those_given(cover: float, elevation: float, height: int) -> None:
-    light = given_light(elevation, sky_cover=cover)
+    light = render_given_light(elevation, sky_cover=cover)
     assert power(light, height) == pytest.approx(SUN, rel=1e-4)
     image = render(light, height)
     up = np.sin(np.radians(elevation))
-    assert image[-1, 0] == pytest.approx(np.array(GROUND) / np.pi * (np.array(SKY) + up * np.array(SUN)), rel=1e-5)
+    assert image[-1, 0] == pytest.approx(
+        np.array(GROUND) / np.pi * (np.array(RENDER_SKY) + up * np.array(SUN)), rel=1e-5
+    )
     fine = render(light, 512, sun=False)
-    assert horizontal_irradiance(fine) == pytest.approx(SKY, rel=2e-4)
-    assert fine[-1, 0] == pytest.approx(np.array(GROUND) / np.pi * np.array(SKY), rel=1e-5)
+    assert horizontal_irradiance(fine) == pytest.approx(RENDER_SKY, rel=2e-4)
+    assert fine[-1, 0] == pytest.approx(np.array(GROUND) / np.pi * np.array(RENDER_SKY), rel=1e-5)
 
 
 def test_a_covered_sun_fades_by_its_irradiance_whatever_its_visibility() -> None:
-    faint = Lighting(0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, sun_irradiance=(0.1, 0.1, 0.1), sky_irradiance=SKY)
+    faint = Lighting(0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, sun_irradiance=(0.1, 0.1, 0.1), sky_irradiance=RENDER_SKY)
     assert power(faint, 64) == pytest.approx([0.1] * 3, rel=1e-4)
     assert faint.sun_painted
     assert not faint.sun_shines
 
 
 def test_without_a_colour_the_given_ground_is_dark_grey_and_the_old_one_its_albedo() -> None:
-    plain = Lighting(0.0, 40.0, 3.0, 1.0, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=SKY)
-    assert render(plain, 32)[-1, 0] == pytest.approx(0.12 / np.pi * np.array(SKY), rel=1e-5)
+    plain = Lighting(0.0, 40.0, 3.0, 1.0, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=RENDER_SKY)
+    assert render(plain, 32)[-1, 0] == pytest.approx(0.12 / np.pi * np.array(RENDER_SKY), rel=1e-5)
     red = Lighting(0.0, 40.0, 3.0, 1.0, ground_color=(0.6, 0.3, 0.3))
-    assert render(red, 32)[-1, 0] == pytest.approx(render(lighting(0.0, 40.0, turbidity=3.0), 32)[-1, 0] * [2, 1, 1])
+    assert render(red, 32)[-1, 0] == pytest.approx(
+        render(render_lighting(0.0, 40.0, turbidity=3.0), 32)[-1, 0] * [2, 1, 1]
+    )
 
 
 def test_stated_irradiances_are_those_of_the_model() -> None:
-    old = lighting()
+    old = render_lighting()
     stated = with_irradiance(old)
     assert sun_irradiance(stated) == pytest.approx(sun_irradiance(old))
     assert sky_irradiance(stated) == pytest.approx(sky_irradiance(old))
     np.testing.assert_allclose(render(stated, 128, sun=False), render(old, 128, sun=False), rtol=2e-3)
     assert with_irradiance(stated) is stated
-    assert with_irradiance(lighting(sun_visibility=0.2)).sun_irradiance == (0.0, 0.0, 0.0)
+    assert with_irradiance(render_lighting(sun_visibility=0.2)).sun_irradiance == (0.0, 0.0, 0.0)
 
 
 def test_a_sun_that_haze_has_put_out_is_painted_in_its_given_colour() -> None:
-    light = Lighting(10.0, 0.0, 10.0, 1.0, sun_irradiance=SUN, sky_irradiance=SKY)
+    light = Lighting(10.0, 0.0, 10.0, 1.0, sun_irradiance=SUN, sky_irradiance=RENDER_SKY)
     assert power(light, 64) == pytest.approx(SUN, rel=1e-4)
+
+
+def test_a_painted_sky_has_the_models_irradiance() -> None:
+    light = render_lighting()
+    lobe = lobe_table(light)
+    upper = np.empty((128, 512, 3), np.float32)
+    _render_clear_sky(upper, light, lobe)
+    assert irradiance_of_rows(row_levels(256)[:128], upper) == pytest.approx(clear_irradiance(light, lobe), rel=1e-3)
+
+
+def test_a_table_is_that_of_its_own_sky() -> None:
+    first, other = lobe_table(render_lighting()), lobe_table(render_lighting(turbidity=8.0))
+    assert not np.array_equal(first, other)
+    assert np.array_equal(lobe_table(render_lighting()), first)
+    with pytest.raises(ValueError, match="read-only"):
+        other[0, 0] = 1.0
+
+
+HEIGHT = 32
+
+
+def upper(**fields: Any) -> np.ndarray:
+    image = np.empty((HEIGHT // 2, 2 * HEIGHT, 3), np.float32)
+    _render_mixed_sky(image, replace(render_given_light(), **fields), np.array(RENDER_SKY))
+    return image
+
+
+@pytest.mark.parametrize("model", SKY_MODELS)
+def test_every_model_gives_the_irradiance_asked_for(model: str) -> None:
+    sky = upper(sky_model=model, sky_cover=0.3)
+    assert irradiance_of_rows(row_levels(HEIGHT)[: HEIGHT // 2], sky) == pytest.approx(RENDER_SKY, rel=1e-4)
+    assert sky.min() >= 0
+
+
+def test_an_overcast_sky_is_the_cies_and_knows_no_sun() -> None:
+    sky = upper(sky_cover=1.0)
+    assert np.ptp(sky, axis=1).max() == 0
+    assert sky[0, 0] / sky[-1, 0] == pytest.approx(3.0, rel=0.1)
+    np.testing.assert_allclose(sky, upper(sky_model="cie-overcast", sky_cover=0.0), rtol=1e-4)
+
+
+def test_cover_blends_the_two_skies() -> None:
+    np.testing.assert_allclose(upper(sky_cover=0.25), 0.75 * upper() + 0.25 * upper(sky_cover=1.0), rtol=1e-5)
+
+
+@pytest.mark.parametrize("model", ["hosek-wilkie", "preetham"])
+@pytest.mark.parametrize(("elevation", "turbidity"), [(0.0, 1.0), (0.0, 10.0), (2.0, 10.0), (90.0, 1.0), (90.0, 10.0)])
+def test_no_model_leaves_a_channel_dark(model: str, elevation: float, turbidity: float) -> None:
+    """Each channel keeps the shape that the model gives it, however its irradiance is scaled."""
+    weather = Weather(turbidity, ground_albedo=0.0, beam=1.0, diffuse=100.0)
+    shape = sky_shape(model, latlong_directions(HEIGHT), direction(0.0, elevation), weather)
+    level = irradiance_of_rows(row_levels(HEIGHT)[: HEIGHT // 2], shape[: HEIGHT // 2])
+    assert level.min() > 0.2 * level.max()
+    sky = upper(sky_model=model, sun_elevation=elevation, turbidity=turbidity)
+    assert np.isfinite(sky).all()
+    assert sky.max() < 100
+
+
+@pytest.mark.parametrize("model", ["preetham", "perez", "cie-12"])
+def test_without_irradiances_another_model_has_those_of_hosek_and_wilkie(model: str) -> None:
+    ours, other = (
+        render(replace(render_lighting(), sky_model=name), 64, sun=False) for name in ("hosek-wilkie", model)
+    )
+    level = [irradiance_of_rows(row_levels(64)[:32], image[:32]) for image in (ours, other)]
+    assert level[1] == pytest.approx(level[0], rel=5e-3)
+    assert not np.allclose(ours, other, rtol=0.05)
+
+
+def test_the_sun_of_lalonde_and_matthews_is_a_lobe_of_the_power_asked_for() -> None:
+    image = np.zeros((64, 256, 3), np.float32)
+    glow = lalonde_matthews_sun(latlong_directions(128)[:64], render_lighting(elevation=40.0).sun_direction)
+    _add_sun_glow(image, glow, np.array([3.0, 2.0, 1.0]))
+    assert image.sum(axis=1).T @ latlong_solid_angle(128)[:64] == pytest.approx([3.0, 2.0, 1.0], rel=1e-4)
+    assert np.count_nonzero(image[..., 0] > 0.1 * image.max()) > 4
+    light = replace(render_given_light(), sky_model="lalonde-matthews")
+    assert render(light, 64).max() < render(render_given_light(), 64).max()

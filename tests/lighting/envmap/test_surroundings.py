@@ -1,4 +1,4 @@
-"""Maps that show the place: what they show, and that they hold no other light."""
+"""Tests of surroundings."""
 
 import base64
 import json
@@ -9,12 +9,89 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.envmap import Place, change, known_place, place_factors, place_of, render, surround
-from lighting.envmap.maps import irradiance_of, row_levels
-from lighting.envmap.surroundings import without_glow
+from lighting.color import srgb_decode
+from lighting.envmap.latlong import irradiance_of_rows, row_levels
+from lighting.envmap.relighting import edit_lighting, rotate_envmap
+from lighting.envmap.render import render
+from lighting.envmap.surroundings import (
+    RATIO,
+    PhotoContext,
+    _extrapolate_edges,
+    _without_glow,
+    photo_context,
+    photo_context_for_height,
+    render_view,
+    render_with_surroundings,
+    surroundings_gain,
+)
 from lighting.geometry import angle_between, latlong_directions
 from lighting.records import Estimate, Lighting, SunDistribution
-from tests.lighting.envmap.test_render import SKY, given_light, lighting
+from tests.lighting.envmap.test_render import RENDER_SKY, render_given_light, render_lighting
+
+ROWS = 24
+AHEAD = slice(22, 26)  # columns that a view of 60° by 45° shows for certain
+RED, BLUE = (200, 40, 30), (60, 90, 200)
+LIGHT = replace(render_lighting(), camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0)
+
+
+def cells(value: float = 0.2) -> np.ndarray:
+    return np.full((ROWS, 2 * ROWS, 3), value, np.float32)
+
+
+def photo(above: tuple[int, int, int], below: tuple[int, int, int]) -> np.ndarray:
+    pixels = np.empty((90, 120, 3), np.uint8)
+    pixels[:45], pixels[45:] = above, below
+    return pixels
+
+
+def linear(colour: tuple[int, int, int]) -> np.ndarray:
+    return np.asarray(srgb_decode(np.array(colour) / 255.0))
+
+
+def test_the_cells_that_a_photo_shows_become_its_own() -> None:
+    there = _extrapolate_edges(cells(), photo(BLUE, RED), LIGHT) * cells()
+    np.testing.assert_allclose(there[10:12, AHEAD], np.broadcast_to(linear(BLUE), (2, 4, 3)), rtol=1e-3)
+    np.testing.assert_allclose(there[12:14, AHEAD], np.broadcast_to(linear(RED), (2, 4, 3)), rtol=1e-3)
+
+
+def test_beside_it_they_fade_with_the_distance_on_their_side_of_the_horizon() -> None:
+    factors = _extrapolate_edges(cells(), photo(BLUE, RED), LIGHT)
+    above, below = (np.log(factors[row, :24] / factors[row, :24, 1:2]) for row in (11, 12))
+    for line, strongest in ((above, 2), (below, 0)):
+        assert (np.diff(line[:, strongest]) >= -1e-6).all()  # from behind, at column 0, to ahead
+        assert 0.3 * line[23, strongest] > line[0, strongest] > 0.0
+        assert line[18, strongest] > 0.7 * line[23, strongest]
+    assert (above[:, 2] > 0).all() and (above[:, 0] < 0).all() and (below[:, 0] > 0).all()  # noqa: PT018
+
+
+def test_a_tree_at_the_edge_goes_on_at_its_own_height() -> None:
+    pixels = photo((128, 128, 128), (128, 128, 128))
+    pixels[20:45, 100:] = 10  # at the right, up to 15°
+    factors = _extrapolate_edges(cells(), pixels, LIGHT)[..., 1]
+    assert factors[11, 30] < 0.3 * factors[11, 17]
+    assert factors[4, 30] > 0.8 * factors[4, 17]
+
+
+def test_white_pixels_darken_nothing() -> None:
+    factors = _extrapolate_edges(cells(3.0), photo((255, 255, 255), (255, 255, 255)), LIGHT)
+    np.testing.assert_allclose(factors, 1.0, rtol=1e-5)
+
+
+def test_no_factor_leaves_its_range() -> None:
+    dark, light = (
+        _extrapolate_edges(cells(50.0), photo(RED, RED), LIGHT),
+        _extrapolate_edges(cells(1e-6), photo(RED, RED), LIGHT),
+    )
+    assert dark.min() == pytest.approx(RATIO[0])
+    assert light.max() == pytest.approx(RATIO[1])
+
+
+@pytest.mark.parametrize(("change", "same"), [({"vertical_fov": 1.0}, False), ({"camera_elevation": 80.0}, True)])
+def test_the_half_that_a_photo_does_not_show_stays(change: dict[str, Any], same: bool) -> None:
+    factors = _extrapolate_edges(cells(), photo(RED, RED), replace(LIGHT, **change))
+    assert np.isfinite(factors).all()
+    assert bool((factors[12:] == 1).all()) == same
+
 
 HEIGHT = 96
 CASE = Path(__file__).with_name("surroundings.json")  # what the page follows
@@ -28,55 +105,62 @@ def around(light: Lighting) -> np.ndarray:
 
 def level(image: np.ndarray, below: bool = False) -> np.ndarray:
     half = slice(HEIGHT // 2, None) if below else slice(0, HEIGHT // 2)
-    return irradiance_of(row_levels(HEIGHT)[half], image[half])
+    return irradiance_of_rows(row_levels(HEIGHT)[half], image[half])
 
 
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize("pitch", [0.0, 40.0, -60.0])
 def test_the_irradiances_stay(known: bool, pitch: float) -> None:
-    light = replace(given_light(sky_cover=0.2), camera_elevation=pitch)
+    light = replace(render_given_light(sky_cover=0.2), camera_elevation=pitch)
     wild = np.random.default_rng(1).uniform(0.01, 3, (12, 24, 3)).astype(np.float32)
-    image = surround(light, Place(PHOTO, wild if known else None), HEIGHT, disc=False)
-    assert level(image) == pytest.approx(SKY, rel=1e-4)
+    image = render_with_surroundings(light, PhotoContext(PHOTO, wild if known else None), HEIGHT, disc=False)
+    assert level(image) == pytest.approx(RENDER_SKY, rel=1e-4)
     assert level(image, below=True) == pytest.approx(level(render(light, HEIGHT), below=True), rel=1e-4)
 
 
 def test_the_sun_is_painted_once_and_last() -> None:
-    light = given_light()
-    place = Place(PHOTO, around(light))
-    with_disc, without = surround(light, place, HEIGHT), surround(light, place, HEIGHT, disc=False)
+    light = render_given_light()
+    place = PhotoContext(PHOTO, around(light))
+    with_disc, without = (
+        render_with_surroundings(light, place, HEIGHT),
+        render_with_surroundings(light, place, HEIGHT, disc=False),
+    )
     disc = with_disc - without
     np.testing.assert_allclose(disc.max(), (render(light, HEIGHT) - render(light, HEIGHT, disc=False)).max(), rtol=1e-3)
     assert without.max() < 0.05 * with_disc.max()
-    assert (surround(light, place, HEIGHT, sun=False) <= without + 1).all()
+    assert (render_with_surroundings(light, place, HEIGHT, sun=False) <= without + 1).all()
 
 
 @pytest.mark.parametrize("factor", [0.1, 8.0])
 def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: float) -> None:
-    light = given_light(sky_cover=0.2)
-    brighter = change(light, {"exposure": factor * light.exposure})
-    place = Place(PHOTO, around(light) * np.linspace(0.3, 1.5, 24, dtype=np.float32)[:, None], light.exposure)
-    expected = factor * surround(light, place, HEIGHT, disc=False)
-    assert surround(brighter, place, HEIGHT, disc=False) == pytest.approx(expected, rel=2e-3)
+    light = render_given_light(sky_cover=0.2)
+    brighter = edit_lighting(light, {"exposure": factor * light.exposure})
+    place = PhotoContext(PHOTO, around(light) * np.linspace(0.3, 1.5, 24, dtype=np.float32)[:, None], light.exposure)
+    expected = factor * render_with_surroundings(light, place, HEIGHT, disc=False)
+    assert render_with_surroundings(brighter, place, HEIGHT, disc=False) == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize("moved", [180.0, -90.0])
 def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
-    light = replace(given_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0)  # the photo shows ground
+    light = replace(
+        render_given_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0
+    )  # the photo shows ground
     estimate = Estimate(light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), around(light))
-    place = known_place(estimate, PHOTO)
+    place = photo_context(estimate, PHOTO)
     assert place is not None
     there = (light.sun_azimuth + moved + 180.0) % 360.0 - 180.0
-    sky = surround(change(light, {"sun_azimuth": there}), place, HEIGHT, disc=False)[: HEIGHT // 2, :, 1]
+    sky = render_with_surroundings(edit_lighting(light, {"sun_azimuth": there}), place, HEIGHT, disc=False)[
+        : HEIGHT // 2, :, 1
+    ]
     brightest = (sky.sum(axis=0).argmax() + 0.5) / (2 * HEIGHT) * 360.0 - 180.0
     assert abs((brightest - there + 180.0) % 360.0 - 180.0) < 20.0
 
 
 def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
-    light = given_light()
+    light = render_given_light()
     cells = around(light)
     cells[4:6, :6] *= 0.2  # trees to the left
-    image = surround(light, Place(np.zeros((32, 32, 3), np.uint8), cells), HEIGHT, disc=False)
+    image = render_with_surroundings(light, PhotoContext(np.zeros((32, 32, 3), np.uint8), cells), HEIGHT, disc=False)
     bare = render(light, HEIGHT, disc=False)
     row = HEIGHT // 2 - HEIGHT // 12
     assert image[row, 20, 1] < 0.65 * bare[row, 20, 1]
@@ -85,49 +169,49 @@ def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
 
 @pytest.mark.parametrize("half", [slice(0, 6), slice(6, 12)])
 def test_the_place_differs_less_from_the_bare_map_than_the_network_says(half: slice) -> None:
-    light = replace(given_light(), camera_elevation=-80.0, vertical_fov=10.0)  # the photo hides little
+    light = replace(render_given_light(), camera_elevation=-80.0, vertical_fov=10.0)  # the photo hides little
     cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
-    plain = place_factors(light, Place(nothing, cells))
+    plain = surroundings_gain(light, PhotoContext(nothing, cells))
     cells[half, :12] *= np.float32(4.0)
-    there = (place_factors(light, Place(nothing, cells)) / plain)[2 * half.start + 1]
+    there = (surroundings_gain(light, PhotoContext(nothing, cells)) / plain)[2 * half.start + 1]
     assert there[4] / there[40] == pytest.approx([4.0**0.7] * 3, rel=1e-3)
 
 
 @pytest.mark.parametrize(("half", "kept"), [(slice(0, 6), 1.0), (slice(6, 12), 0.7)])
 def test_colours_of_the_place_are_weaker_below_the_horizon(half: slice, kept: float) -> None:
-    light = replace(given_light(), camera_elevation=-80.0, vertical_fov=10.0)
+    light = replace(render_given_light(), camera_elevation=-80.0, vertical_fov=10.0)
     cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
-    plain = place_factors(light, Place(nothing, cells))
+    plain = surroundings_gain(light, PhotoContext(nothing, cells))
     cells[half, :12] *= np.array([1.5, 1.0, 0.75], np.float32)
-    there = (place_factors(light, Place(nothing, cells)) / plain)[2 * half.start + 1]
+    there = (surroundings_gain(light, PhotoContext(nothing, cells)) / plain)[2 * half.start + 1]
     assert there[4, 0] / there[4, 2] / (there[40, 0] / there[40, 2]) == pytest.approx(2.0**kept, rel=1e-3)
 
 
 def test_the_photo_lies_ahead_in_its_own_values() -> None:
-    light = given_light()
+    light = render_given_light()
     grey = np.full((60, 80, 3), 100, np.uint8)
-    image = surround(light, Place(grey, around(light)), HEIGHT)
+    image = render_with_surroundings(light, PhotoContext(grey, around(light)), HEIGHT)
     assert image[HEIGHT // 2 - 3, HEIGHT] == pytest.approx([0.127] * 3, rel=0.02)
     assert image[HEIGHT // 2 + 3, HEIGHT] == pytest.approx([0.127] * 3, rel=0.02)
 
 
 def test_a_light_without_irradiances_keeps_those_of_its_map() -> None:
-    light = lighting()
-    image = surround(light, Place(PHOTO), HEIGHT, disc=False)
+    light = render_lighting()
+    image = render_with_surroundings(light, PhotoContext(PHOTO), HEIGHT, disc=False)
     assert level(image) == pytest.approx(level(render(light, HEIGHT, disc=False)), rel=1e-4)
     assert image[:, HEIGHT // 8] == pytest.approx(image[:, HEIGHT // 8])
 
 
 def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None:
-    light = replace(given_light(), camera_elevation=-80.0, vertical_fov=10.0)
+    light = replace(render_given_light(), camera_elevation=-80.0, vertical_fov=10.0)
     bare = render(light, HEIGHT, disc=False)
-    image = surround(light, Place(PHOTO, around(light)), HEIGHT, disc=False)
+    image = render_with_surroundings(light, PhotoContext(PHOTO, around(light)), HEIGHT, disc=False)
     upper = slice(0, HEIGHT // 2)
     assert np.median(np.abs(image[upper] / bare[upper] - 1)) < 0.05
 
 
 def estimate(cells: np.ndarray | None) -> Estimate:
-    return Estimate(given_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
+    return Estimate(render_given_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
 
 
 @pytest.mark.parametrize(("height", "asked"), [(96, []), (512, [1000]), (4096, [1000])])
@@ -138,7 +222,7 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(height: int, 
         sides.append(side)
         return PHOTO.repeat(2, axis=0).repeat(2, axis=1)
 
-    place = place_of(estimate(around(given_light())), PHOTO, height, finer)
+    place = photo_context_for_height(estimate(around(render_given_light())), PHOTO, height, finer)
     assert place is not None
     assert sides == asked
     assert (place.photo is PHOTO) == (not asked)
@@ -146,15 +230,17 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(height: int, 
 
 @pytest.mark.parametrize(("known", "wanted", "shows"), [(True, None, True), (False, None, False), (True, False, False)])
 def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, wanted: bool | None, shows: bool) -> None:
-    answer = estimate(around(given_light()) if known else None)
-    assert (place_of(answer, PHOTO, 96, PHOTO.repeat, wanted=wanted) is not None) == shows
-    assert place_of(answer, PHOTO, 96, PHOTO.repeat, wanted=True) is not None
+    answer = estimate(around(render_given_light()) if known else None)
+    assert (photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, wanted=wanted) is not None) == shows
+    assert photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, wanted=True) is not None
 
 
 def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
-    light = replace(given_light(), camera_elevation=0.0)
+    light = replace(render_given_light(), camera_elevation=0.0)
     dark, red = np.full((60, 80, 3), 40, np.uint8), np.full((60, 80, 3), (160, 40, 40), np.uint8)
-    maps = [surround(light, Place(photo, around(light)), HEIGHT, disc=False) for photo in (dark, red)]
+    maps = [
+        render_with_surroundings(light, PhotoContext(photo, around(light)), HEIGHT, disc=False) for photo in (dark, red)
+    ]
     beside, behind = (slice(40, 46), slice(HEIGHT + 26, HEIGHT + 30)), (slice(40, 46), slice(0, 4))
     tints = [[float((m[at][..., 0] / m[at][..., 1]).mean()) for at in (beside, behind)] for m in maps]
     assert tints[1][0] > 2 * tints[0][0]
@@ -163,21 +249,21 @@ def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
 
 def case() -> dict[str, Any]:
     """A photo in its place, for those who lay it around the camera in another language."""
-    light = replace(given_light(sky_cover=0.3), camera_elevation=8.0, camera_roll=-3.0, vertical_fov=50.0)
+    light = replace(render_given_light(sky_cover=0.3), camera_elevation=8.0, camera_roll=-3.0, vertical_fov=50.0)
     y, x = np.mgrid[:48, :64]
     photo = np.stack([120 + x, 200 - 2 * y, np.where(y < 20, 250, 60)], axis=-1).astype(np.uint8)
     cells = around(light) * (1 + 0.6 * np.sin(np.arange(24) / 3)[:, None]).astype(np.float32)
-    place = Place(photo, cells, light.exposure, light)
-    moved = change(light, {"sun_azimuth": 150.0, "sun_elevation": 20.0})
+    place = PhotoContext(photo, cells, light.exposure, light)
+    moved = edit_lighting(light, {"sun_azimuth": 150.0, "sun_elevation": 20.0})
     return {
         "camera": {"elevation": 8.0, "roll": -3.0, "vertical_fov": 50.0},
         "photo": base64.b64encode(photo.tobytes()).decode(),
-        "factors": base64.b64encode(place_factors(light, place).tobytes()).decode(),
+        "factors": base64.b64encode(surroundings_gain(light, place).tobytes()).decode(),
         "maps": [
             {
                 "sun": [one.sun_azimuth, one.sun_elevation],
                 "bare": base64.b64encode(render(one, 32, disc=False).tobytes()).decode(),
-                "map": base64.b64encode(surround(one, place, 32, disc=False).tobytes()).decode(),
+                "map": base64.b64encode(render_with_surroundings(one, place, 32, disc=False).tobytes()).decode(),
             }
             for one in (light, moved)
         ],
@@ -200,13 +286,13 @@ def floats(found: dict[str, Any]) -> list[np.ndarray]:
 
 
 def test_where_a_sun_was_nothing_is_left_of_its_glow_and_far_off_the_place_stays() -> None:
-    light = given_light()
+    light = render_given_light()
     factors = np.full((24, 48, 3), 0.8, np.float32)
     angle = angle_between(latlong_directions(24), light.sun_direction)
     factors[angle < 15] = 0.1
     factors[8:12, :6] = 0.3  # a wall elsewhere
-    assert without_glow(factors, light, light) == pytest.approx(factors)
-    gone = without_glow(factors, light, change(light, {"sun_azimuth": light.sun_azimuth + 120.0}))
+    assert _without_glow(factors, light, light) == pytest.approx(factors)
+    gone = _without_glow(factors, light, edit_lighting(light, {"sun_azimuth": light.sun_azimuth + 120.0}))
     assert gone[angle < 8].min() > 0.5
     far = angle > 100
     assert gone[far] == pytest.approx(factors[far], rel=1e-2)
@@ -215,3 +301,24 @@ def test_where_a_sun_was_nothing_is_left_of_its_glow_and_far_off_the_place_stays
 
 if __name__ == "__main__":
     CASE.write_text(json.dumps(case()))
+
+VIEWS_LIGHT = render_given_light(sky_cover=0.2)
+PLACE = PhotoContext(np.full((40, 60, 3), 90, np.uint8))
+
+
+def test_a_view_is_the_map_of_its_record() -> None:
+    image, light = render_view(VIEWS_LIGHT, 32)
+    assert light is VIEWS_LIGHT
+    np.testing.assert_array_equal(image, render(VIEWS_LIGHT, 32))
+
+
+def test_another_sky_is_in_the_record() -> None:
+    image, light = render_view(VIEWS_LIGHT, 32, sky="preetham")
+    assert light == replace(VIEWS_LIGHT, sky_model="preetham")
+    np.testing.assert_array_equal(image, render(light, 32))
+
+
+def test_the_place_turns_with_the_map() -> None:
+    image, light = render_view(VIEWS_LIGHT, 32, yaw=90.0, place=PLACE)
+    np.testing.assert_array_equal(image, rotate_envmap(render_with_surroundings(VIEWS_LIGHT, PLACE, 32), 90.0))
+    assert light.sun_azimuth == pytest.approx(VIEWS_LIGHT.sun_azimuth + 90.0)

@@ -1,11 +1,14 @@
-"""Files appear whole or not at all."""
+"""Tests of atomic."""
 
+import io
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from lighting.files.atomic import leftovers, replacing
+from lighting.files.atomic import atomic_write, encode_jpeg, encode_png, stale_temporaries
 
 
 def names(folder: Path) -> list[str]:
@@ -13,14 +16,14 @@ def names(folder: Path) -> list[str]:
 
 
 def write_and_fail(target: Path, error: BaseException) -> None:
-    with replacing(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_bytes(b"half")
         raise error
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path: Path) -> None:
     target = tmp_path / "map.exr"
-    with replacing(target) as temporary:
+    with atomic_write(target) as temporary:
         assert temporary.parent == tmp_path
         assert temporary.suffix == ".exr"
         temporary.write_bytes(b"whole")
@@ -48,7 +51,7 @@ def test_a_failure_keeps_what_was_there(tmp_path: Path) -> None:
 def test_an_existing_file_is_replaced(tmp_path: Path) -> None:
     target = tmp_path / "map.exr"
     target.write_bytes(b"old")
-    with replacing(str(target)) as temporary:
+    with atomic_write(str(target)) as temporary:
         temporary.write_bytes(b"new")
     assert target.read_bytes() == b"new"
 
@@ -57,7 +60,7 @@ def test_an_existing_file_is_replaced(tmp_path: Path) -> None:
 def test_permissions_are_those_of_a_plain_file(tmp_path: Path) -> None:
     plain = tmp_path / "plain"
     plain.write_bytes(b"")
-    with replacing(tmp_path / "made") as temporary:
+    with atomic_write(tmp_path / "made") as temporary:
         temporary.write_bytes(b"")
     assert (tmp_path / "made").stat().st_mode == plain.stat().st_mode
 
@@ -66,7 +69,7 @@ def test_permissions_are_those_of_a_plain_file(tmp_path: Path) -> None:
 def test_a_private_file_stays_private(tmp_path: Path) -> None:
     target = tmp_path / "map.exr"
     target.touch(mode=0o600)
-    with replacing(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_bytes(b"new")
     assert (target.read_bytes(), target.stat().st_mode & 0o777) == (b"new", 0o600)
 
@@ -79,22 +82,22 @@ def test_a_link_stays_and_leads_to_the_new_file(tmp_path: Path, exists: bool) ->
     if exists:
         stored.write_bytes(b"old")
     link.symlink_to(stored)
-    with replacing(link) as temporary:
+    with atomic_write(link) as temporary:
         assert (temporary.parent, temporary.suffix) == (stored.parent, ".exr")
-        assert leftovers(link) == [temporary]
+        assert stale_temporaries(link) == [temporary]
         temporary.write_bytes(b"new")
     assert link.is_symlink()
     assert (names(stored.parent), stored.read_bytes()) == (["map"], b"new")
 
 
 def test_a_missing_folder_is_an_oserror(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError), replacing(tmp_path / "missing" / "map.exr"):
+    with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "missing" / "map.exr"):
         pass
 
 
 def test_a_folder_in_the_way_is_an_oserror_and_stays(tmp_path: Path) -> None:
     (tmp_path / "map.exr").mkdir()
-    with pytest.raises(OSError), replacing(tmp_path / "map.exr"):  # noqa: PT011 (which one depends on the system)
+    with pytest.raises(OSError), atomic_write(tmp_path / "map.exr"):  # noqa: PT011
         pass
     assert names(tmp_path) == ["map.exr"]
 
@@ -104,7 +107,7 @@ def test_a_folder_in_the_way_is_an_oserror_and_stays(tmp_path: Path) -> None:
 def test_a_pipe_is_not_replaced(tmp_path: Path, name: str) -> None:
     os.mkfifo(tmp_path / "pipe.exr")
     (tmp_path / "link.exr").symlink_to("pipe.exr")
-    with pytest.raises(OSError, match="it is a pipe or a device, not a file"), replacing(tmp_path / name):
+    with pytest.raises(OSError, match="it is a pipe or a device, not a file"), atomic_write(tmp_path / name):
         pass
     assert (tmp_path / "pipe.exr").is_fifo()
     assert names(tmp_path) == ["link.exr", "pipe.exr"]
@@ -112,10 +115,23 @@ def test_a_pipe_is_not_replaced(tmp_path: Path, name: str) -> None:
 
 def test_what_killed_processes_left_is_found_and_nothing_else(tmp_path: Path) -> None:
     target = tmp_path / "checkpoint.pt"
-    assert leftovers(tmp_path / "none" / "checkpoint.pt") == []
-    with replacing(target) as temporary:
-        assert leftovers(target) == [temporary]
-        assert leftovers(tmp_path / "config.json") == []
+    assert stale_temporaries(tmp_path / "none" / "checkpoint.pt") == []
+    with atomic_write(target) as temporary:
+        assert stale_temporaries(target) == [temporary]
+        assert stale_temporaries(tmp_path / "config.json") == []
     for name in (".notes.pt", "0123456789abcdef.pt", ".0123456789abcdef.pt.txt", ".0123456789abcdef0.pt"):
         (tmp_path / name).write_bytes(b"")
-    assert leftovers(target) == []
+    assert stale_temporaries(target) == []
+
+
+def test_jpeg_keeps_size_and_colour() -> None:
+    with Image.open(io.BytesIO(encode_jpeg(np.full((24, 32, 3), (200, 120, 40), dtype=np.uint8), 90))) as picture:
+        assert (picture.format, picture.size) == ("JPEG", (32, 24))
+        assert np.abs(np.asarray(picture, dtype=int) - [200, 120, 40]).max() <= 4
+
+
+@pytest.mark.parametrize("shape", [(24, 32), (24, 32, 3), (24, 32, 4)])
+def test_png_keeps_every_value(shape: tuple[int, ...]) -> None:
+    pixels = np.arange(np.prod(shape), dtype=np.uint8).reshape(shape)
+    with Image.open(io.BytesIO(encode_png(pixels))) as picture:
+        np.testing.assert_array_equal(np.asarray(picture), pixels)

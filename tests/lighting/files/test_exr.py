@@ -1,9 +1,12 @@
-"""EXR files: what is in them, who can read them, and what happens when they are bad."""
+"""Tests of exr."""
 
+import ctypes
 import io
 import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,16 +18,165 @@ import OpenEXR
 import pytest
 from numpy.typing import NDArray
 
-from lighting import __version__
-from lighting.envmap import render
+from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
-from lighting.files import full_record
-from lighting.files.compression import rounded
-from lighting.files.exr import read_exr, read_map, write_exr
-from lighting.ranges import RANGES
-from lighting.records import Lighting
+from lighting.files.exr import (
+    _SET_EFFORT,
+    COMPRESSIONS,
+    MANTISSA,
+    _rounded,
+    pack_in_threads,
+    read_exr,
+    read_map,
+    round_in_place,
+    write_exr,
+)
+from lighting.geometry import latlong_solid_angle
+from lighting.records import Lighting, record_with_coefficients
+from lighting.validation import RANGES
+from lighting.version import __version__
 
-LIGHT = Lighting(
+LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=50.0)
+EXACT = ("none",)
+
+
+@pytest.fixture(scope="module")
+def image() -> NDArray[np.float32]:
+    return render(LIGHT, 128)
+
+
+def packed(image: NDArray[np.float32], compression: str) -> bytes:
+    stream = io.BytesIO()
+    write_exr(stream, image, compression=compression)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_the_sun_keeps_its_energy(image: NDArray[np.float32], compression: str) -> None:
+    back = read_exr(io.BytesIO(packed(image, compression)))[0]
+    disc = image.max(axis=-1) > 0.01 * image.max()
+    rows = np.broadcast_to(latlong_solid_angle(len(image))[:, None], disc.shape)[disc]
+    before, after = ((rows[:, None] * values[disc]).sum(axis=0, dtype=np.float64) for values in (image, back))
+    assert image.max() > 65504  # more than half floats hold
+    np.testing.assert_allclose(after, before, rtol=1e-3 if compression not in EXACT else 0)
+
+
+@pytest.mark.parametrize("compression", EXACT)
+def test_exact_means_exact(image: NDArray[np.float32], compression: str) -> None:
+    np.testing.assert_array_equal(read_exr(io.BytesIO(packed(image, compression)))[0], image)
+
+
+@pytest.mark.parametrize(("compression", "most"), [("zip", 2.0 ** -(MANTISSA + 1)), ("pxr24", 2.0**-16)])
+def test_no_value_changes_by_more_than_is_said(image: NDArray[np.float32], compression: str, most: float) -> None:
+    back = read_exr(io.BytesIO(packed(image, compression)))[0]
+    assert np.abs(back - image).max() > 0
+    np.testing.assert_allclose(back, image, rtol=most)
+
+
+def test_rounding_shrinks_the_file(image: NDArray[np.float32]) -> None:
+    assert len(packed(image, "zip")) < 0.3 * len(packed(image, "none"))  # without it 0.5
+
+
+def test_rounding_leaves_what_has_no_neighbour() -> None:
+    largest = np.finfo(np.float32).max
+    values = np.array([0.0, -0.0, 1.0, -1.5, np.inf, -np.inf, np.nan, largest, -largest, 1e-42], dtype=np.float32)
+    out = _rounded(values)
+    np.testing.assert_array_equal(out[:9], values[:9])
+    assert np.signbit(out[1])
+    assert abs(out[9] - values[9]) < 1e-42
+
+
+@pytest.mark.parametrize("name", ["zip-exact", "piz", "htj2k"])
+def test_a_removed_name_says_what_to_use_instead(image: NDArray[np.float32], name: Any) -> None:
+    with pytest.raises(EnvironmentMapError, match=f"^The compression '{name}' was removed; none changes no value"):
+        packed(image, name)
+
+
+def test_another_name_is_refused_in_a_sentence(image: NDArray[np.float32]) -> None:
+    with pytest.raises(EnvironmentMapError, match=r"^The compression 'dwaa' is not known; it must be one of zip, "):
+        packed(image, "dwaa")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems' modules may hide the name")
+def test_the_effort_of_zip_can_be_set() -> None:
+    """A release of OpenEXR without that name would pack as well, but slower, and nobody would notice."""
+    assert hasattr(ctypes.CDLL(OpenEXR.__file__), _SET_EFFORT)
+
+
+def test_the_same_bytes_whatever_the_threads(image: NDArray[np.float32]) -> None:
+    first = packed(image, "zip")
+    threads = OpenEXR.global_thread_count()
+    assert threads > 0
+    OpenEXR.set_global_thread_count(1)
+    try:
+        assert packed(image, "zip") == first
+    finally:
+        OpenEXR.set_global_thread_count(threads)
+
+
+@pytest.mark.parametrize(("asked", "threads"), [(1, 0), (2, 2), (3, 3)])
+def test_the_number_of_threads_that_was_asked_for_stays(image: NDArray[np.float32], asked: int, threads: int) -> None:
+    packed(image, "zip")
+    before = OpenEXR.global_thread_count()
+    try:
+        pack_in_threads(asked)
+        packed(image, "zip")
+        assert OpenEXR.global_thread_count() == threads
+    finally:
+        pack_in_threads(before)
+
+
+def test_the_first_map_does_not_undo_it() -> None:
+    code = (
+        "import OpenEXR, numpy as np\nfrom lighting.files import compression as c\nc.pack_in_threads(1)\n"
+        "c.packed_with(np.zeros((2, 4, 3), np.float32), 'zip')\nprint(OpenEXR.global_thread_count())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "0"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+@pytest.mark.filterwarnings("ignore:This process.*fork:DeprecationWarning")
+def test_a_forked_process_writes_too(image: NDArray[np.float32]) -> None:
+    first = packed(image, "zip")
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)
+        os._exit(0 if packed(image, "zip") == first else 1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+@pytest.mark.filterwarnings("ignore:This process.*fork:DeprecationWarning")
+def test_a_fork_leaves_the_parents_threads_as_they_were(image: NDArray[np.float32]) -> None:
+    packed(image, "zip")
+    before = OpenEXR.global_thread_count()
+    try:
+        pack_in_threads(2)
+        child = os.fork()
+        if child == 0:
+            os._exit(0)
+        os.waitpid(child, 0)
+        assert OpenEXR.global_thread_count() == 2
+    finally:
+        pack_in_threads(before)
+
+
+def test_values_are_rounded_in_place_once() -> None:
+    """As they are in an array of their own; what is rounded already is not copied, which large maps would feel."""
+    values = np.random.default_rng(3).lognormal(sigma=3, size=(70, 140, 3)).astype(np.float32)
+    values[1, :3, 0] = np.finfo(np.float32).max, np.inf, -1.2345
+    values[2, 0, 0] = np.nan
+    expected = _rounded(values)
+    assert expected is not values
+    round_in_place(values)
+    np.testing.assert_array_equal(values, expected)
+    assert values[1, 0, 0] == np.finfo(np.float32).max
+    tame = values[3:]
+    assert _rounded(tame) is tame
+
+
+EXR_LIGHT = Lighting(
     sun_azimuth=-41.2,
     sun_elevation=33.0,
     turbidity=3.4,
@@ -36,15 +188,15 @@ LIGHT = Lighting(
 
 
 @pytest.fixture(scope="module")
-def image() -> NDArray[np.float32]:
+def exr_image() -> NDArray[np.float32]:
     """Rounded as `zip` does, which then changes nothing."""
-    return rounded(render(LIGHT, 32))
+    return _rounded(render(EXR_LIGHT, 32))
 
 
 @pytest.fixture(scope="module")
-def data(image: NDArray[np.float32]) -> bytes:
+def data(exr_image: NDArray[np.float32]) -> bytes:
     stream = io.BytesIO()
-    write_exr(stream, image, LIGHT)
+    write_exr(stream, exr_image, EXR_LIGHT)
     return stream.getvalue()
 
 
@@ -72,39 +224,39 @@ def file_size_limit(size: int) -> Iterator[None]:
 # Writing and reading back
 
 
-def test_round_trip_is_exact(tmp_path: Path, image: NDArray[np.float32]) -> None:
-    write_exr(tmp_path / "map.exr", image, LIGHT, compression="none")
+def test_round_trip_is_exact(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
+    write_exr(tmp_path / "map.exr", exr_image, EXR_LIGHT, compression="none")
     read, lighting = read_exr(tmp_path / "map.exr")
     assert read.dtype == np.float32
-    np.testing.assert_array_equal(read, image)
-    assert lighting == LIGHT
+    np.testing.assert_array_equal(read, exr_image)
+    assert lighting == EXR_LIGHT
 
 
-def test_round_trip_through_a_stream(image: NDArray[np.float32], data: bytes) -> None:
+def test_round_trip_through_a_stream(exr_image: NDArray[np.float32], data: bytes) -> None:
     read, lighting = read_exr(io.BytesIO(data))
-    np.testing.assert_array_equal(read, image)
-    assert lighting == LIGHT
+    np.testing.assert_array_equal(read, exr_image)
+    assert lighting == EXR_LIGHT
 
 
-def test_a_stream_that_cannot_seek_will_do(image: NDArray[np.float32]) -> None:
+def test_a_stream_that_cannot_seek_will_do(exr_image: NDArray[np.float32]) -> None:
     reader, writer = os.pipe()
     with os.fdopen(reader, "rb") as source, os.fdopen(writer, "wb") as target:
-        small = image[:, ::8][::8]
+        small = exr_image[:, ::8][::8]
         write_exr(target, small, compression="none")
         target.close()
         np.testing.assert_array_equal(read_exr(source)[0], small)
 
 
-def test_without_lighting_there_is_none(image: NDArray[np.float32]) -> None:
+def test_without_lighting_there_is_none(exr_image: NDArray[np.float32]) -> None:
     stream = io.BytesIO()
-    write_exr(stream, image)
+    write_exr(stream, exr_image)
     assert read_exr(io.BytesIO(stream.getvalue()))[1] is None
 
 
-def test_any_float_layout_is_accepted(image: NDArray[np.float32]) -> None:
+def test_any_float_layout_is_accepted(exr_image: NDArray[np.float32]) -> None:
     stream = io.BytesIO()
-    write_exr(stream, image.astype(np.float64)[:, ::-1], compression="none")
-    np.testing.assert_array_equal(read_exr(io.BytesIO(stream.getvalue()))[0], image[:, ::-1])
+    write_exr(stream, exr_image.astype(np.float64)[:, ::-1], compression="none")
+    np.testing.assert_array_equal(read_exr(io.BytesIO(stream.getvalue()))[0], exr_image[:, ::-1])
 
 
 def test_header(data: bytes) -> None:
@@ -114,15 +266,17 @@ def test_header(data: bytes) -> None:
     assert header["software"] == f"outdoor-lighting {__version__}"
     assert header["chromaticities"] == pytest.approx((0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329))
     for name in RANGES:
-        assert header[f"lighting.{name}"] == pytest.approx(getattr(LIGHT, name), rel=1e-6)
-    assert header["lighting.sun_direction"] == pytest.approx(LIGHT.sun_direction, abs=1e-6)
-    assert json.loads(header["lighting.json"]) == full_record(LIGHT)
+        assert header[f"lighting.{name}"] == pytest.approx(getattr(EXR_LIGHT, name), rel=1e-6)
+    assert header["lighting.sun_direction"] == pytest.approx(EXR_LIGHT.sun_direction, abs=1e-6)
+    assert json.loads(header["lighting.json"]) == record_with_coefficients(EXR_LIGHT)
 
 
-def test_header_of_what_more_is_known(image: NDArray[np.float32]) -> None:
-    known = replace(LIGHT, evidence=("pixels", "time+place"), warnings=("Hm.",), camera_heading=123.0, latitude=48.0)
+def test_header_of_what_more_is_known(exr_image: NDArray[np.float32]) -> None:
+    known = replace(
+        EXR_LIGHT, evidence=("pixels", "time+place"), warnings=("Hm.",), camera_heading=123.0, latitude=48.0
+    )
     stream = io.BytesIO()
-    write_exr(stream, image, known)
+    write_exr(stream, exr_image, known)
     header = OpenEXR.File(io.BytesIO(stream.getvalue())).header()
     assert header["lighting.evidence"] == "pixels, time+place"
     assert header["lighting.camera_heading"] == 123.0
@@ -137,32 +291,32 @@ def test_channels_are_32_bit_r_g_b(data: bytes) -> None:
     assert all(channel.pixels.dtype == np.float32 for channel in channels.values())
 
 
-def test_mitsuba_reads_it(tmp_path: Path, image: NDArray[np.float32]) -> None:
+def test_mitsuba_reads_it(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant("scalar_rgb")
-    write_exr(tmp_path / "map.exr", image, LIGHT, compression="none")
-    np.testing.assert_array_equal(np.array(mitsuba.Bitmap(str(tmp_path / "map.exr"))), image)
+    write_exr(tmp_path / "map.exr", exr_image, EXR_LIGHT, compression="none")
+    np.testing.assert_array_equal(np.array(mitsuba.Bitmap(str(tmp_path / "map.exr"))), exr_image)
 
 
 # Reading what others wrote
 
 
-def test_half_floats_are_read(image: NDArray[np.float32]) -> None:
-    half = np.minimum(image, 100).astype(np.float16)
+def test_half_floats_are_read(exr_image: NDArray[np.float32]) -> None:
+    half = np.minimum(exr_image, 100).astype(np.float16)
     read, lighting = read_exr(io.BytesIO(encoded({"RGB": half})))
     assert read.dtype == np.float32
     np.testing.assert_array_equal(read, half.astype(np.float32))
     assert lighting is None
 
 
-def test_alpha_and_mixed_types_are_read(image: NDArray[np.float32]) -> None:
-    planes = {name: np.ascontiguousarray(image[..., i]) for i, name in enumerate("RGB")}
+def test_alpha_and_mixed_types_are_read(exr_image: NDArray[np.float32]) -> None:
+    planes = {name: np.ascontiguousarray(exr_image[..., i]) for i, name in enumerate("RGB")}
     data = encoded({**planes, "R": planes["R"].astype(np.float16), "A": np.ones_like(planes["R"])})
-    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0][..., 1:], image[..., 1:])
+    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0][..., 1:], exr_image[..., 1:])
 
 
-def test_missing_channels_are_named(image: NDArray[np.float32]) -> None:
-    data = encoded({"G": np.ascontiguousarray(image[..., 0]), "Z": np.ascontiguousarray(image[..., 1])})
+def test_missing_channels_are_named(exr_image: NDArray[np.float32]) -> None:
+    data = encoded({"G": np.ascontiguousarray(exr_image[..., 0]), "Z": np.ascontiguousarray(exr_image[..., 1])})
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file has no channel R, B; it needs R, G and B\.$"):
         read_exr(io.BytesIO(data))
 
@@ -170,8 +324,8 @@ def test_missing_channels_are_named(image: NDArray[np.float32]) -> None:
 @pytest.mark.parametrize(
     "text", ["{", "[]", "{}", '{"sun": {"azimuth": 0, "elevation": 200}, "sky": {}}', "3", 100_000 * "["]
 )
-def test_a_damaged_record_is_one_sentence(image: NDArray[np.float32], text: str) -> None:
-    data = encoded({"RGB": image}, **{"lighting.json": text})
+def test_a_damaged_record_is_one_sentence(exr_image: NDArray[np.float32], text: str) -> None:
+    data = encoded({"RGB": exr_image}, **{"lighting.json": text})
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file's lighting\.json cannot be read: "):
         read_exr(io.BytesIO(data))
 
@@ -192,9 +346,9 @@ def test_what_is_neither_a_path_nor_a_binary_stream_is_refused(source: Any) -> N
 
 
 @pytest.mark.parametrize("target", [None, 3, b"map.exr"], ids=["none", "number", "bytes"])
-def test_nothing_is_written_to_what_is_neither(image: NDArray[np.float32], target: Any) -> None:
+def test_nothing_is_written_to_what_is_neither(exr_image: NDArray[np.float32], target: Any) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^An EXR is written to a path or a binary stream, not [a-zA-Z]+\.$"):
-        write_exr(target, image)
+        write_exr(target, exr_image)
 
 
 @pytest.mark.parametrize("share", [0.001, 0.01, 0.05, 0.2, 0.5, 0.9, 0.999])
@@ -205,9 +359,9 @@ def test_cut_files_are_refused_quietly(data: bytes, share: float, capfd: pytest.
 
 
 @pytest.mark.parametrize("packing", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION, OpenEXR.PIZ_COMPRESSION])
-def test_rows_may_be_stored_from_the_bottom_up(image: NDArray[np.float32], packing: Any) -> None:
-    data = encoded({"RGB": image}, compression=packing, lineOrder=OpenEXR.DECREASING_Y)
-    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0], image)
+def test_rows_may_be_stored_from_the_bottom_up(exr_image: NDArray[np.float32], packing: Any) -> None:
+    data = encoded({"RGB": exr_image}, compression=packing, lineOrder=OpenEXR.DECREASING_Y)
+    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0], exr_image)
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
         read_exr(io.BytesIO(data[:-1]))
 
@@ -215,12 +369,12 @@ def test_rows_may_be_stored_from_the_bottom_up(image: NDArray[np.float32], packi
 @pytest.mark.parametrize("order", [OpenEXR.INCREASING_Y, OpenEXR.DECREASING_Y])
 @pytest.mark.parametrize("missing", [0, 7, 31])
 def test_a_chunk_that_was_never_written_is_noticed(
-    image: NDArray[np.float32], order: Any, missing: int, capfd: pytest.CaptureFixture[str]
+    exr_image: NDArray[np.float32], order: Any, missing: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Its place in the table is 0, as programs leave it that were stopped while they wrote."""
-    data = bytearray(encoded({"RGB": image}, compression=OpenEXR.NO_COMPRESSION, lineOrder=order))
-    row = 8 + 12 * image.shape[1]
-    table = len(data) - (row + 8) * len(image)
+    data = bytearray(encoded({"RGB": exr_image}, compression=OpenEXR.NO_COMPRESSION, lineOrder=order))
+    row = 8 + 12 * exr_image.shape[1]
+    table = len(data) - (row + 8) * len(exr_image)
     data[table + 8 * missing : table + 8 * missing + 8] = bytes(8)
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
         read_exr(io.BytesIO(data))
@@ -238,19 +392,19 @@ def test_a_damaged_header_is_refused_in_plain_words(data: bytes) -> None:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_map_of_numbers_that_are_not_finite_is_named(
-    tmp_path: Path, image: NDArray[np.float32], value: float
+    tmp_path: Path, exr_image: NDArray[np.float32], value: float
 ) -> None:
-    spoilt = image.copy()
+    spoilt = exr_image.copy()
     spoilt[3, 4, 1] = value
     write_exr(tmp_path / "a.exr", spoilt)
     with pytest.raises(EnvironmentMapError, match=r"a\.exr: The map holds values that are not finite numbers\.$"):
         read_map(tmp_path / "a.exr")
-    write_exr(tmp_path / "a.exr", image, compression="none")
-    np.testing.assert_array_equal(read_map(tmp_path / "a.exr"), image)
+    write_exr(tmp_path / "a.exr", exr_image, compression="none")
+    np.testing.assert_array_equal(read_map(tmp_path / "a.exr"), exr_image)
 
 
-def test_what_is_no_map_is_named_once(tmp_path: Path, image: NDArray[np.float32]) -> None:
-    (tmp_path / "a.exr").write_bytes(encoded({"RGB": np.ascontiguousarray(image[:, :5])}))
+def test_what_is_no_map_is_named_once(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
+    (tmp_path / "a.exr").write_bytes(encoded({"RGB": np.ascontiguousarray(exr_image[:, :5])}))
     with pytest.raises(EnvironmentMapError, match=r"a\.exr: An environment map has the shape"):
         read_map(tmp_path / "a.exr")
     with pytest.raises(EnvironmentMapError, match=r"^[^:]*none\.exr cannot be read: No such file or directory\.$"):
@@ -292,7 +446,7 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
         pytest.raises(EnvironmentMapError, match=r"map\.exr cannot be written: [A-Z][^.]*\.$"),
         file_size_limit(20_000),
     ):
-        write_exr(target, noise, LIGHT)
+        write_exr(target, noise, EXR_LIGHT)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -306,16 +460,16 @@ def test_a_failing_write_keeps_the_old_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_missing_folder_is_one_sentence(tmp_path: Path, image: NDArray[np.float32]) -> None:
+def test_a_missing_folder_is_one_sentence(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
     with pytest.raises(EnvironmentMapError, match=r"map\.exr cannot be written: No such file or directory\.$"):
-        write_exr(tmp_path / "none" / "map.exr", image)
+        write_exr(tmp_path / "none" / "map.exr", exr_image)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
-def test_an_unwritable_folder_is_one_sentence(tmp_path: Path, image: NDArray[np.float32]) -> None:
+def test_an_unwritable_folder_is_one_sentence(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(EnvironmentMapError, match=r"map\.exr cannot be written: Permission denied\.$"):
-        write_exr(tmp_path / "map.exr", image)
+        write_exr(tmp_path / "map.exr", exr_image)
     tmp_path.chmod(0o700)
 
 
@@ -326,28 +480,30 @@ def test_other_shapes_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, image: NDArray[np.float32]) -> None:
+def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
     for thing in ("sky.exr", [[0.0]], None):
         with pytest.raises(EnvironmentMapError, match="has the shape"):
             write_exr(tmp_path / "a.exr", cast(Any, thing))
     with pytest.raises(ParameterError, match="A Lighting is needed, not dict"):
-        write_exr(tmp_path / "a.exr", image, cast(Any, {"sun": {}}))
+        write_exr(tmp_path / "a.exr", exr_image, cast(Any, {"sun": {}}))
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("attributes", [{"place": {"a": 1}}, {"": 1.0}, {"compression": "foo"}, {3: 4.0}])
 def test_attributes_that_no_exr_can_have_are_refused(
-    tmp_path: Path, image: NDArray[np.float32], attributes: dict[Any, Any]
+    tmp_path: Path, exr_image: NDArray[np.float32], attributes: dict[Any, Any]
 ) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^The attributes cannot be those of an EXR: "):
-        write_exr(tmp_path / "a.exr", image, attributes=attributes)
+        write_exr(tmp_path / "a.exr", exr_image, attributes=attributes)
     assert not list(tmp_path.iterdir())
 
 
-def test_header_of_the_strength_of_the_light(image: NDArray[np.float32]) -> None:
-    known = replace(LIGHT, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), sky_cover=0.2, suitable=0.9)
+def test_header_of_the_strength_of_the_light(exr_image: NDArray[np.float32]) -> None:
+    known = replace(
+        EXR_LIGHT, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), sky_cover=0.2, suitable=0.9
+    )
     stream = io.BytesIO()
-    write_exr(stream, image, known)
+    write_exr(stream, exr_image, known)
     header = OpenEXR.File(io.BytesIO(stream.getvalue())).header()
     assert header["lighting.sun_irradiance"] == pytest.approx((3.0, 2.0, 1.0))
     assert header["lighting.sky_cover"] == pytest.approx(0.2)

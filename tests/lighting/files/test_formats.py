@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import tone_map
-from lighting.envmap import render
+from lighting.color import tone_map
+from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError
+from lighting.files import _format_of, encode_envmap, write_envmap
 from lighting.files.exr import read_exr
-from lighting.files.formats import encode_envmap, format_of, write_envmap
 from lighting.records import Lighting
 
 Map = NDArray[np.float32]
@@ -116,7 +116,7 @@ def test_other_suffixes_are_one_sentence(tmp_path: Path, image: Map, name: str) 
 
 
 def test_format_of_a_path() -> None:
-    assert [format_of("a/b.EXR"), format_of(Path("x.y.hdr")), format_of("p.png")] == ["exr", "hdr", "png"]
+    assert [_format_of("a/b.EXR"), _format_of(Path("x.y.hdr")), _format_of("p.png")] == ["exr", "hdr", "png"]
 
 
 def test_an_unknown_format_is_one_sentence(image: Map) -> None:

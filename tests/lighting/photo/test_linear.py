@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageOps
 
-from lighting.colour import srgb_decode
+from lighting.color import srgb_decode
 from lighting.errors import PhotoError
-from lighting.photo import read_photo
-from lighting.photo.linear import of_floats, read_linear
+from lighting.photo.linear import linear_from_array, read_linear
+from lighting.photo.reader import read_photo
 from tests.conftest import exif, munich, scene
-from tests.lighting.photo.test_pages import tiff, with_own_exif
-from tests.pictures import grey_tiff, png
+from tests.helpers.photos import grey_tiff, png
+from tests.lighting.photo.test_containers import tiff, with_own_exif
 
 RANDOM = np.random.default_rng(3)
 NOISE = RANDOM.integers(0, 65536, (37, 53, 3)).astype(np.uint16)
@@ -192,10 +192,10 @@ def test_so_does_a_jpeg_with_more_pictures_behind_it(tmp_path: Path) -> None:
 
 def test_floats_are_clipped_where_many_share_the_largest_value() -> None:
     ramp = np.linspace(0, 7, 300, dtype=np.float32).reshape(10, 10, 3)
-    assert of_floats(ramp).white == float("inf")
-    assert of_floats(np.minimum(ramp, 5)).white == pytest.approx(4.9)
+    assert linear_from_array(ramp).white == float("inf")
+    assert linear_from_array(np.minimum(ramp, 5)).white == pytest.approx(4.9)
     with pytest.raises(PhotoError, match="finite"):
-        of_floats(np.full((2, 2, 3), np.nan, np.float32))
+        linear_from_array(np.full((2, 2, 3), np.nan, np.float32))
 
 
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What the whole preview shows, and where."""
+"""Tests of picture."""
 
 from io import BytesIO
 
@@ -7,19 +7,19 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.drawing import BACKGROUND
-from lighting.envmap import render
+from lighting.envmap.render import render
 from lighting.geometry import Floats, direction
-from lighting.preview import draw_preview, preview_png
-from lighting.preview.layout import CAPTION, WARNING, lay_out
-from lighting.preview.picture import MAP_HEIGHT
-from lighting.records import Lighting
+from lighting.preview import picture as module
+from lighting.preview.drawing import BACKGROUND, Style, text_width
+from lighting.preview.panels import CAPTION, GAP, MARGIN, WARNING, WIDTH, lay_out
+from lighting.preview.picture import MAP_HEIGHT, _draw_headline, _draw_preview, _numbers_of, _warning_lines, preview_png
+from lighting.records import EvidenceKind, Lighting
 from lighting.sun_grid import soft_label
-from tests.previews import GREY, GRID, Bytes, estimate, outdoors, photo, small_map
+from tests.helpers.scenes import GREY, GRID, Bytes, amber, estimate, outdoors, photo, small_map
 
 
 def draw(lighting: Lighting, width: int = 320, height: int = 240, probability: Floats | None = None) -> Bytes:
-    return draw_preview(photo(width, height), estimate(lighting, probability), small_map(lighting))
+    return _draw_preview(photo(width, height), estimate(lighting, probability), small_map(lighting))
 
 
 def part(picture: Bytes, name: str, aspect: float) -> NDArray[np.int64]:
@@ -63,7 +63,86 @@ def test_warnings_move_the_panels_down_and_change_nothing_else(width: int, heigh
 
 def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
     answer = estimate(outdoors(100.0, 30.0))
-    expected = draw_preview(photo(320, 240), answer, render(answer.lighting, MAP_HEIGHT))
+    expected = _draw_preview(photo(320, 240), answer, render(answer.lighting, MAP_HEIGHT))
     with Image.open(BytesIO(preview_png(photo(320, 240), answer))) as picture:
         assert picture.format == "PNG"
         assert np.array_equal(np.asarray(picture), expected)
+
+
+def test_numbers_say_which_way_the_camera_looks() -> None:
+    values = dict(_numbers_of(outdoors(camera_elevation=-3.14, camera_roll=-0.04, radius_50=9.5, radius_90=131.0)))
+    assert values["Camera elevation"] == "3.1° down"
+    assert values["Camera roll"] == "0.0°"
+    assert values["50 % / 90 % within"] == "9.5° / 131°"
+
+
+@pytest.mark.parametrize(("azimuth", "words"), [(-0.2, "ahead"), (179.9, "behind"), (-120.0, "120° left")])
+def test_numbers_fit_their_column(azimuth: float, words: str) -> None:
+    assert dict(_numbers_of(outdoors(azimuth)))["Sun azimuth"] == words
+
+
+def test_a_level_camera_looks_neither_down_nor_turned() -> None:
+    values = dict(_numbers_of(outdoors(camera_elevation=-0.04, camera_roll=-0.04)))
+    assert (values["Camera elevation"], values["Camera roll"]) == ("0.0° up", "0.0°")
+
+
+@pytest.mark.parametrize(("visibility", "gold"), [(0.9, True), (0.1, False)])
+def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, gold: bool) -> None:
+    canvas = Image.new("RGB", (WIDTH, 140))
+    _draw_headline(canvas, outdoors(sun_visibility=visibility))
+    assert (len(amber(np.asarray(canvas).astype(np.int64))) > 100) == gold
+
+
+@pytest.mark.parametrize(
+    ("radius", "visibility", "words"),
+    [
+        (30.0, 0.9, "Sun 150° right (behind), 40° high"),
+        (120.0, 0.9, "Sun perhaps 150° right (behind), 40° high"),
+        (30.0, 0.1, "an overcast or shaded scene; if the sun shone, it would stand 150° right (behind), 40° high"),
+        (
+            120.0,
+            0.1,
+            "an overcast or shaded scene; if the sun shone, it would perhaps stand 150° right (behind), 40° high",
+        ),
+        (20.0, 0.1, "No direct sun"),
+        (20.0, 0.4, "Probably no direct sun"),
+    ],
+)
+def test_what_is_not_certain_is_not_stated_plainly(
+    monkeypatch: pytest.MonkeyPatch, radius: float, visibility: float, words: str
+) -> None:
+    written: list[str] = []
+
+    def note(_canvas: Image.Image, _spot: object, text: str, _style: Style) -> None:
+        written.append(text)
+
+    monkeypatch.setattr(module, "write", note)
+    _draw_headline(Image.new("RGB", (WIDTH, 140)), outdoors(radius_90=radius, sun_visibility=visibility))
+    assert words in written
+
+
+def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
+    short, long = "The photo may be cropped.", "Twilight mowed the whole wide world. " * 9
+    lines = _warning_lines(outdoors(warnings=(short, long)))
+    assert lines[0] == f"Warning: {short}"
+    assert " ".join(lines[1:]) == f"Warning: {long.strip()}"
+    assert len(lines) > 3
+    assert max(text_width(line, 18) for line in lines) <= WIDTH - 2 * MARGIN
+    assert _warning_lines(outdoors()) == []
+
+
+@pytest.mark.parametrize("suitable", [0.1, 0.9])
+@pytest.mark.parametrize("radius", [30.0, 120.0])
+def test_the_title_leaves_room_for_what_is_beside_it(
+    monkeypatch: pytest.MonkeyPatch, suitable: float, radius: float
+) -> None:
+    written: dict[float, float] = {}  # width of the first line's text by its x
+
+    def write(_canvas: Image.Image, spot: tuple[float, float], text: str, style: Style) -> None:
+        if spot[1] < MARGIN + 20:
+            written[spot[0]] = text_width(text, style.size)
+
+    monkeypatch.setattr(module, "write", write)
+    sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=tuple(EvidenceKind), camera_heading=115.0)
+    _draw_headline(Image.new("RGB", (WIDTH, 140)), sun)
+    assert written[MARGIN] + GAP + written[WIDTH - MARGIN] <= WIDTH - 2 * MARGIN

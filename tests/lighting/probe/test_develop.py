@@ -1,7 +1,8 @@
-"""Synthetic brackets from the exposures to the world's axes."""
+"""Tests of develop."""
 
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,27 +11,41 @@ from export.reports.probe import (
     SKY_DAY,
     SKY_PLACE,
     BracketCamera,
+    _rotation_between,
     clear_sky_at,
     expose_bracket,
     photograph_sky,
-    rotation_between,
 )
+from lighting.envmap.render import render
+from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ProbeError
-from lighting.geometry import camera_axes
-from lighting.probe.align import yaw_rotation
-from lighting.probe.develop import Probe, make_probe, make_series
-from lighting.probe.exposures import Bracket, bracket_of
-from lighting.probe.lens import lens_of
-from lighting.probe.settings import Moment, Settings
+from lighting.files.exr import read_attributes, read_exr
+from lighting.geometry import camera_axes, latlong_directions
+from lighting.probe.alignment import yaw_rotation
+from lighting.probe.bracket import Bracket, bracket_of, probes_in
+from lighting.probe.develop import (
+    BracketSettings,
+    Moment,
+    Probe,
+    _check_day,
+    _fill_sun,
+    make_probe,
+    make_series,
+    target_of,
+    write_probe,
+)
+from lighting.probe.fisheye import fisheye_lens
+from lighting.probe.sun_detection import find_spot
+from lighting.records import Lighting
 
-MOMENT = Moment(SKY_DAY, *SKY_PLACE)
+DEVELOP_MOMENT = Moment(SKY_DAY, *SKY_PLACE)
 SIDE = 200
-SETTINGS = Settings(height=64)
+SETTINGS = BracketSettings(height=64)
 TIMES = (1 / 8000, 1 / 90, 1.0)
 
 
-def bracket(moment: Moment = MOMENT, fill: float = 0.8, tilt: float = 0.0, yaw: float = 40.0) -> Bracket:
-    lens = lens_of("equidistant", SIDE, SIDE)
+def bracket(moment: Moment = DEVELOP_MOMENT, fill: float = 0.8, tilt: float = 0.0, yaw: float = 40.0) -> Bracket:
+    lens = fisheye_lens("equidistant", SIDE, SIDE)
     picture = photograph_sky(clear_sky_at(moment), lens, rotation(tilt, yaw))
     return bracket_of(expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(0), TIMES))
 
@@ -40,45 +55,45 @@ def rotation(tilt: float, yaw: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def clipped() -> Probe:
-    return make_probe(bracket(fill=8.0), MOMENT, SETTINGS)
+def develop_clipped() -> Probe:
+    return make_probe(bracket(fill=8.0), DEVELOP_MOMENT, SETTINGS)
 
 
 def test_a_sun_that_is_not_clipped_needs_no_warning() -> None:
-    probe = make_probe(bracket(), MOMENT, SETTINGS)
+    probe = make_probe(bracket(), DEVELOP_MOMENT, SETTINGS)
     assert not probe.warnings
     assert probe.alignment is not None
-    assert rotation_between(probe.alignment.rotation, yaw_rotation(40.0)) < 0.3
+    assert _rotation_between(probe.alignment.rotation, yaw_rotation(40.0)) < 0.3
     assert probe.off is not None
     assert probe.off < 0.5
     assert probe.image.shape == (64, 128, 3)
 
 
-def test_a_clipped_sun_is_said(clipped: Probe) -> None:
-    assert clipped.spot is not None
-    assert clipped.spot.clipped
-    assert "clipped in every exposure" in clipped.warnings[0]
-    assert not clipped.estimated
+def test_a_clipped_sun_is_said(develop_clipped: Probe) -> None:
+    assert develop_clipped.spot is not None
+    assert develop_clipped.spot.clipped
+    assert "clipped in every exposure" in develop_clipped.warnings[0]
+    assert not develop_clipped.estimated
 
 
-def test_a_filled_sun_is_marked_as_estimated(clipped: Probe) -> None:
-    probe = make_probe(bracket(fill=8.0), MOMENT, Settings(height=64, fill=True))
+def test_a_filled_sun_is_marked_as_estimated(develop_clipped: Probe) -> None:
+    probe = make_probe(bracket(fill=8.0), DEVELOP_MOMENT, BracketSettings(height=64, fill=True))
     assert probe.estimated
     assert "estimated by the model" in probe.warnings[0]
     assert probe.fit is not None
     assert probe.fit.turbidity == pytest.approx(3.0, abs=0.3)
     assert probe.spot is not None
-    assert clipped.spot is not None
-    assert (probe.spot.irradiance > 2 * clipped.spot.irradiance).all()
+    assert develop_clipped.spot is not None
+    assert (probe.spot.irradiance > 2 * develop_clipped.spot.irradiance).all()
 
 
-def test_a_filter_makes_everything_brighter_by_its_stops(clipped: Probe) -> None:
-    filtered = make_probe(bracket(fill=8.0), MOMENT, Settings(height=64, nd=3.0))
-    assert filtered.image == pytest.approx(8 * clipped.image, rel=1e-4)
+def test_a_filter_makes_everything_brighter_by_its_stops(develop_clipped: Probe) -> None:
+    filtered = make_probe(bracket(fill=8.0), DEVELOP_MOMENT, BracketSettings(height=64, nd=3.0))
+    assert filtered.image == pytest.approx(8 * develop_clipped.image, rel=1e-4)
 
 
 def test_a_tilted_camera_is_said() -> None:
-    probe = make_probe(bracket(tilt=6.0), MOMENT, SETTINGS)
+    probe = make_probe(bracket(tilt=6.0), DEVELOP_MOMENT, SETTINGS)
     assert any("off the ephemeris" in warning for warning in probe.warnings)
 
 
@@ -89,7 +104,7 @@ def test_a_series_finds_tilt_and_yaw() -> None:
     alignment = probes[0].alignment
     assert alignment is not None
     assert (
-        rotation_between(alignment.rotation, rotation(6.0, -100.0)) < 0.6
+        _rotation_between(alignment.rotation, rotation(6.0, -100.0)) < 0.6
     )  # of pixels of 0.9 deg; finer pictures in the report
     assert all(probe.off is not None and probe.off < 0.5 for probe in probes)
     assert not any("stood" in warning for probe in probes for warning in probe.warnings)
@@ -109,6 +124,97 @@ def test_night_and_skies_without_sun_are_refused() -> None:
         expose_bracket(np.full((SIDE, SIDE, 3), 1.0, np.float32), BracketCamera(14), np.random.default_rng(0))
     )
     with pytest.raises(ProbeError, match="No sun is found"):
-        make_probe(grey, MOMENT, SETTINGS)
-    told = make_probe(grey, MOMENT, Settings(height=64, yaw=30.0))
+        make_probe(grey, DEVELOP_MOMENT, SETTINGS)
+    told = make_probe(grey, DEVELOP_MOMENT, BracketSettings(height=64, yaw=30.0))
     assert told.warnings == ("No sun is seen in this probe.",)
+
+
+LIGHTING = Lighting(sun_azimuth=20.0, sun_elevation=35.0, turbidity=3.0, exposure=0.05)
+
+
+def test_the_model_gives_the_light_back_that_was_clipped() -> None:
+    whole = render(LIGHTING, 128, sun=True)
+    cut = np.minimum(whole, 5.0)
+    clipped = whole.max(axis=-1) > 5.0
+    spot = find_spot(cut, clipped)
+    assert spot is not None
+    filled, sun, fit = _fill_sun(cut, clipped, spot)
+    assert fit.turbidity == pytest.approx(3.0, abs=0.1)
+    assert sun.irradiance == pytest.approx(sun_irradiance(LIGHTING), rel=0.05)
+    found = find_spot(filled, np.zeros_like(clipped))
+    assert found is not None
+    assert found.irradiance == pytest.approx(sun_irradiance(LIGHTING), rel=0.05)
+    far = latlong_directions(128) @ LIGHTING.sun_direction < 0.99
+    assert filled[far] == pytest.approx(cut[far])
+
+
+def test_a_sky_without_blue_cannot_tell() -> None:
+    grey = np.where(latlong_directions(64)[..., 1:2] > 0, 0.5, 0.1).astype(np.float32).repeat(3, axis=-1)
+    clipped = np.zeros((64, 128), bool)
+    clipped[20:22, 60:62] = True
+    grey[clipped] = 1000.0
+    spot = find_spot(grey, clipped)
+    assert spot is not None
+    with pytest.raises(ProbeError, match="too little clear sky"):
+        _fill_sun(grey, clipped, spot)
+
+
+NOON = Moment(datetime(2024, 6, 1, 12, tzinfo=UTC), 0.0, 0.0)
+
+
+def test_numbers_that_are_not_finite_are_refused() -> None:
+    with pytest.raises(ProbeError, match="lens"):
+        BracketSettings(radius=float("nan"))
+    with pytest.raises(ProbeError, match="place"):
+        Moment(NOON.time, float("nan"), 8.0)
+
+
+@pytest.mark.parametrize("told", [{"nd": -1.0}, {"nd": 500.0}, {"pitch": 100.0}, {"fov": 361.0}, {"radius": 0.0}])
+def test_numbers_that_cannot_be_are_refused(told: dict[str, float]) -> None:
+    """500 stops made a map of infinite radiance."""
+    with pytest.raises(ProbeError, match="0"):
+        BracketSettings(**told)  # type: ignore[arg-type]
+
+
+def test_the_sun_of_a_june_noon_on_the_equator_is_in_the_north() -> None:
+    azimuth, elevation = NOON.sun
+    assert abs(azimuth) < 5
+    assert elevation == pytest.approx(90 - 22.1, abs=0.3)  # the sun's declination on 1 June
+
+
+def test_night_is_refused() -> None:
+    _check_day(NOON)
+    with pytest.raises(ProbeError, match="below the horizon: it is night"):
+        _check_day(Moment(NOON.time + timedelta(hours=12), 0.0, 0.0))
+
+
+def test_the_header_says_when_and_what_the_sun_rests_on(tmp_path: Path, clipped: Probe) -> None:
+    path = write_probe(clipped, tmp_path / "a.exr")
+    header = read_attributes(path)
+    assert header["lighting.time"] == "2024-06-01T09:00:00+00:00"
+    assert header["capDate"] == "2024:06:01 09:00:00"
+    assert (header["lighting.sun_azimuth"], header["lighting.sun_elevation"]) == pytest.approx(
+        DEVELOP_MOMENT.sun, abs=1e-3
+    )
+    assert (header["lighting.sun_clipped"], header["lighting.sun_estimated"]) == (1, 0)
+    assert "clipped" in header["comments"]
+    assert not any("latitude" in name for name in header)
+    np.testing.assert_allclose(read_exr(path)[0], clipped.image, rtol=2.0**-14)  # as `zip` rounds
+
+
+def test_a_folder_is_filled_in_the_layout(tmp_path: Path, clipped: Probe) -> None:
+    path = write_probe(clipped, tmp_path / "sky")
+    assert path == tmp_path / "sky/20240601/090000/envmap.exr"
+    assert probes_in(tmp_path / "sky")[0].time == DEVELOP_MOMENT.time
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, clipped: Probe) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ProbeError, match="cannot be made"):
+        write_probe(clipped, tmp_path / "file")
+
+
+def test_a_folder_stays_one_whatever_its_name(tmp_path: Path) -> None:
+    (tmp_path / "sky.exr").mkdir()
+    assert target_of(tmp_path / "sky.exr", DEVELOP_MOMENT.time) == tmp_path / "sky.exr/20240601/090000/envmap.exr"
+    assert target_of(tmp_path / "probe.exr", DEVELOP_MOMENT.time) == tmp_path / "probe.exr"

@@ -12,20 +12,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lighting.colour import srgb_decode
+from lighting.color import srgb_decode
 from lighting.errors import SceneError
 from lighting.geometry import direction
-from lighting.scene import blender, write_scene
-from lighting.scene.axes import to_z_up
-from tests.blender import PYTHON, needs_blender
-from tests.scenes import half_shaded_scene, known_scene, shaded_spot_scene
+from lighting.scene import blender
+from lighting.scene.records import to_z_up
+from lighting.scene.writer import write_scene
+from tests.helpers.blender import PYTHON, needs_blender
+from tests.helpers.scenes import half_shaded_scene, known_scene, shaded_spot_scene
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A scene as it is written where Blender is not installed."""
     monkeypatch.setattr(blender, "find_spec", lambda _name: None)
-    blender.write(known_scene(), tmp_path)
+    blender.write_blender(known_scene(), tmp_path)
     return tmp_path
 
 
@@ -77,7 +78,7 @@ def test_what_the_compositor_knows_of_shade(folder: Path, numbers: dict[str, Any
 
 def test_what_blender_knows_of_the_spot(folder: Path, numbers: dict[str, Any]) -> None:
     assert numbers["spot_in_shade"] is False
-    blender.write(shaded_spot_scene(), folder)
+    blender.write_blender(shaded_spot_scene(), folder)
     assert json.loads((folder / "scene.json").read_text())["spot_in_shade"] is True
 
 
@@ -115,7 +116,7 @@ def test_blender_builds_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @needs_blender
 def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
     """The ball's shadow begins on lit ground, in the picture's left half, and goes on in the shade at its right."""
-    blender.write(half_shaded_scene(), folder)
+    blender.write_blender(half_shaded_scene(), folder)
     (folder / "scene.json").write_text(json.dumps(numbers | {"samples": 4}))
     subprocess.run([PYTHON, "scene.py", "--render"], cwd=folder, capture_output=True, check=True)
     plate = srgb_decode(half_shaded_scene().plate / 255.0)
@@ -129,7 +130,7 @@ def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
 @needs_blender
 def test_an_object_in_the_photos_shade_is_in_shade(folder: Path) -> None:
     """The ball is much darker at its top than one in the sun; its shadow on sunlit ground is the same."""
-    blender.write(shaded_spot_scene(), folder)
+    blender.write_blender(shaded_spot_scene(), folder)
     told = json.loads((folder / "scene.json").read_text()) | {"samples": 4}
     seen = {}
     for in_shade in (True, False):
@@ -151,7 +152,7 @@ def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(folder: Path
     )
     found = []
     for scene in (shaded_spot_scene(), known_scene()):
-        blender.write(scene, folder)
+        blender.write_blender(scene, folder)
         subprocess.run([PYTHON, "scene.py", "--save"], cwd=folder, capture_output=True, check=True)
         done = subprocess.run([PYTHON, "-c", look], cwd=folder, capture_output=True, text=True, check=True)
         found.append(done.stdout.splitlines()[-1])

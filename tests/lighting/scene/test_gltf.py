@@ -1,4 +1,4 @@
-"""The glTF file: by the Khronos validator, and number by number."""
+"""Tests of gltf."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.scene import gltf
-from tests.scenes import known_scene
+from tests.helpers.scenes import known_scene
 
 NODE = Path(__file__).parents[2] / "node"
 NOTED = {"IMAGE_NPOT_DIMENSIONS", "UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"}  # a photo's size; what it does not know
@@ -51,14 +51,14 @@ def validated(file: Path) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_the_khronos_validator_finds_neither_errors_nor_warnings(tmp_path: Path) -> None:
-    gltf.write(known_scene(), tmp_path)
+    gltf.write_gltf(known_scene(), tmp_path)
     issues = validated(tmp_path / gltf.FILE)
     assert (issues["numErrors"], issues["numWarnings"], issues["numHints"]) == (0, 0, 0), issues["messages"]
     assert {message["code"] for message in issues["messages"]} <= NOTED
 
 
 def test_the_validator_does_find_faults(tmp_path: Path) -> None:
-    gltf.write(known_scene(), tmp_path)
+    gltf.write_gltf(known_scene(), tmp_path)
     file = tmp_path / gltf.FILE
     file.write_bytes(file.read_bytes().replace(b'"intensity":', b'"intensitx":').replace(b'"camera":0', b'"camera":7'))
     assert validated(file)["numErrors"] >= 1
@@ -66,7 +66,7 @@ def test_the_validator_does_find_faults(tmp_path: Path) -> None:
 
 def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
     scene = known_scene()
-    gltf.write(scene, tmp_path)
+    gltf.write_gltf(scene, tmp_path)
     document, _ = document_of(tmp_path)
     assert matrix(node(document, "Camera")) == pytest.approx(scene.camera_matrix)
     camera = document["cameras"][0]["perspective"]
@@ -76,7 +76,7 @@ def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
 
 def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -> None:
     scene = known_scene()
-    gltf.write(scene, tmp_path)
+    gltf.write_gltf(scene, tmp_path)
     document, _ = document_of(tmp_path)
     shining = matrix(node(document, "Sun")) @ [0, 0, -1, 0]
     assert shining[:3] == pytest.approx(-scene.sun_direction)
@@ -87,14 +87,14 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -
 
 
 def test_no_direct_sun_is_a_light_of_no_intensity(tmp_path: Path) -> None:
-    gltf.write(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    gltf.write_gltf(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
     (light,) = document_of(tmp_path)[0]["extensions"]["KHR_lights_punctual"]["lights"]
     assert (light["intensity"], light["color"]) == (0, [1, 1, 1])
 
 
 def test_the_plate_is_the_photo_and_fills_the_view(tmp_path: Path) -> None:
     scene = known_scene()
-    gltf.write(scene, tmp_path)
+    gltf.write_gltf(scene, tmp_path)
     document, binary = document_of(tmp_path)
     view = document["bufferViews"][document["images"][0]["bufferView"]]
     data = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
@@ -106,3 +106,36 @@ def test_the_plate_is_the_photo_and_fills_the_view(tmp_path: Path) -> None:
     right, top, _ = document["accessors"][attributes["POSITION"]]["max"]
     assert np.degrees(2 * np.arctan(top / distance)) == pytest.approx(scene.vertical_fov, abs=1e-4)
     assert right / top == pytest.approx(scene.width / scene.height)
+
+
+SHAPES = {
+    "ball": (gltf._ball(0.3), 4 * np.pi * 0.3**2),
+    "stick": (gltf._stick(0.1, 2.0), 2 * np.pi * 0.1 * 2.0 + 2 * np.pi * 0.1**2),
+    "disc": (gltf._disc(5.0), np.pi * 5.0**2),
+    "picture": (gltf._picture(4.0, 3.0), 12.0),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_triangles_face_along_their_normals_and_cover_the_surface(name: str) -> None:
+    mesh, area = SHAPES[name]
+    a, b, c = (mesh.positions[mesh.triangles[:, corner]] for corner in range(3))
+    facing = np.cross(b - a, c - a)
+    normals = mesh.normals[mesh.triangles].mean(axis=1)
+    assert np.all(np.einsum("ij,ij->i", facing, normals) > 0)
+    assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1, abs=1e-6)
+    assert np.linalg.norm(facing, axis=1).sum() / 2 == pytest.approx(area, rel=0.01)
+
+
+def test_where_they_stand() -> None:
+    assert gltf._ball(0.3).positions[:, 1].min() == pytest.approx(-0.3)
+    stick = gltf._stick(0.1, 2.0).positions[:, 1]
+    assert (stick.min(), stick.max()) == pytest.approx((0.0, 2.0))
+    assert np.all(gltf._disc(5.0).positions[:, 1] == 0)
+
+
+def test_the_pictures_upper_left_corner() -> None:
+    picture = gltf._picture(4.0, 3.0)
+    assert picture.coordinates is not None
+    corner = picture.positions[np.all(picture.coordinates == 0, axis=1)]
+    assert corner == pytest.approx(np.array([[-2.0, 1.5, 0.0]]))

@@ -11,13 +11,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import luminance, srgb_decode
-from lighting.envmap import camera_of
+from lighting.color import luminance, srgb_decode
+from lighting.envmap.projection import camera_of
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
-from lighting.scene.common import Scene
-from lighting.scene.placeholder import placeholder_of
-from tests.scenes import LIGHT, half_shaded_scene, known_scene, shaded_spot_scene
+from lighting.scene.records import Scene, placeholder_of
+from tests.helpers.scenes import LIGHT, half_shaded_scene, known_scene, shaded_spot_scene
 
 mi: Any = mitsuba_renderer
 
@@ -28,7 +27,7 @@ WIDTH, HEIGHT = 160, 120
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mi.set_variant("scalar_rgb")
     path = tmp_path_factory.mktemp("scene")
-    mitsuba.write(known_scene(), path)
+    mitsuba.write_mitsuba(known_scene(), path)
     return path
 
 
@@ -93,7 +92,7 @@ def test_the_camera_sees_the_map_as_the_photo_did(picture: NDArray[np.float32]) 
 def composite(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.uint8]:
     """What composite.py makes of a plate whose right half lies in shade."""
     folder = tmp_path_factory.mktemp("half_shaded")
-    mitsuba.write(half_shaded_scene(), folder)
+    mitsuba.write_mitsuba(half_shaded_scene(), folder)
     return composited(folder)
 
 
@@ -119,7 +118,7 @@ def test_no_shadow_darkens_shade(composite: NDArray[np.uint8]) -> None:
 def test_an_object_in_the_photos_shade_is_in_shade(tmp_path: Path) -> None:
     """And `sun_on_object` gives it the sun again, while nothing else changes."""
     scene = shaded_spot_scene()
-    mitsuba.write(scene, tmp_path)
+    mitsuba.write_mitsuba(scene, tmp_path)
     shade = composited(tmp_path)
     objects = (tmp_path / "object.xml").read_text()
     assert objects.count('name="sun_on_object" value="0"') == 1

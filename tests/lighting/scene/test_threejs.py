@@ -14,8 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.colour import luminance, srgb_decode, tone_map
-from lighting.files import full_record
+from lighting.color import luminance, srgb_decode, tone_map
 from lighting.geometry import (
     Pinhole,
     camera_directions,
@@ -26,11 +25,11 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
+from lighting.records import record_with_coefficients
 from lighting.scene import gltf, threejs
-from lighting.scene.common import Scene
-from lighting.scene.placeholder import PLACEHOLDER_ALBEDO, placeholder_of
-from tests.browser import drawings
-from tests.scenes import half_shaded_scene, known_scene, shaded_spot_scene
+from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene, placeholder_of
+from tests.helpers.browser import drawings
+from tests.helpers.scenes import half_shaded_scene, known_scene, shaded_spot_scene
 
 Pictures = dict[str, NDArray[Any]]
 
@@ -64,8 +63,8 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
     """The page as it opens, the glTF file in three.js, and the map as the page's background."""
     folder = tmp_path_factory.mktemp("page")
     scene = known_scene()
-    threejs.write(scene, folder)
-    gltf.write(scene, folder)
+    threejs.write_threejs(scene, folder)
+    gltf.write_gltf(scene, folder)
     glb = base64.b64encode((folder / gltf.FILE).read_bytes()).decode()
     found = drawings(folder / threejs.PAGE, THREE_VIEWS.replace("GLB", glb), scene.width, scene.height)
     assert list(found) == ["page", "gltf", "map"]
@@ -110,9 +109,9 @@ def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
 
 def test_text_of_a_record_stays_text(tmp_path: Path) -> None:
     scene, hostile = known_scene(), "</script><script>alert(1)</script><!--"
-    threejs.write(scene, tmp_path)
+    threejs.write_threejs(scene, tmp_path)
     harmless = (tmp_path / threejs.PAGE).read_text()
-    threejs.write(replace(scene, lighting=replace(scene.lighting, warnings=(hostile,))), tmp_path)
+    threejs.write_threejs(replace(scene, lighting=replace(scene.lighting, warnings=(hostile,))), tmp_path)
     page = (tmp_path / threejs.PAGE).read_text()
     assert "alert(1)" in page
     assert [page.count(mark) for mark in ("<script", "</script", "<!--")] == [
@@ -153,7 +152,7 @@ def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> Non
 @pytest.mark.slow
 def test_no_shadow_darkens_shade(tmp_path: Path) -> None:
     scene = half_shaded_scene()
-    threejs.write(scene, tmp_path)
+    threejs.write_threejs(scene, tmp_path)
     page = drawings(tmp_path / threejs.PAGE, 'drawn("page");', scene.width, scene.height)["page"].astype(int)
     right = page[290:, scene.width // 2 + 40 :]  # below the stick, which throws its shadow there, and beside the ball
     assert np.abs(right - scene.plate[290:, scene.width // 2 + 40 :]).max() <= 1
@@ -166,7 +165,7 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
     seen = {}
     for name, of in (("shade", scene), ("sun", known_scene())):
         (tmp_path / name).mkdir()
-        threejs.write(of, tmp_path / name)
+        threejs.write_threejs(of, tmp_path / name)
         seen[name] = drawings(tmp_path / name / threejs.PAGE, CLICKED, scene.width, scene.height)
     centre, radius = scene.spot + placeholder_of(scene).ball_centre, placeholder_of(scene).ball_radius
     to_camera = scene.camera_position - centre
@@ -186,7 +185,7 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
 def test_the_page_finds_the_same_share_of_the_sun(tmp_path: Path) -> None:
     """Shown as a grey background."""
     scene = half_shaded_scene()
-    threejs.write(scene, tmp_path)
+    threejs.write_threejs(scene, tmp_path)
     told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
     script = SHARE.replace("WHOLE", str(told["sunIntensity"]))
     shown = drawings(tmp_path / threejs.PAGE, script, scene.width, scene.height)["share"]
@@ -251,7 +250,7 @@ def description(page: str) -> dict[str, Any]:
 
 
 def test_the_page_holds_all_it_needs(tmp_path: Path) -> None:
-    threejs.write(known_scene(), tmp_path)
+    threejs.write_threejs(known_scene(), tmp_path)
     page = (tmp_path / threejs.PAGE).read_text(encoding="utf-8")
     assert [path.name for path in tmp_path.iterdir()] == [threejs.PAGE]
     assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []
@@ -261,11 +260,11 @@ def test_the_page_holds_all_it_needs(tmp_path: Path) -> None:
 
 def test_what_the_page_is_told(tmp_path: Path) -> None:
     scene = known_scene()
-    threejs.write(scene, tmp_path)
+    threejs.write_threejs(scene, tmp_path)
     told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
     assert told["sunIntensity"] * np.array(told["sunColour"]) == pytest.approx(scene.sun_irradiance)
     assert np.reshape(told["cameraMatrix"], (4, 4)) == pytest.approx(scene.camera_matrix)
-    assert told["lighting"] == full_record(scene.lighting)
+    assert told["lighting"] == record_with_coefficients(scene.lighting)
     plate = Image.open(BytesIO(base64.b64decode(told["plate"].split(",")[1])))
     assert np.array_equal(np.asarray(plate), scene.plate)
     lit = Image.open(BytesIO(base64.b64decode(told["litGround"].split(",")[1])))
@@ -273,6 +272,6 @@ def test_what_the_page_is_told(tmp_path: Path) -> None:
 
 
 def test_the_notice_of_three_js_is_kept() -> None:
-    library = resources.files("lighting") / "scene" / "data" / "three.min.js"
+    library = resources.files("lighting") / "data" / "three.min.js"
     assert "SPDX-License-Identifier: MIT" in library.read_text(encoding="utf-8")
     assert "three.js authors" in Path("NOTICE").read_text(encoding="utf-8")

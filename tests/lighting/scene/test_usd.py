@@ -13,15 +13,15 @@ from lighting.errors import SceneError
 from lighting.files.exr import read_exr
 from lighting.geometry import latlong_directions
 from lighting.scene import EXPORTERS, usd
-from lighting.scene.placeholder import placeholder_of
-from tests.scenes import known_scene, shaded_spot_scene
+from lighting.scene.records import placeholder_of
+from tests.helpers.scenes import known_scene, shaded_spot_scene
 
 BOTH_AXES = pytest.mark.parametrize("up_axis", EXPORTERS["usd"].options["up_axis"].choices)
 
 
 def opened(folder: Path, up_axis: str) -> Any:
     folder.mkdir(exist_ok=True)
-    usd.write(known_scene(), folder, up_axis=up_axis)
+    usd.write_usd(known_scene(), folder, up_axis=up_axis)
     return Usd.Stage.Open(str(folder / usd.STAGE))
 
 
@@ -87,7 +87,7 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, u
 @BOTH_AXES
 def test_where_the_spot_is_in_shade_the_sun_lights_the_ground_alone(tmp_path: Path, up_axis: str) -> None:
     (tmp_path / "shade").mkdir()
-    usd.write(shaded_spot_scene(), tmp_path / "shade", up_axis=up_axis)
+    usd.write_usd(shaded_spot_scene(), tmp_path / "shade", up_axis=up_axis)
     shaded, lit = Usd.Stage.Open(str(tmp_path / "shade" / usd.STAGE)), opened(tmp_path / "sun", up_axis)
     assert complaints(shaded) == []
     parts = ("Ground", "YourObject", "YourObject/Ball", "YourObject/Stick", "YourObject/Mine")
@@ -106,7 +106,7 @@ def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str)
     """A map with one bright pixel, by OpenEXR's definition: +Z at the centre, longitude falls to the right."""
     environment = np.zeros_like(known_scene().environment)
     environment[30, 400] = 1.0
-    usd.write(replace(known_scene(), environment=environment), tmp_path, up_axis=up_axis)
+    usd.write_usd(replace(known_scene(), environment=environment), tmp_path, up_axis=up_axis)
     stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
     dome = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
     assert dome.GetTextureFormatAttr().Get() == "latlong"
@@ -149,7 +149,7 @@ def test_the_plate_is_a_guide_that_fills_the_view(tmp_path: Path) -> None:
 
 
 def test_without_direct_sun_the_light_stays_and_is_dark(tmp_path: Path) -> None:
-    usd.write(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    usd.write_usd(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
     stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
     sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun"))
     assert sun.GetIntensityAttr().Get() == 0
@@ -158,5 +158,5 @@ def test_without_direct_sun_the_light_stays_and_is_dark(tmp_path: Path) -> None:
 
 def test_another_up_axis_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="must be Y or Z"):
-        usd.write(known_scene(), tmp_path, up_axis="X")
+        usd.write_usd(known_scene(), tmp_path, up_axis="X")
     assert list(tmp_path.iterdir()) == []

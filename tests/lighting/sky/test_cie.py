@@ -5,12 +5,7 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, angle_between, direction, latlong_directions, latlong_solid_angle
-from lighting.sky.cie import (
-    general_luminance,
-    gradation,
-    indicatrix,
-    overcast_luminance,
-)
+from lighting.sky.cie import _gradation, _indicatrix, general_luminance, overcast_luminance
 
 UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own
 SUN = direction(30.0, 40.0)
@@ -38,8 +33,8 @@ def test_overcast_sky_lights_the_ground_by_seven_ninths_of_pi() -> None:
 @pytest.mark.parametrize("kind", range(1, 16))
 def test_every_type_is_one_at_the_zenith_and_at_its_reference_angles(kind: int) -> None:
     assert general_luminance(ZENITH, SUN, kind) == pytest.approx(1)
-    assert indicatrix(np.pi / 2, kind) == pytest.approx(1)  # the standard's normalisation
-    assert gradation(0.0, kind) == pytest.approx(1)
+    assert _indicatrix(np.pi / 2, kind) == pytest.approx(1)  # the standard's normalisation
+    assert _gradation(0.0, kind) == pytest.approx(1)
 
 
 def test_type_5_is_uniform() -> None:
@@ -70,14 +65,14 @@ def test_clear_types_are_the_standard_clear_skies_of_1973(kind: int, numbers: tu
 
 @pytest.mark.parametrize("kind", range(1, 16))
 def test_luminance_falls_away_from_the_sun(kind: int) -> None:
-    at = indicatrix(np.radians(np.arange(0.0, 90.0, 5.0)), kind)
+    at = _indicatrix(np.radians(np.arange(0.0, 90.0, 5.0)), kind)
     assert (np.diff(at) <= 1e-12).all()
 
 
 @pytest.mark.parametrize(("kinds", "sign"), [((1, 2, 3, 4), 1), ((9, 10, 11, 12, 13, 14, 15), -1)])
 def test_overcast_skies_brighten_to_the_zenith_and_clear_ones_to_the_horizon(kinds: tuple[int, ...], sign: int) -> None:
     up = np.sin(np.radians(np.arange(5.0, 91.0, 5.0)))
-    assert all((np.diff(gradation(up, kind)) * sign > 0).all() for kind in kinds)
+    assert all((np.diff(_gradation(up, kind)) * sign > 0).all() for kind in kinds)
 
 
 def test_unknown_types_and_night_are_refused() -> None:

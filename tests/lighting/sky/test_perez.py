@@ -5,7 +5,7 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.geometry import direction
-from lighting.sky.perez import perez_coefficients, perez_luminance, sky_brightness, sky_clearness
+from lighting.sky.perez import _perez_coefficients, _sky_brightness, _sky_clearness, perez_luminance
 
 ZENITH = np.array([0.0, 1.0, 0.0])
 
@@ -28,13 +28,13 @@ GENDAYLIT = [
 def test_coefficients_are_those_of_radiance(
     clearness: float, brightness: float, elevation: float, expected: tuple[float, ...]
 ) -> None:
-    ours = perez_coefficients(clearness, brightness, np.radians(90 - elevation))
+    ours = _perez_coefficients(clearness, brightness, np.radians(90 - elevation))
     assert ours == pytest.approx(expected, abs=2e-6)
 
 
 def test_dark_broken_skies_count_as_brighter() -> None:
-    assert perez_coefficients(1.4, 0.05, 0.8) == pytest.approx(perez_coefficients(1.4, 0.2, 0.8))
-    assert perez_coefficients(6.5, 0.05, 0.8) != pytest.approx(perez_coefficients(6.5, 0.2, 0.8))
+    assert _perez_coefficients(1.4, 0.05, 0.8) == pytest.approx(_perez_coefficients(1.4, 0.2, 0.8))
+    assert _perez_coefficients(6.5, 0.05, 0.8) != pytest.approx(_perez_coefficients(6.5, 0.2, 0.8))
 
 
 @pytest.mark.parametrize("clearness", [1.0, 1.2, 1.4, 1.9, 2.7, 4.4, 6.1, 8.0])
@@ -60,15 +60,15 @@ def test_overcast_is_brightest_overhead_and_clear_is_brightest_at_the_sun() -> N
 
 def test_clearness_and_brightness_of_known_irradiances() -> None:
     zenith = np.radians(60.0)
-    assert sky_clearness(100.0, 0.0, zenith) == pytest.approx(1)  # no direct sun: overcast
-    assert sky_clearness(100.0, 700.0, 0.0) == pytest.approx(8)  # the sun overhead: the plain ratio
-    assert sky_clearness(100.0, 700.0, zenith) == pytest.approx((8 + 1.041 * zenith**3) / (1 + 1.041 * zenith**3))
-    assert sky_brightness(136.1, zenith) == pytest.approx(0.1 * 1.9939, rel=1e-3)  # air mass of Kasten and Young
+    assert _sky_clearness(100.0, 0.0, zenith) == pytest.approx(1)  # no direct sun: overcast
+    assert _sky_clearness(100.0, 700.0, 0.0) == pytest.approx(8)  # the sun overhead: the plain ratio
+    assert _sky_clearness(100.0, 700.0, zenith) == pytest.approx((8 + 1.041 * zenith**3) / (1 + 1.041 * zenith**3))
+    assert _sky_brightness(136.1, zenith) == pytest.approx(0.1 * 1.9939, rel=1e-3)  # air mass of Kasten and Young
 
 
 def test_what_no_sky_has_is_refused() -> None:
     for clearness, brightness in ((0.9, 0.2), (2.0, 0.7), (2.0, 0.0), (float("nan"), 0.2)):
         with pytest.raises(ParameterError):
-            perez_coefficients(clearness, brightness, 0.5)
+            _perez_coefficients(clearness, brightness, 0.5)
     with pytest.raises(ParameterError, match="horizon"):
         perez_luminance(ZENITH, direction(0.0, -2.0), 2.0, 0.2)

@@ -6,27 +6,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.evidence import Evidence
+from lighting.fusion.single_view import Observations
 from lighting.geometry import direction
 from lighting.records import Light, Prediction
 from lighting.sun_grid import soft_label
-from lighting.video.light import Look, ShotLight
-from lighting.video.watched import Seen
+from lighting.video.light import FrameObservation, ShotLight
+from lighting.video.tracking import FrameEstimate
 from tests.conftest import TINY
 
 SPEC = replace(TINY, sun_grid="fibonacci:1024")
-NOTHING = Evidence()
+NOTHING = Observations()
 
 
-def look(azimuth: float, heading: float, evidence: Evidence = NOTHING, **other: float) -> Look:
+def look(azimuth: float, heading: float, evidence: Observations = NOTHING, **other: float) -> FrameObservation:
     """A camera at `heading` that believes in a sun at `azimuth` of the shot, 40 deg high."""
     p = soft_label(direction(azimuth - heading, 40.0), 12.0, SPEC.sun_grid).astype(np.float32)
     values: dict[str, Any] = {"sun_visibility": 0.9, "turbidity": 3.0, "exposure": 0.1, **other}
     prediction = Prediction(SPEC, p, camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0, **values)
-    return Look(Seen(prediction), heading, 45.0, evidence=evidence)
+    return FrameObservation(FrameEstimate(prediction), heading, 45.0, evidence=evidence)
 
 
-def sun_of(*looks: Look, evidence: Evidence = NOTHING) -> tuple[float, float, float]:
+def sun_of(*looks: FrameObservation, evidence: Observations = NOTHING) -> tuple[float, float, float]:
     light = ShotLight()
     for one in looks:
         light.add(one)
@@ -55,7 +55,7 @@ def test_one_view_that_errs_is_outvoted() -> None:
 
 def test_with_time_and_place_the_sun_tells_north() -> None:
     """The sun stands at 120 deg, and is seen 50 deg right of azimuth 0: that points to 70 deg."""
-    when = Evidence(candidates=((40.0, 120.0),))
+    when = Observations(candidates=((40.0, 120.0),))
     light = ShotLight()
     for heading in (0.0, 60.0, 120.0):
         light.add(look(50.0, heading, when))
@@ -84,7 +84,7 @@ def test_the_strength_of_the_light_is_averaged_in_the_first_frames_exposure() ->
     for gain in (1.0, 2.0):
         one = look(50.0, 0.0)
         strength = Light(np.full(3, 1.0 * gain), np.full(3, 0.5 * gain), 0.2 * gain, 0.9)
-        light.add(replace(one, seen=Seen(replace(one.seen.prediction, light=strength)), gain=gain))
+        light.add(replace(one, seen=FrameEstimate(replace(one.seen.prediction, light=strength)), gain=gain))
     said = light.answer(NOTHING).prediction.light
     assert said is not None
     assert said.sun_irradiance == pytest.approx([1.0] * 3)

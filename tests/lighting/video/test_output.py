@@ -11,16 +11,17 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from lighting import Lighting, read_exr
 from lighting.cli import cli
 from lighting.files import write_envmap
+from lighting.files.exr import read_exr
 from lighting.geometry import camera_axes
 from lighting.model import Model
+from lighting.records import Lighting
 from lighting.video import output
-from lighting.video.watch import see
+from lighting.video.shot import estimate_frame
 from tests.conftest import LIT, write_network
-from tests.lighting.evidence.test_calibration import poles
-from tests.lighting.video.clips import Pixels, pan, write_clip
+from tests.helpers.clips import Pixels, pan, write_clip
+from tests.lighting.test_calibration import poles
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +81,7 @@ def test_a_lens_that_is_given_tells_how_the_camera_was_held(network: Path, tmp_p
     pixels = poles(20.0, 0.0, 60.0, (320, 180))
     clip = write_clip(tmp_path / "poles.mp4", [pixels] * 3)
     assert run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32, "--fov", 60).exit_code == 0
-    seen = see(Model.load(network), pixels, 60.0)
+    seen = estimate_frame(Model.load(network), pixels, 60.0)
     assert seen.by_lens is not None
     alone, known = (said.prediction.camera_elevation for said in (seen, seen.by_lens))
     assert abs(records(tmp_path / "out")[0]["lighting"]["camera"]["elevation"] - known) < 0.3 * abs(known - alone)
@@ -316,7 +317,9 @@ def test_what_was_done_before_an_interruption_stays(
 
     monkeypatch.setattr(output, "write_envmap", fail)
     with pytest.raises(KeyboardInterrupt):
-        output.process(output.Job(path, tmp_path / "out", wanted=output.Wanted(height=32)), Model.load(network))
+        output.process(
+            output.VideoJob(path, tmp_path / "out", wanted=output.OutputOptions(height=32)), Model.load(network)
+        )
     lines = (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()
     assert len(lines) >= 25
     assert not (tmp_path / "out" / "lighting.jsonl").exists()
@@ -327,7 +330,7 @@ def test_an_interrupted_shot_is_answered_as_far_as_it_was_read(clip: Path, netwo
         if time > 0.4:
             raise KeyboardInterrupt
 
-    job = output.Job(clip, tmp_path / "out", wanted=output.Wanted(height=32))
+    job = output.VideoJob(clip, tmp_path / "out", wanted=output.OutputOptions(height=32))
     with pytest.raises(KeyboardInterrupt):
         output.process(job, Model.load(network), stop)
     times = [json.loads(line)["time"] for line in (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()]

@@ -1,0 +1,120 @@
+"""Tests of path tracing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from export.data.panoramas import DataError
+from export.data.path_tracing import HEIGHT, VARIABLE, RenderedPlace, Sky, _despeckle, find_llvm, random_sky
+from export.data.procedural_towns import EYE, _box, _join
+from lighting.geometry import angle_between, direction, latlong_directions
+from tests.helpers.panoramas import ALBEDO, NOTHING, clear, plain
+
+
+def test_without_llvm_one_sentence_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    with pytest.raises(DataError, match="libllvm"):
+        find_llvm(tmp_path)
+
+
+def test_the_newest_llvm_is_taken_unless_one_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "x86_64-linux-gnu"
+    folder.mkdir()
+    for name in ("libLLVM-9.so", "libLLVM-15.so", "libLLVM.so.19.1", "libLLVM-C.so"):
+        (folder / name).touch()
+    monkeypatch.setenv(VARIABLE, "/elsewhere/libLLVM.so")
+    assert find_llvm(tmp_path) == "/elsewhere/libLLVM.so"
+    monkeypatch.setenv(VARIABLE, "")
+    assert find_llvm(tmp_path) == str(folder / "libLLVM.so.19.1")
+
+
+def test_an_llvm_that_ends_the_process_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """LLVM 15 cannot compile Mitsuba's kernels on processors with AVX-512, whoever names it."""
+    folder = tmp_path / "x86_64-linux-gnu"
+    folder.mkdir()
+    (folder / "libLLVM-15.so.1").touch()
+    monkeypatch.setenv(VARIABLE, "")
+    with pytest.raises(DataError, match="needs LLVM 16 or newer: install libllvm19"):
+        find_llvm(tmp_path)
+    monkeypatch.setenv(VARIABLE, str(folder / "libLLVM-15.so.1"))
+    with pytest.raises(DataError, match="needs LLVM 16 or newer"):
+        find_llvm()
+
+
+@pytest.mark.usefixtures("llvm")
+def test_the_sky_is_seen_where_it_is() -> None:
+    sky, height = clear(), 64
+    seen = RenderedPlace(plain(4.0), NOTHING, sky).panorama(height, 0)
+    upper = sky.radiance[: HEIGHT // 2].reshape(height // 2, 4, 2 * height, 4, 3).mean(axis=(1, 3))
+    near = angle_between(latlong_directions(height)[: height // 2], sky.lighting.sun_direction) < 12
+    ratio = (seen[: height // 2] / upper)[~near]
+    assert np.percentile(np.abs(ratio - 1), 90) < 0.03
+    peak = latlong_directions(height).reshape(-1, 3)[seen.sum(axis=2).argmax()]
+    assert angle_between(peak, sky.lighting.sun_direction) < 3.0
+
+
+@pytest.mark.usefixtures("llvm")
+def test_level_ground_shines_by_lambert_s_law() -> None:
+    """Under an even sky L: albedo x L. Under the sun alone: albedo / pi x E x sin(elevation)."""
+    even = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0).repeat(3, axis=2).astype(np.float32)
+    overcast = Sky(even, clear().lighting, 0.0)
+    below = RenderedPlace(plain(), NOTHING, overcast).panorama(32, 1)[22:28]
+    np.testing.assert_allclose(below.mean(axis=(0, 1)), ALBEDO, rtol=0.02)
+    sunny = Sky(np.zeros_like(even) + 1e-6, clear().lighting, 1.0)
+    lit = RenderedPlace(plain(), NOTHING, sunny).panorama(32, 1)[22:28].mean(axis=(0, 1))
+    np.testing.assert_allclose(
+        lit, np.array(ALBEDO) / np.pi * sunny.sun_irradiance * np.sin(np.radians(40.0)), rtol=0.02
+    )
+
+
+@pytest.mark.usefixtures("llvm")
+def test_a_shadow_falls_away_from_the_sun() -> None:
+    """Of a tower in the sun's direction: the ground on our side is dark, and so are we; behind us it is lit."""
+    sky = clear(elevation=30.0)
+    toward = direction(60.0, 0.0)[[0, 2]]
+    tower = _box(15 * toward, np.array([6.0, 30.0, 6.0]), -60.0, np.array(ALBEDO))
+    scene = RenderedPlace(_join([plain(), tower]), NOTHING, sky)
+    here, aside = np.array([[0.0, EYE, 0.0]]), np.array([[*(20 * toward[::-1] * [1, -1])]])
+    aside = np.array([[aside[0, 0], EYE, aside[0, 1]]])
+    assert scene.sunlit(here) == 0.0
+    assert scene.sunlit(aside) == 1.0
+    assert scene.sunlit(np.concatenate([here, aside])) == 0.5
+    assert scene.is_clear()
+
+
+@pytest.mark.usefixtures("llvm")
+def test_a_camera_in_a_corner_is_not_clear() -> None:
+    wall = _box(np.array([0.0, 0.9]), np.array([8.0, 3.0, 0.4]), 0.0, np.array(ALBEDO))
+    assert not RenderedPlace(_join([plain(), wall]), NOTHING, clear()).is_clear()
+
+
+def test_single_bright_and_dark_pixels_go_and_edges_stay() -> None:
+    image = np.ones((20, 30, 3), np.float32)
+    image[:, 15:] = 5.0
+    speckled = image.copy()
+    speckled[4, 4], speckled[9, 22] = 80.0, 0.0
+    np.testing.assert_array_equal(_despeckle(speckled), image)
+
+
+def test_skies_are_of_every_kind_and_black_below() -> None:
+    skies = [random_sky(np.random.default_rng(seed)) for seed in range(40)]
+    sunlight = np.array([sky.sunlight for sky in skies])
+    assert (sunlight == 0).any()
+    assert (sunlight == 1).any()
+    assert ((sunlight > 0.03) & (sunlight < 1)).any()
+    for sky in skies:
+        assert sky.radiance.shape == (HEIGHT, 2 * HEIGHT, 3)
+        assert np.isfinite(sky.radiance).all()
+        assert (sky.radiance >= 0).all()
+        assert (sky.radiance[HEIGHT // 2 :] == 0).all()
+        assert sky.radiance[: HEIGHT // 2].min() > 0
+        assert sky.is_overcast == (sky.sunlight < 0.03)
+        assert 2 <= sky.lighting.sun_elevation <= 80
+
+
+def test_the_disc_holds_the_sun_s_irradiance() -> None:
+    sky, height = clear(sunlight=0.5), 512
+    weight = np.pi / height * np.cos(np.radians(90 - (np.arange(height) + 0.5) * 180 / height)) * np.pi / height
+    flux = (sky.disc(height) * weight[:, None, None]).sum(axis=(0, 1))
+    np.testing.assert_allclose(flux, sky.sun_irradiance, rtol=0.02)

@@ -1,0 +1,60 @@
+"""Tests of predictions."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from export.crops.crops import load_sources, take
+from export.data.panoramas import DataError, read_index
+from export.evaluation.predictions import (
+    AIMED_EACH,
+    CROPS_EACH,
+    _by_name,
+    _see,
+    cameras,
+    collect,
+    interpret,
+    sun_centered,
+)
+from lighting.geometry import wrap_azimuth
+from lighting.model import Model
+from tests.conftest import TINY, write_network
+
+
+def test_networks_of_one_name_and_version_are_not_compared(tmp_path: Path) -> None:
+    first, second = (Model.load(write_network(tmp_path / name)) for name in ("a.onnx", "b.onnx"))
+    with pytest.raises(DataError, match="Two networks are"):
+        _by_name([first, second])
+
+
+def test_cameras_go_around_evenly_and_are_the_same_every_time(data: Path) -> None:
+    sources = load_sources(read_index(data, "val"), data / "labels.csv")
+    views = cameras(sources, "phone")
+    assert len(views) == CROPS_EACH * len(sources)
+    azimuth = np.array([camera.azimuth for _, camera in views[:CROPS_EACH]])
+    np.testing.assert_allclose(wrap_azimuth(np.diff(azimuth)), 360 / CROPS_EACH, atol=1e-9)
+    assert cameras(sources[1:], "phone") == views[CROPS_EACH:]  # whatever other panoramas there are
+
+
+def test_aimed_views_show_the_sun(data: Path) -> None:
+    sources = load_sources(read_index(data), data / "labels.csv")
+    views = sun_centered(sources)
+    assert len(views) == AIMED_EACH * sum(s.panorama.sun == "visible" for s in sources)
+    crops = [take(source, camera, TINY) for source, camera in views]
+    truth = collect([source.panorama for source, _ in views], crops)
+    assert np.mean(truth.in_view == "sun in view") > 0.8  # a camera tilts by 35 deg at most: the highest suns stay out
+    assert not any(camera.mirrored for _, camera in views)
+
+
+def test_a_network_is_asked_about_every_view(data: Path, network: Path) -> None:
+    sources = load_sources(read_index(data, "val"), data / "labels.csv")
+    views = cameras(sources, "paper")
+    truth, said = _see(Model.load(network), views)
+    assert len(said) == len(views) == len(truth.sun)
+    found = interpret(said, truth.sun)
+    known = np.isfinite(truth.sun[:, 0])
+    assert (np.isfinite(found.nll) == known).all()
+    np.testing.assert_allclose(np.linalg.norm(found.sun, axis=1), 1.0)
+    assert found.radius_50 == pytest.approx([p for p in found.radius_50 if p >= 0])
+    assert truth.scored[known].all()

@@ -1,0 +1,256 @@
+"""Tests of onnx export."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+from numpy.typing import NDArray
+from onnx import GraphProto, ModelProto, TensorProto, checker, helper, numpy_helper
+
+from export.crops.targets import COLUMNS, ROWS
+from export.networks.onnx_export import BYTES, ROUNDED, _parity, _save_graph, _Served, _share, _store_small, write_onnx
+from export.networks.outdoor import build, specs
+from export.networks.weights import average_weights, read_network, read_spec
+from lighting.errors import LightingError
+from lighting.model import Model, weights_path
+from lighting.onnx_session import session_of
+from lighting.sun_grid import grid_directions
+
+RNG = np.random.default_rng(5)
+LONG, WIDE = 800, BYTES // 800 + 1
+FIRST, SECOND, THIRD = (RNG.normal(size=(80, 80)).astype(np.float32) for _ in range(3))
+
+
+def model(*branches: tuple[NDArray[np.float32], ...]) -> ModelProto:
+    """The sum of branches, each a chain of matrix products of the input (B, N)."""
+    nodes, tensors = [], []
+    for b, weights in enumerate(branches):
+        x = "x"
+        for i, w in enumerate(weights):
+            tensors.append(numpy_helper.from_array(w, f"w{b}.{i}"))
+            nodes.append(helper.make_node("MatMul", [x, f"w{b}.{i}"], [f"y{b}.{i}"]))
+            nodes.append(helper.make_node("LeakyRelu", [f"y{b}.{i}"], [f"z{b}.{i}"], alpha=0.1 + 0.1 * b * (i > 0)))
+            x = f"z{b}.{i}"
+    nodes.append(helper.make_node("Sum", [f"z{b}.{len(w) - 1}" for b, w in enumerate(branches)], ["out"]))
+    return _model(nodes, tensors, ["B", "N"])
+
+
+def _model(nodes: list[Any], tensors: list[TensorProto], shape: list[Any]) -> ModelProto:
+    ends = (helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name in ("x", "out"))
+    graph: GraphProto = helper.make_graph(nodes, "g", [next(ends)], [next(ends)], tensors)
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
+
+
+def answer(network: ModelProto, x: NDArray[np.float32]) -> NDArray[np.float32]:
+    checker.check_model(network, full_check=True)
+    options = onnxruntime.SessionOptions()
+    options.add_session_config_entry("session.disable_quant_qdq", "1")  # as lighting.onnx has it
+    session = onnxruntime.InferenceSession(network.SerializeToString(), options, providers=["CPUExecutionProvider"])
+    return np.asarray(session.run(None, {"x": x})[0])
+
+
+def kinds(network: ModelProto) -> set[int]:
+    return {t.data_type for t in network.graph.initializer}
+
+
+def test_what_begins_alike_begins_once_and_answers_the_same() -> None:
+    network = model((FIRST, SECOND), (FIRST, THIRD), (FIRST, SECOND))
+    x = RNG.normal(size=(3, 80)).astype(np.float32)
+    before = answer(network, x)
+    _share(network)
+    np.testing.assert_array_equal(answer(network, x), before)
+    assert len(network.graph.initializer) == 3
+    assert [n.op_type for n in network.graph.node].count("MatMul") == 3
+    assert [n.op_type for n in network.graph.node].count("LeakyRelu") == 4  # the third branch has another slope
+
+
+def test_the_models_own_outputs_keep_their_names() -> None:
+    nodes = [helper.make_node("Abs", ["x"], [name]) for name in ("y", "out")]
+    network = _model(nodes, [], ["B", 80])
+    _share(network)
+    assert answer(network, np.full((1, 80), -2.0, np.float32)).max() == 2.0
+
+
+def test_weights_are_stored_in_bytes_with_a_scale_for_each_output() -> None:
+    """Outputs of very different size keep their precision: a scale for all of them would round the small ones to 0."""
+    uneven = RNG.normal(size=(LONG, WIDE)) * np.geomspace(1e-4, 1e3, WIDE)
+    network = model((uneven.astype(np.float32),))
+    x = RNG.normal(size=(200, LONG)).astype(np.float32)
+    before, size = answer(network, x), network.ByteSize()
+    _store_small(network)
+    error = np.abs(answer(network, x) - before).max(axis=0) / np.abs(before).max(axis=0)
+    assert error.max() < 0.02
+    assert kinds(network) == {TensorProto.INT8, TensorProto.FLOAT}
+    assert network.ByteSize() < 0.35 * size
+
+
+def test_smaller_filters_are_stored_as_halves_and_small_tensors_as_they_are() -> None:
+    depthwise = numpy_helper.from_array(RNG.normal(size=(LONG, 1, 3, 3)).astype(np.float32), "w")
+    pointwise = numpy_helper.from_array(RNG.normal(size=(WIDE, LONG, 1, 1)).astype(np.float32), "v")
+    bias = numpy_helper.from_array(RNG.normal(size=WIDE).astype(np.float32), "b")
+    nodes = [
+        helper.make_node("Conv", ["x", "w"], ["y"], group=LONG, kernel_shape=[3, 3], pads=[1, 1, 1, 1]),
+        helper.make_node("Conv", ["y", "v", "b"], ["out"], kernel_shape=[1, 1]),
+    ]
+    network = _model(nodes, [depthwise, pointwise, bias], ["B", "C", 5, 5])
+    x = RNG.normal(size=(2, LONG, 5, 5)).astype(np.float32)
+    before = answer(network, x)
+    _store_small(network)
+    stored = {t.name: t.data_type for t in network.graph.initializer}
+    assert stored["w.half"] == TensorProto.FLOAT16
+    assert stored["v.bytes"] == TensorProto.INT8
+    assert stored["b"] == TensorProto.FLOAT
+    np.testing.assert_allclose(answer(network, x), before, atol=0.02 * np.abs(before).max())
+
+
+def test_an_output_without_weights_stays_zero() -> None:
+    network = model((np.zeros((LONG, WIDE), np.float32),))
+    _store_small(network)
+    assert not answer(network, np.ones((1, LONG), np.float32)).any()
+
+
+def test_weights_lie_beside_the_graph_and_answer_the_same(tmp_path: Path) -> None:
+    """Writing twice leaves what writing once does, and the model keeps its weights."""
+    network = model((FIRST, SECOND))
+    _store_small(network)
+    x = RNG.normal(size=(3, 80)).astype(np.float32)
+    before, file = answer(network, x), tmp_path / "n.onnx"
+    for _ in range(2):
+        _save_graph(network, file)
+        assert weights_path(file).stat().st_size < 2 * (FIRST.size + SECOND.size) + 8192
+    np.testing.assert_array_equal(answer(network, x), before)
+    session = session_of(file, 1)
+    np.testing.assert_array_equal(session.run(None, {"x": x})[0], before)
+
+
+def test_onnx_and_torch_agree(trained: Path, trained_network: Path) -> None:
+    model = Model.load(trained_network)
+    metadata = model.session.get_modelmeta().custom_metadata_map
+    assert _parity(_Served([read_network(trained)], read_spec(trained).sun_grid, 1.3).eval(), trained_network) < ROUNDED
+    assert float(metadata["parity"]) < ROUNDED
+    assert metadata["license"] == "Apache-2.0"
+    assert "16 crops" in model.spec.training_data
+    (settings,) = json.loads(metadata["training"])
+    assert [(run["crops"], run["learning_rate"], run["commit"]) for run in settings] == [(16, 8e-4, metadata["commit"])]
+    assert str(trained) not in metadata["training"]
+    for count in (1, 3):
+        answers = model.predict(np.zeros((count, 3, model.spec.height, model.spec.width), np.float32))
+        assert [a.sun_probability.sum() for a in answers] == pytest.approx([1.0] * count, rel=1e-5)
+
+
+def test_two_runs_answer_together_in_one_file(trained: Path, trained_network: Path, tmp_path: Path) -> None:
+    """The same run twice says what it says alone, and nothing is computed or stored twice."""
+    target = tmp_path / "two.onnx"
+    write_onnx([trained, trained], target, temperature=1.3, version="2.0.0")
+    one, two = Model.load(trained_network), Model.load(target)
+    photo = np.random.default_rng(0).normal(size=(2, 3, 224, 224)).astype(np.float32)
+    for a, b in zip(one.predict(photo), two.predict(photo), strict=True):
+        np.testing.assert_allclose(a.sun_probability, b.sun_probability, rtol=1e-3)
+    assert two.spec.version == "2.0.0"
+    assert weights_path(target).stat().st_size < 1.05 * weights_path(trained_network).stat().st_size
+    files = [onnx.load(path).graph for path in (trained_network, target)]
+    assert len(files[1].initializer) == len(files[0].initializer)
+    stored = {tensor.data_type for tensor in files[1].initializer}
+    assert {onnx.TensorProto.INT8, onnx.TensorProto.FLOAT16} <= stored
+    assert not any(node.metadata_props for node in files[1].node)
+    assert any(node.op_type == "DequantizeLinear" for node in files[1].node)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["two.onnx", "two.onnx.data"]
+    assert target.stat().st_size < weights_path(target).stat().st_size / 5
+
+
+def test_runs_of_different_networks_do_not_answer_together(trained: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(trained, other)
+    record = json.loads((other / "config.json").read_text())
+    record["spec"]["mean"] = [0.1, 0.2, 0.3]
+    (other / "config.json").write_text(json.dumps(record))
+    with pytest.raises(LightingError, match="expect different photos"):
+        write_onnx([trained, other], tmp_path / "x.onnx", temperature=1.0)
+    assert not (tmp_path / "x.onnx").exists()
+    with pytest.raises(LightingError, match="have no mean"):
+        average_weights([trained, other], tmp_path / "merged")
+    assert not (tmp_path / "merged").exists()
+
+
+def test_a_wrong_export_is_refused(
+    trained: Path, trained_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file on disk is traced at another temperature than the network that it is compared with."""
+    model = onnx.load(trained_network)
+    model.ClearField("metadata_props")
+    monkeypatch.setattr("export.networks.onnx_export._trace", lambda *_: model)
+    with pytest.raises(LightingError, match="differ"):
+        write_onnx([trained], tmp_path / "x.onnx", temperature=3.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+SPECS = specs("0")
+
+
+GRID = SPECS["outdoor"].sun_grid
+
+
+@pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
+def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
+    spec = SPECS[name]
+    served = _Served([build(spec)], spec.sun_grid).eval()
+    with torch.inference_mode():
+        probability, parameters = served(torch.zeros(2, 3, spec.height, spec.width))
+    assert probability.shape == (2, len(grid_directions(spec.sun_grid)))
+    np.testing.assert_allclose(probability.sum(dim=1), 1.0, rtol=1e-5)
+    assert parameters.shape == (2, 6)
+    assert served.outputs == ["sun_probability", "parameters"]
+    assert torch.isfinite(parameters).all()
+
+
+def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
+    network = build(SPECS["outdoor"], around=True).eval()
+    served = _Served([network, build(SPECS["outdoor"]).eval()], GRID)
+    with torch.inference_mode():
+        _, _, light, around = served(torch.randn(2, 3, 224, 224))
+    assert served.outputs == ["sun_probability", "parameters", "light", "around"]
+    assert light.shape == (2, 8)
+    assert around.shape == (2, ROWS, COLUMNS, 3)
+    assert (light > 0).all()
+    assert (light[:, 6:] < 1).all()
+    assert (around >= 0).all()
+
+
+def test_temperature_widens_the_distribution() -> None:
+    network = build(SPECS["outdoor"], sees=False).eval()
+    photo = torch.randn(1, 3, 224, 224)
+    with torch.inference_mode():
+        sharp, soft = _Served([network], GRID, 0.5)(photo)[0], _Served([network], GRID, 2.0)(photo)[0]
+    assert sharp.max() > soft.max()
+    assert sharp.argmax() == soft.argmax()
+
+
+def test_networks_together_answer_their_mean() -> None:
+    torch.manual_seed(3)
+    networks = [build(SPECS["outdoor"]).eval() for _ in range(2)]
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        alone = [_Served([network], GRID, 1.4)(photo) for network in networks]
+        both = _Served(networks, GRID, 1.4)(photo)
+    torch.testing.assert_close(both[0], (alone[0][0] + alone[1][0]) / 2)
+    torch.testing.assert_close(both[1][:, 2:5], (alone[0][1] + alone[1][1])[:, 2:5] / 2)
+    torch.testing.assert_close(both[1][:, :2], (alone[0][1] * alone[1][1])[:, :2].sqrt())  # turbidity and exposure
+
+
+def test_a_network_for_the_camera_answers_for_it_instead_of_the_others() -> None:
+    torch.manual_seed(4)
+    first, camera = (build(SPECS["outdoor"], sees=False).eval() for _ in range(2))
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        sun, parameters = _Served([first], GRID, cameras=[camera])(photo)
+        alone, instead = _Served([first], GRID)(photo), _Served([camera], GRID)(photo)
+    torch.testing.assert_close(sun, alone[0])
+    torch.testing.assert_close(parameters[:, 2:5], instead[1][:, 2:5])
+    torch.testing.assert_close(parameters[:, [0, 1, 5]], alone[1][:, [0, 1, 5]])
+    assert (parameters[:, 2:5] - alone[1][:, 2:5]).abs().max() > 0

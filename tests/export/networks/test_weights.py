@@ -1,0 +1,135 @@
+"""Tests of weights."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from export.data.panoramas import DataError
+from export.networks.outdoor import build, load_weights, specs
+from export.networks.weights import (
+    CHECKPOINT,
+    RECORD,
+    average_weights,
+    averaged_weights,
+    describe_data,
+    differ,
+    history,
+    read_network,
+    read_record,
+    read_spec,
+)
+from lighting.errors import LightingError
+
+
+def test_merged_runs_have_the_mean_of_their_weights(trained: Path, tmp_path: Path) -> None:
+    other, merged = tmp_path / "other", tmp_path / "merged"
+    shutil.copytree(trained, other)
+    state = torch.load(other / "checkpoint.pt", weights_only=True)
+    for name, value in state["average"].items():
+        if value.is_floating_point():
+            state["average"][name] = value + 2.0
+    torch.save(state, other / "checkpoint.pt")
+    record = read_record(other)
+    record["config"]["crops"] = 32
+    (other / "config.json").write_text(json.dumps(record))
+    average_weights([trained, other], merged)
+    one, mean = averaged_weights(trained), averaged_weights(merged)
+    assert one.keys() == mean.keys()
+    for name, value in one.items():
+        torch.testing.assert_close(mean[name], value + 1.0 if value.is_floating_point() else value)
+    assert [run["crops"] for run in history(read_record(merged))] == [16, 32]
+    assert [run["crops"] for run in history(read_record(merged), read_record(other))] == [16, 32]
+    assert "48 crops" in describe_data(read_record(merged))
+    with pytest.raises(LightingError, match="already holds a run"):
+        average_weights([trained, other], merged)
+
+
+def test_averaged_weights_have_the_network_s_own_names(trained: Path) -> None:
+    weights = averaged_weights(trained)
+    network = build(read_spec(trained))
+    assert set(weights) == set(network.state_dict())
+    state = torch.load(trained / CHECKPOINT, weights_only=True)
+    assert {"network", "average", "optimizer", "step"} <= set(state)
+
+
+def test_the_network_that_is_read_is_ready_to_answer(trained: Path) -> None:
+    network, expected = read_network(trained), build(read_spec(trained))
+    load_weights(expected, averaged_weights(trained))
+    assert not network.training
+    photo = torch.randn(1, 3, 224, 224)
+    with torch.inference_mode():
+        torch.testing.assert_close(network(photo).sun, expected.eval()(photo).sun)
+
+
+def record(crops: int, **more: Any) -> dict[str, Any]:
+    config = {"crops": crops, "licensed_only": False, "pretrained": True, "data": "here", "labels": "l", "out": "o"}
+    spec = json.loads(specs("1.0.0")["outdoor"].to_json())
+    made = {"config": config, "spec": spec, "commit": "c", "torch": "2", "panoramas": {"train": ["a", "b"], "tune": []}}
+    return made | more
+
+
+def write(folder: Path, content: dict[str, Any]) -> Path:
+    folder.mkdir()
+    (folder / RECORD).write_text(json.dumps(content))
+    return folder
+
+
+def test_history_lists_each_run_once_and_no_paths() -> None:
+    first = history(record(10))
+    assert first == [{"crops": 10, "licensed_only": False, "pretrained": True, "commit": "c", "torch": "2"}]
+    later = record(20, before=first)
+    assert [run["crops"] for run in history(later, record(10))] == [10, 20]
+    assert [run["crops"] for run in history(record(30, merged=history(later)))] == [10, 20]
+
+
+def test_of_the_runs_and_places_that_a_run_learnt_from_the_names_alone_are_listed() -> None:
+    one = record(10)
+    one["config"] |= {"start": "/home/me/runs/first", "synthetic": "runs/towns/", "teachers": ["/a/b", "c"]}
+    (told,) = history(one)
+    assert (told["start"], told["synthetic"], told["teachers"]) == ("first", "towns", ["b", "c"])
+    older = {**told, "start": "/work/first", "synthetic": "", "teachers": []}  # as runs listed them before
+    assert [run["start"] for run in history(record(20, before=[older]))[:1]] == ["first"]
+    assert len(history(one, record(30, merged=[{**told, "start": "/home/me/runs/first"}]))) == 1
+
+
+def test_the_training_data_are_one_sentence() -> None:
+    assert describe_data(record(10, before=history(record(5)))) == (
+        "from ImageNet weights, 15 crops of 2 outdoor panoramas, most with no stated licence"
+    )
+    mixed = record(10)
+    mixed["config"] |= {"photos_share": 0.2, "licensed_only": True, "pretrained": False}
+    assert describe_data(mixed) == (
+        "10 crops of 2 outdoor permissively licensed panoramas, a share of them of ordinary photos"
+    )
+    mixed["config"]["synthetic"] = "towns"
+    assert describe_data(mixed).endswith(", a share of them of rendered places and ordinary photos")
+    baseline = record(10)
+    baseline["spec"]["name"] = "cvpr2017"
+    assert describe_data(baseline) == "10 crops of 2 outdoor panoramas, most with no stated licence"
+
+
+def test_versions_alone_make_no_difference(tmp_path: Path) -> None:
+    one = write(tmp_path / "one", record(1))
+    newer = record(1)
+    newer["spec"] = newer["spec"] | {"version": "2.0.0"}
+    other = record(1)
+    other["spec"] = json.loads(specs("1.0.0")["cvpr2017"].to_json())
+    assert not differ([one, write(tmp_path / "newer", newer)])
+    assert differ([one, write(tmp_path / "other", other)])
+    assert read_spec(one) == specs("1.0.0")["outdoor"]
+
+
+def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="is not the folder of a training run"):
+        read_record(tmp_path)
+    with pytest.raises(DataError) as refused:
+        read_record(tmp_path)
+    assert str(refused.value).count(str(tmp_path)) == 1
+    for other in ("[1]", '{"minutes": 70}'):  # the second as of a run of `stereo train`
+        (tmp_path / RECORD).write_text(other)
+        with pytest.raises(DataError, match=r"config\.json is of another kind\.$"):
+            read_spec(tmp_path)

@@ -1,0 +1,74 @@
+"""Tests of renders."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from export.stereo.renders import Material, cast_shadows, shade_surface, subjects
+from export.stereo.surfaces import _of_height
+from lighting.stereo.grid_search import Pose
+from lighting.stereo.light_vectors import Skies
+from tests.export.stereo.test_surfaces import OCTAHEDRON
+
+
+def scanned(folder: Path) -> None:
+    """A plane 500 mm away that faces the camera, through a lens of 1000 pixels."""
+    folder.mkdir(parents=True)
+    Image.fromarray(np.full((40, 50, 3), (128, 128, 255), np.uint8)).save(folder / "normal_map.png")
+    mask = np.zeros((40, 50), np.uint8)
+    mask[10:30, 10:40] = 255
+    Image.fromarray(mask).save(folder / "mask.png")
+    np.savez(folder / "depth_gt.npz", depth_gt=np.full((40, 50), 500.0))
+    np.savetxt(folder / "K.txt", np.diag([1000.0, 1000.0, 1.0]))
+
+
+def test_scanned_objects_are_cut_to_their_mask(tmp_path: Path) -> None:
+    scanned(tmp_path / "scanned_objects" / "bear")
+    (bear,) = subjects(tmp_path)
+    assert bear.surface.mask.sum() == 600
+    assert bear.surface.mask.shape == (36, 46)  # 8 pixels around
+    assert bear.scale == pytest.approx(0.5)  # mm a pixel
+    np.testing.assert_allclose(bear.surface.normals[bear.surface.mask], [[0, 0, 1]] * 600, atol=0.01)
+    np.testing.assert_allclose(bear.surface.height[bear.surface.mask], -1000)
+    (thin,) = subjects(tmp_path, 2)
+    assert thin.surface.mask.sum() == 150
+    assert thin.scale == pytest.approx(1.0)
+    np.testing.assert_allclose(thin.surface.height[thin.surface.mask], -500)
+
+
+def test_only_held_out_meshes_are_scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("export.stereo.renders._VIEW", 24)
+    (tmp_path / "meshes").mkdir()
+    for name in ("spot", "boot"):
+        (tmp_path / "meshes" / f"{name}.obj").write_text(OCTAHEDRON)
+    assert [subject.name for subject in subjects(tmp_path, 4)] == ["spot 1", "spot 2"]
+
+
+def test_a_folder_without_shapes_gives_none(tmp_path: Path) -> None:
+    assert not list(subjects(tmp_path))
+
+
+def test_a_wall_casts_a_shadow_as_long_as_the_sun_is_low() -> None:
+    height = np.zeros((40, 80), dtype=np.float32)
+    height[:, :10] = 12.0
+    surface = _of_height(height, np.ones_like(height, dtype=bool))
+    sun = np.array([-1.0, 0.0, 0.5])  # from the left, falling one pixel in two
+    pixels = np.array([[20, column] for column in range(12, 80)])
+    lit = cast_shadows(surface, pixels, (sun / np.linalg.norm(sun))[None])[:, 0]
+    edge = 12 + int(np.flatnonzero(lit)[0])
+    assert abs(edge - (10 + 24)) <= 3
+    assert lit[edge - 12 :].all()
+
+
+def test_shading_is_lamberts_under_a_single_light() -> None:
+    light = np.array([[0.6, 0.0, 0.8]])
+    skies = Skies(np.zeros((1, 4, 8, 1), np.float32), light, np.full((1, 1), np.pi))
+    normals = np.array([[0, 0, 1], [0.6, 0, 0.8], [-0.8, 0, 0.6]], dtype=np.float32)
+    matt = Material(np.full(3, 0.5, np.float32))
+    np.testing.assert_allclose(shade_surface(normals, skies, Pose(), matt, None)[:, 0, 0], [0.4, 0.5, 0.0], atol=1e-3)
+    shadow = shade_surface(normals, skies, Pose(), matt, np.zeros((3, 1), dtype=bool))
+    np.testing.assert_allclose(shadow, 0, atol=1e-6)
+    glossy = shade_surface(normals, skies, Pose(), Material(matt.albedo, 0.1), None)
+    assert (glossy[:2] > shade_surface(normals, skies, Pose(), matt, None)[:2]).all()

@@ -1,0 +1,90 @@
+"""Learning from what earlier runs answer."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from export.crops.crops import load_sources
+from export.data.panoramas import DataError, read_index
+from export.networks.backbone import Said
+from export.networks.outdoor import decode_parameters, expected
+from export.networks.weights import history, read_network, read_record
+from export.training.config import TrainConfig
+from export.training.dataset import Batch, TrainingCrops
+from export.training.distillation import TeacherEnsemble, mixup
+from export.training.loop import _Run, train_network
+from export.training.losses import losses
+from lighting.errors import LightingError
+
+
+@pytest.fixture
+def batch(config: TrainConfig) -> Batch:
+    run = _Run(config)
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    return next(run.batches(TrainingCrops(sources, run.spec, replace(config, surroundings=True))))
+
+
+def test_the_target_is_the_mean_of_the_teachers_answers(trained: Path, batch: Batch) -> None:
+    network = read_network(trained)
+    spec = _Run(TrainConfig("", "", "")).spec
+    alone = TeacherEnsemble([trained], spec, batch.photo.device, around=False).targets(batch.photo)
+    with torch.inference_mode():
+        said = network(batch.photo)
+    torch.testing.assert_close(alone.sun, said.sun.softmax(dim=1))
+    torch.testing.assert_close(alone.parameters[:, 2:5], _camera(said))
+    assert alone.around.shape == alone.light.shape == (len(batch.photo), 0)
+    twice = TeacherEnsemble([trained, trained], spec, batch.photo.device, around=False).targets(batch.photo)
+    torch.testing.assert_close(twice.sun, alone.sun)
+
+
+def _camera(said: Said) -> torch.Tensor:
+    return decode_parameters(torch.cat([said.raw[:, :2], expected(said.camera), said.raw[:, 5:]], dim=1))[:, 2:5]
+
+
+def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch) -> None:
+    torch.manual_seed(0)
+    mixed = mixup(batch, 0.5)
+    same = (mixed.photo == batch.photo).flatten(1).all(dim=1)
+    assert 0 < int(same.sum()) < len(same)
+    for name in ("sun", "parameters", "seen", "around", "light"):
+        torch.testing.assert_close(getattr(mixed, name)[same], getattr(batch, name)[same], equal_nan=True)
+    assert (mixed.sun[~same] == 0).all()
+    assert (mixed.seen[~same] == 0).all()
+    assert mixed.parameters[~same].isnan().all()
+    assert mixed.light[~same].isnan().all()
+    torch.testing.assert_close(mixup(batch, 0.0).photo, batch.photo)
+
+
+def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trained: Path, batch: Batch) -> None:
+    network = read_network(trained)
+    taught = TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, around=False)
+    answers = taught.targets(batch.photo)
+    said = network(batch.photo)
+    loss = losses(said, answers)["sun"]
+    entropy = -(answers.sun * answers.sun.log()).sum(dim=1).mean()
+    assert loss.item() == pytest.approx(entropy.item(), rel=1e-3)
+    (slope,) = torch.autograd.grad(loss, said.sun)
+    assert slope.abs().max() < 1e-6
+
+
+def test_a_run_is_taught_and_says_by_whom(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    own = replace(config, out=str(tmp_path), teachers=(str(trained),), crops=8, batch=4, tune_share=0.0)
+    train_network(own)
+    logged = json.loads((tmp_path / "log.jsonl").read_text())
+    assert logged["taught sun"] > 0
+    assert [run["crops"] for run in history(read_record(tmp_path))] == [16, 8]
+    train_network(replace(own, workers=0))  # a finished run is taken up again with the same teachers
+    with pytest.raises(DataError, match="another teachers"):
+        train_network(replace(own, teachers=()))
+
+
+def test_who_has_not_learnt_it_cannot_teach_it(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    own = replace(config, out=str(tmp_path), teachers=(str(trained),))
+    with pytest.raises(LightingError, match="cannot teach --surroundings"):
+        train_network(replace(own, surroundings=True))
+    for given in ({"teachers": (str(tmp_path / "none"),)}, {"start": str(tmp_path / "none"), "teachers": ()}):
+        with pytest.raises(LightingError, match="not the folder of a training run"):
+            train_network(replace(own, **given))

@@ -1,0 +1,236 @@
+"""Tests of loop."""
+
+import json
+import shutil
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+import torch
+
+from export.crops.crops import load_sources
+from export.crops.targets import CELLS
+from export.data.panoramas import DataError, read_index
+from export.networks.onnx_export import write_onnx
+from export.networks.onnx_import import read_shipped, write_run
+from export.networks.outdoor import specs
+from export.networks.weights import CHECKPOINT, RECORD, average_weights, averaged_weights, history, read_record
+from export.training.config import TrainConfig
+from export.training.dataset import TrainingCrops
+from export.training.loop import _earlier_commits, _learning_rate, _Run, train_network
+
+
+def test_a_run_leaves_what_reproduces_it(trained: Path, config: TrainConfig) -> None:
+    record = json.loads((trained / "config.json").read_text())
+    assert record["config"]["crops"] == config.crops
+    assert set(record["panoramas"]["train"]).isdisjoint(record["panoramas"]["tune"])
+    assert not {p.name for p in read_index(config.data, "val")} & set(record["panoramas"]["train"])
+    last = json.loads((trained / "log.jsonl").read_text().splitlines()[-1])
+    assert last["step"] == 4
+    assert np.isfinite(last["sun"])
+
+
+def test_a_run_is_resumed_with_its_own_settings_alone(
+    config: TrainConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = replace(config, out=str(tmp_path), crops=8, batch=4)
+    train_network(own)
+    record = json.loads((tmp_path / RECORD).read_text())
+    with pytest.raises(DataError, match=r"holds a run with another crops and licensed_only; choose another --out"):
+        train_network(replace(own, crops=4, licensed_only=True))
+    train_network(replace(own, workers=0, checkpoint_minutes=9.0))
+    again = json.loads((tmp_path / RECORD).read_text())
+    assert again["commit"] == record["commit"]
+    assert again["config"] == {**record["config"], "workers": 0, "checkpoint_minutes": 9.0}
+    monkeypatch.setitem(train_network.__globals__, "commit", lambda: "one that trained nothing")
+    moved = shutil.copytree(tmp_path, tmp_path / "moved")
+    train_network(replace(own, out=str(moved)))
+    assert json.loads((moved / RECORD).read_text())["commit"] == record["commit"]
+
+
+def test_networks_that_are_no_runs_are_to_be_started_from(
+    config: TrainConfig, trained: Path, trained_network: Path, tmp_path: Path
+) -> None:
+    mean, read = tmp_path / "mean", tmp_path / "read"
+    average_weights([trained, trained], mean)
+    write_run(*read_shipped(trained_network, 0), trained_network, 0, read)
+    for folder, made in ((mean, "is the mean of several runs"), (read, "was read back from a file")):
+        before = (folder / RECORD).read_bytes()
+        with pytest.raises(DataError, match=f"{made}; give it as --start and choose another --out"):
+            train_network(replace(config, out=str(folder)))
+        assert (folder / RECORD).read_bytes() == before
+
+
+def test_a_damaged_checkpoint_is_one_sentence(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    for share in (0.0, 0.01, 0.6):
+        run = tmp_path / f"run {share}"
+        shutil.copytree(trained, run)
+        whole = (trained / CHECKPOINT).read_bytes()
+        (run / CHECKPOINT).write_bytes(whole[: int(share * len(whole))])
+        again = replace(config, out=str(run))
+        for work in (partial(train_network, again), partial(average_weights, [run, trained], tmp_path / "mean")):
+            with pytest.raises(DataError, match=r"checkpoint\.pt is cut short or damaged\.$"):
+                work()
+
+
+def test_what_belongs_to_another_network_or_time_is_one_sentence(
+    config: TrainConfig, trained: Path, tmp_path: Path
+) -> None:
+    train_network(replace(config, out=str(tmp_path / "cvpr2017"), network="cvpr2017", crops=4))
+    with pytest.raises(DataError, match="are of another network than this one"):
+        train_network(replace(config, out=str(tmp_path / "later"), start=str(tmp_path / "cvpr2017")))
+    assert not (tmp_path / "later").exists()
+    mixed = shutil.copytree(trained, tmp_path / "mixed")
+    shutil.copy(tmp_path / "cvpr2017" / CHECKPOINT, mixed / CHECKPOINT)
+    with pytest.raises(DataError, match=r"checkpoint\.pt is of another network than the run's\.$"):
+        train_network(replace(config, out=str(mixed)))
+    record = json.loads((mixed / RECORD).read_text())
+    (mixed / RECORD).write_text(json.dumps({**record, "config": {**record["config"], "older": 1}}))
+    with pytest.raises(DataError, match="holds a run with a setting that is unknown here, older; choose another --out"):
+        train_network(replace(config, out=str(mixed)))
+
+
+def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
+    config: TrainConfig, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = replace(config, out=str(trained))
+    folder = Path(config.data)
+    monkeypatch.chdir(folder.parent)
+    relative = replace(own, data=folder.name, labels=f"{folder.name}/../{folder.name}/labels.csv")
+    assert _earlier_commits(relative) == _earlier_commits(own)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DataError, match="another data and labels"):
+        _earlier_commits(relative)
+    with pytest.raises(DataError, match="another teachers and start and synthetic"):
+        _earlier_commits(replace(own, start=".", synthetic=".", teachers=(".",)))
+
+
+def test_a_batch_can_be_learnt_by_heart(config: TrainConfig) -> None:
+    run = _Run(replace(config, learning_rate=2e-3, warmup=0.0, crops=1000))
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    batch = next(run.batches(TrainingCrops(sources, run.spec, run.config)))
+    run.network.train()
+    history = [run.update(batch) for _ in range(18)]
+    for name in ("sun", "parameters"):
+        assert float(history[-1][name]) < 0.8 * float(history[0][name])
+
+
+def test_a_killed_run_goes_on_where_it_stopped(config: TrainConfig, tmp_path: Path) -> None:
+    first = _Run(replace(config, out=str(tmp_path)))
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    crops = TrainingCrops(sources, first.spec, replace(config, crops=12))
+    first.train_mode()
+    for batch in first.batches(crops):
+        first.update(batch)
+        if first.step == 2:
+            first.save()
+    second = _Run(first.config)
+    second.resume()
+    assert second.step == 2
+    second.train_mode()
+    for batch in second.batches(crops, first=8):
+        second.update(batch)
+    assert second.step == first.step == 3
+    torch.testing.assert_close(second.network.state_dict(), first.network.state_dict(), rtol=0, atol=1e-6)
+    torch.testing.assert_close(second.average.state_dict(), first.average.state_dict(), rtol=0, atol=1e-6)
+
+
+def test_a_run_starts_from_the_averaged_weights_of_another_and_sees_other_crops(
+    config: TrainConfig, tmp_path: Path
+) -> None:
+    first = _Run(replace(config, out=str(tmp_path)))
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    first.update(next(first.batches(TrainingCrops(sources, first.spec, config))))
+    first.save()
+    later = replace(config, out=str(tmp_path / "later"), start=str(tmp_path))
+    second = _Run(later)
+    torch.testing.assert_close(second.network.state_dict(), first.average.module.state_dict())
+    photos = [TrainingCrops(sources, first.spec, c)[0].photo for c in (config, later)]
+    assert not torch.equal(*photos)
+
+
+def test_the_learning_rate_rises_and_falls_to_zero() -> None:
+    factors = [_learning_rate(step, 100, 0.1) for step in range(100)]
+    assert factors[9] == 1.0
+    assert factors == sorted(factors[:10]) + sorted(factors[10:], reverse=True)
+    assert factors[-1] < 1e-3
+
+
+def test_what_a_killed_save_left_is_deleted(config: TrainConfig, tmp_path: Path) -> None:
+    left, other = tmp_path / ".0123456789abcdef.pt", tmp_path / "other.pt"
+    left.write_bytes(b"half")
+    other.write_bytes(b"whole")
+    _Run(replace(config, out=str(tmp_path))).resume()
+    assert [*tmp_path.iterdir()] == [other]
+
+
+def test_where_the_sun_is_seen_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    train_network(replace(config, out=str(tmp_path), start=str(trained), only_seen=True, aimed=1.0, crops=8))
+    before, after = averaged_weights(trained), averaged_weights(tmp_path)
+    changed = {name for name, value in before.items() if not torch.equal(value, after[name])}
+    assert changed
+    assert all(name.startswith("seen.") for name in changed)
+    assert [run["crops"] for run in history(read_record(tmp_path))] == [16, 8]
+
+
+def test_the_camera_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    train_network(replace(config, out=str(tmp_path), start=str(trained), only_camera=True, crops=8))
+    before, after = averaged_weights(trained), averaged_weights(tmp_path)
+    changed = {name.split(".")[0] for name, value in before.items() if not torch.equal(value, after[name])}
+    assert {"backbone", "values", "camera"} <= changed
+    assert "sun" not in changed
+
+
+def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: TrainConfig, tmp_path: Path) -> None:
+    both = replace(config, out=str(tmp_path / "run"), crops=8, joined=1.0, surroundings=True)
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    run = _Run(both)
+    alone, joined = (TrainingCrops(sources, run.spec, c) for c in (config, both))
+    assert {len(joined._drawn(index)) for index in range(8)} == {2}
+    assert all(joined._drawn(index)[0] == alone._drawn(index)[0] for index in range(8))
+    assert [tuple(part.shape) for part in (alone[0].around, joined[0].around)] == [(0,), (3 * CELLS,)]
+    assert not torch.equal(alone[0].photo, joined[0].photo)
+    train_network(both)
+    assert json.loads((Path(both.out) / "log.jsonl").read_text())["around"] > 0
+    write_onnx([Path(both.out)], tmp_path / "x.onnx")
+    assert {"light", "around"} < {output.name for output in onnx.load(tmp_path / "x.onnx").graph.output}
+    train_network(
+        replace(both, out=str(tmp_path / "next"), start=both.out, joined=0.0, surroundings=False, only_seen=True)
+    )
+
+
+def test_crops_of_a_stretched_world_have_other_pictures_and_suns(config: TrainConfig, tmp_path: Path) -> None:
+    stretched = replace(config, out=str(tmp_path / "run"), crops=8, stretched=1.0, joined=0.5, surroundings=True)
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    spec = specs("1.0.0")["outdoor"]
+    as_it_is, other = (TrainingCrops(sources, spec, replace(stretched, stretched=share)) for share in (0.0, 1.0))
+    assert all(as_it_is._drawn(index) == other._drawn(index) for index in range(8))
+    for part in ("photo", "sun", "around"):
+        assert not any(torch.equal(getattr(as_it_is[i], part), getattr(other[i], part)) for i in range(4))
+    train_network(stretched)
+    assert history(read_record(Path(stretched.out)))[0]["stretched"] == 1.0
+
+
+def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: TrainConfig, tmp_path: Path) -> None:
+    asked = replace(config, out=str(tmp_path / "run"), crops=8)
+    with pytest.raises(DataError, match=r"8 crops do not fill one step of 32, so nothing would be trained\.$"):
+        train_network(replace(asked, batch=32))
+    with pytest.raises(DataError, match="no photo to learn from"):
+        train_network(replace(asked, photos_share=0.5))
+    with pytest.raises(DataError, match="cannot be read"):
+        train_network(replace(asked, labels=str(tmp_path / "none.csv")))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_s_crops_depend_on_the_name_of_its_start_and_not_on_where_that_lies(config: TrainConfig) -> None:
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    spec = specs("1.0.0")["outdoor"]
+    photos = [
+        TrainingCrops(sources, spec, replace(config, start=start))[0].photo
+        for start in ("/home/me/runs/first", "runs/first/", "runs/second")
+    ]
+    assert torch.equal(photos[0], photos[1])
+    assert not torch.equal(photos[0], photos[2])

@@ -1,0 +1,29 @@
+"""README and the pages of docs/ as tests read them: their text, their links, their blocks of code."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
+DOCS = sorted((ROOT / "docs").glob("*.md"))
+
+
+def text(*pages: Path) -> str:
+    """The pages one after the other; README and all of docs/ if none is named."""
+    return "\n".join(page.read_text(encoding="utf-8") for page in pages or (README, *DOCS))
+
+
+def blocks(page: Path, name: str) -> list[str]:
+    """The blocks of code that follow the comment <!-- ci: NAME --> on a page."""
+    return re.findall(rf"^<!-- ci: {name} -->\n```\w+\n(.*?)^```$", text(page), re.MULTILINE | re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """The fragments by which a page's headings can be linked, as GitHub forms them."""
+    headings = re.findall(r"^#+ (.*)$", text(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def links(page: Path) -> list[str]:
+    """Where the links of a page lead."""
+    return re.findall(r"\]\(([^)]+)\)", text(page))

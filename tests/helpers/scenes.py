@@ -1,0 +1,100 @@
+"""Scenes for tests."""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.color import srgb_decode, tone_map
+from lighting.envmap.render import render
+from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
+from lighting.photo.reader import Photo
+from lighting.preview.drawing import SUN
+from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.scene.records import Scene, make_scene
+
+Bytes = NDArray[np.uint8]
+
+GRID = "fibonacci:256"
+GREY = 110
+
+
+def outdoors(azimuth: float = 150.0, elevation: float = 40.0, **others: Any) -> Lighting:
+    return Lighting(azimuth, elevation, 3.0, 5.0, **others)
+
+
+def photo(width: int, height: int) -> Bytes:
+    return np.full((height, width, 3), GREY, dtype=np.uint8)
+
+
+def distribution(probability: Floats | None = None, grid: str = GRID) -> SunDistribution:
+    """A probability on a grid, by default an even one."""
+    even = np.full(256, 1 / 256)
+    return SunDistribution(grid, np.asarray(even if probability is None else probability, dtype=np.float32))
+
+
+def estimate(lighting: Lighting, probability: Floats | None = None) -> Estimate:
+    return Estimate(lighting, distribution(probability))
+
+
+@lru_cache
+def small_map(lighting: Lighting) -> NDArray[np.float32]:
+    return render(lighting, 64)
+
+
+def amber(panel: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Rows and columns of the pixels in the sun's colour."""
+    return np.argwhere(np.abs(panel - np.array(SUN)).max(axis=-1) < 8)
+
+
+LIGHT = Lighting(
+    sun_azimuth=-40.0,
+    sun_elevation=35.0,
+    turbidity=3.0,
+    exposure=1.0,
+    camera_elevation=-12.0,
+    camera_roll=4.0,
+    vertical_fov=50.0,
+)
+PLAIN = np.full((30, 40, 3), 99, np.uint8)  # a grey photo
+GROUND = 0.25  # the photo's linear value of open ground, which the exposure is chosen for
+
+
+@lru_cache(maxsize=1)
+def known_scene(width: int = 480, height: int = 360) -> Scene:
+    """Sky, sun and plain ground under LIGHT, photographed."""
+    exposure = GROUND / float(render(LIGHT, 64)[-1, 0].mean())
+    lighting = replace(LIGHT, exposure=exposure)
+    rays = camera_directions(Pinhole(width, height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll))
+    pixels = tone_map(sample_latlong(render(lighting, 512), rays))
+    return make_scene(Photo(pixels, width, height, "PNG"), lighting, map_height=256)
+
+
+def plain_scene(**changes: Any) -> Scene:
+    """A grey photo under LIGHT with these fields changed."""
+    return make_scene(Photo(PLAIN, 40, 30, "PNG"), replace(LIGHT, **changes), map_height=32)
+
+
+@lru_cache(maxsize=1)
+def half_shaded_scene() -> Scene:
+    """The same with the right half of the ground in shade, where the placeholder's shadows fall."""
+    return _shaded(slice(known_scene().width // 2, None))
+
+
+@lru_cache(maxsize=1)
+def shaded_spot_scene() -> Scene:
+    """The same with the spot in shade, whose edge lies beside the ball; the shadows fall beyond it."""
+    return _shaded(slice(None, 276))
+
+
+def _shaded(columns: slice) -> Scene:
+    """The same with the ground of these columns in shade."""
+    scene = known_scene()
+    camera = Pinhole(scene.width, scene.height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll)
+    shaded = np.zeros((scene.height, scene.width), dtype=bool)
+    shaded[:, columns] = camera_directions(camera)[:, columns, 1] < 0
+    linear = srgb_decode(scene.plate / 255.0)
+    linear[shaded] *= scene.shadow
+    return make_scene(Photo(tone_map(linear), scene.width, scene.height, "PNG"), scene.lighting, map_height=256)

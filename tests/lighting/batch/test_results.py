@@ -1,0 +1,212 @@
+"""Tests of results."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pyarrow.parquet import read_table
+
+from lighting.batch.results import _read_records, open_journal, require_parquet, row, schema, write_parquet
+from lighting.errors import BatchError, MissingExtraError
+from lighting.records import Lighting
+from lighting.validation import RANGES
+from tests.conftest import encode, scene
+from tests.helpers.processes import records, run
+
+FAILED = json.dumps({"file": "c.jpg", "error": "No."})
+LINES = [json.dumps({"file": name, "lighting": {}}) for name in ("a.jpg", "b/ä.jpg")]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "lighting.jsonl"
+
+
+def fill(path: Path) -> bytes:
+    with open_journal(path) as journal:
+        journal.append("a.jpg", LINES[0], failed=False)
+        journal.append("b/ä.jpg", LINES[1], failed=False)
+    return path.read_bytes()
+
+
+def test_lines_are_there_as_soon_as_they_are_appended(path: Path) -> None:
+    with open_journal(path) as journal:
+        journal.append("a.jpg", LINES[0], failed=False)
+        assert path.read_text() == LINES[0] + "\n"
+        assert journal.done == {"a.jpg"}
+
+
+def test_what_is_done_is_known_again(path: Path) -> None:
+    fill(path)
+    with open_journal(path) as journal:
+        journal.append("c.jpg", FAILED, failed=True)
+        assert journal.done == {"a.jpg", "b/ä.jpg", "c.jpg"}
+        assert journal.failed == 1
+    assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+
+
+def test_what_failed_is_forgotten_and_tried_again(path: Path) -> None:
+    with open_journal(path) as journal:
+        journal.append("c.jpg", FAILED, failed=True)
+    whole = fill(path)
+    assert whole == f"{LINES[0]}\n{LINES[1]}\n".encode()
+    with open_journal(path) as journal:
+        journal.append("c.jpg", FAILED, failed=True)
+    with open_journal(path) as journal:
+        assert (journal.done, journal.failed) == ({"a.jpg", "b/ä.jpg"}, 0)
+        assert path.read_bytes() == whole
+        with pytest.raises(BatchError, match="Another batch"), open_journal(path):
+            pass
+        journal.append("c.jpg", json.dumps({"file": "c.jpg", "lighting": {}}), failed=False)
+    assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_a_photo_that_failed_before_it_was_done_is_done(path: Path) -> None:
+    """Such journals are put together by hand; the answer was thrown away with the failure."""
+    done = json.dumps({"file": "c.jpg", "lighting": {}})
+    path.write_text(f"{FAILED}\n{done}\n{LINES[0]}\n")
+    with open_journal(path) as journal:
+        assert (journal.done, journal.failed) == ({"c.jpg", "a.jpg"}, 0)
+    assert path.read_text() == f"{done}\n{LINES[0]}\n"
+
+
+def test_a_line_cut_anywhere_is_not_done(path: Path) -> None:
+    whole = fill(path)
+    first = len(LINES[0]) + 1
+    for end in range(first, len(whole)):
+        path.write_bytes(whole[:end])
+        with open_journal(path) as journal:
+            assert journal.done == {"a.jpg"}
+            journal.append("b/ä.jpg", LINES[1], failed=False)
+        assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "tail", [b"\0" * 512, b"nonsense\n", b"[]\n", b'{"lighting": {}}\n', b'{"file": 3}\n', b"\xff\n"]
+)
+def test_a_damaged_tail_is_cut_off(path: Path, tail: bytes) -> None:
+    whole = fill(path)
+    path.write_bytes(whole + tail + whole)
+    with open_journal(path) as journal:
+        assert len(journal.done) == 2
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("damage", [b"\n", b"\0\0\n", b'{"file": "a.j\n', b"\xff\n"])
+def test_what_stands_behind_a_damaged_line_is_not_lost(path: Path, damage: bytes) -> None:
+    """A blank line from an editor, or a block of zeros after a power cut, cost all results behind it."""
+    first, second = fill(path).splitlines(keepends=True)
+    path.write_bytes(first + damage + second)
+    with open_journal(path) as journal:
+        assert journal.done == {"a.jpg", "b/ä.jpg"}
+        assert path.read_bytes() == first + second
+        journal.append("c.jpg", LINES[0].replace("a.jpg", "c.jpg"), failed=False)
+    assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+
+
+def test_clear_forgets_everything(path: Path) -> None:
+    fill(path)
+    with open_journal(path) as journal:
+        journal.clear()
+        assert (journal.done, journal.failed, path.read_bytes()) == (set(), 0, b"")
+        journal.append("b/ä.jpg", LINES[1], failed=True)
+    assert path.read_text() == LINES[1] + "\n"
+
+
+def test_only_one_batch_at_a_time(path: Path) -> None:
+    fill(path)
+    with open_journal(path), pytest.raises(BatchError, match="Another batch"), open_journal(path):
+        pass
+    with open_journal(path) as journal:
+        assert len(journal.done) == 2
+
+
+LIGHT = Lighting(10.0, 20.0, 3.0, 1.0)
+
+
+@pytest.mark.slow
+def test_parquet_holds_the_same_numbers(photos: Path, tmp_path: Path, network: Path) -> None:
+    assert run(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
+    table = read_table(tmp_path / "out" / "lighting.parquet")
+    assert table.column_names[:2] == ["file", "error"]
+    assert set(RANGES) < set(table.column_names)
+    rows = {row["file"]: row for row in table.to_pylist()}
+    for record in records(tmp_path / "out"):
+        row = rows.pop(record["file"])
+        assert row["error"] == record.get("error")
+        assert row["sun_azimuth"] == (record["lighting"]["sun"]["azimuth"] if "lighting" in record else None)
+    assert rows == {}
+
+
+@pytest.mark.slow
+def test_a_table_that_is_there_keeps_up_with_the_results(tmp_path: Path, network: Path) -> None:
+    folder, out = tmp_path / "photos", tmp_path / "out"
+    folder.mkdir()
+    for name, options in (("a.jpg", ["--parquet"]), ("b.jpg", [])):
+        (folder / name).write_bytes(encode(scene(64, 64)))
+        assert run(folder, out, *options, "--model", network).exit_code == 0
+    assert read_table(out / "lighting.parquet")["file"].to_pylist() == ["a.jpg", "b.jpg"]
+
+
+@pytest.mark.slow
+def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -> None:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    (folder / os.fsdecode(b"caf\xe9.jpg")).write_bytes(encode(scene(64, 64)))
+    assert run(folder, tmp_path / "out", "--parquet", "--model", network).exit_code == 0
+    (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
+    assert row["file"] == "caf\\udce9.jpg"
+
+
+def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    result = run(photos, tmp_path / "out", "--parquet")
+    assert result.exit_code == 1
+    assert result.stderr == "Error: Parquet needs pyarrow: pip install 'outdoor-lighting[parquet]'.\n"
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (
+            {"lighting": {**LIGHT.to_dict(), "sky": {"turbidity": 11, "exposure": 1.0}}},
+            "sky.turbidity is 11; it must lie in",
+        ),
+        ({}, "The lighting record needs an object 'sun'."),
+    ],
+)
+def test_a_line_that_cannot_be_is_named(tmp_path: Path, content: dict[str, Any], said: str) -> None:
+    lines = [{"file": "a.jpg", "error": "No."}, {"file": "b.jpg", **content}]
+    journal = tmp_path / "lighting.jsonl"
+    journal.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8-sig")
+    with pytest.raises(BatchError, match=rf"^{journal}, line 2: {said}"):
+        write_parquet(tmp_path)
+    assert list(tmp_path.iterdir()) == [journal]
+
+
+def test_a_row_has_the_schemas_columns() -> None:
+    columns = schema().names
+    assert list(row("a.jpg", Lighting(10.0, 20.0, 3.0, 1.0))) == columns
+    failed = row("b.jpg", "no photo")
+    assert list(failed) == columns
+    assert {name for name, value in failed.items() if value is not None} == {"file", "error"}
+
+
+def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtraError, match=r"^Parquet needs pyarrow: pip install"):
+        require_parquet(Path())
+
+
+def test_the_strength_of_the_light_has_columns_of_its_own() -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    light = Lighting(0.0, 30.0, 3.0, 1.0, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), suitable=0.9)
+    table = pyarrow.Table.from_pylist([row("a.jpg", light), row("b.jpg", "It is damaged.")], schema())
+    assert table["sun_irradiance"].to_pylist() == [[3.0, 2.0, 1.0], None]
+    assert table["sky_model"].to_pylist() == ["hosek-wilkie", None]
+    assert (table["suitable"].to_pylist(), table["sky_cover"].to_pylist()) == ([0.9, None], [None, None])

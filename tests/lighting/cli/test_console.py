@@ -1,0 +1,257 @@
+"""Tests of console."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lighting.cli.console import _CONTROLS, escape_control_chars, escape_path, format_summary
+from lighting.envmap.render import render
+from lighting.files.exr import read_exr, write_exr
+from lighting.records import Lighting
+from tests.conftest import encode, scene
+from tests.helpers.clips import pan, write_clip
+from tests.helpers.processes import LIGHTING, error_of, runners_run, sub, terminal
+
+
+@pytest.mark.parametrize(("name", "magic"), [("a.exr", b"v/1\x01"), ("a.HDR", b"#?RADIANCE"), ("a.png", b"\x89PNG")])
+def test_envmap_writes_by_suffix(network: Path, photo_path: Path, tmp_path: Path, name: str, magic: bytes) -> None:
+    result = runners_run("envmap", photo_path, "-o", tmp_path / name, "--height", "64", "--model", network)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert (tmp_path / name).read_bytes().startswith(magic)
+    assert result.stdout == runners_run("estimate", photo_path, "--model", network).stdout
+    assert {p.name for p in tmp_path.iterdir()} == {"photo.jpg", name}
+
+
+@pytest.mark.parametrize("command", [["estimate"], ["info"], ["render", "-o", "a.exr"], ["preview", "-o", "a.png"]])
+def test_an_input_without_a_name_is_refused(command: list[str]) -> None:
+    """It would be the current folder."""
+    assert error_of(runners_run(*command, "")).endswith("The name of the file is empty.")
+
+
+def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path: Path) -> None:
+    line = json.dumps({"file": "photo.jpg", "lighting": LIGHTING.to_dict()}).encode()
+    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32")
+    runners_run("render", "-", "-o", tmp_path / "b.exr", "--height", "32", stdin=line)
+    runners_run("render", "-", "-o", tmp_path / "c.exr", "--height", "32", stdin=b"\xef\xbb\xbf" + line)
+    runners_run(
+        "render", "-", "-o", tmp_path / "d.exr", "--height", "32", stdin=line.decode().encode("utf-16")
+    )  # PowerShell's
+    maps = [read_exr(tmp_path / f"{name}.exr") for name in "abcd"]
+    assert all((image == maps[0][0]).all() and lighting == LIGHTING for image, lighting in maps)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "stdin does not hold one JSON record: Expecting value: line 1 column 1 (char 0)."),
+        ("{}\n{}", "stdin holds more than one record, and one is read at a time."),
+        ("[" * 100_000, "stdin does not hold one JSON record: maximum recursion depth exceeded"),
+        ("\xff", "stdin does not hold a JSON record: it is not text in UTF-8."),
+        ("NaN", "stdin: A lighting record must be an object, not nan."),
+        ("[]", "stdin: A lighting record must be an object, not []."),
+        ('{"lighting": null}', "stdin: A lighting record must be an object, not None."),
+        ("{}", "stdin: The lighting record needs an object 'sun'."),
+        ('{"file": "x.jpg", "error": "Gone."}', "stdin: The JSON holds an error in place of a lighting record."),
+        ('{"lightings": [{}, {}]}', "stdin: The JSON holds the records of several photos, and one is read at a time."),
+        (
+            '{"sun": {"azimuth": NaN, "elevation": 3}, "sky": {"turbidity": 3, "exposure": 1}}',
+            "stdin: sun.azimuth must",
+        ),
+        (
+            '{"sun": {"azimuth": 3, "elevation": 3}, "sky": {"turbidity": 11, "exposure": 1}}',
+            "stdin: sky.turbidity is 11; it must",
+        ),
+        (
+            '{"sun": {"azimuth": 3, "elevation": -3}, "sky": {"turbidity": 3, "exposure": 1}}',
+            "stdin: sun.elevation is -3",
+        ),
+        ('{"sun": {"azimuth": 1' + "0" * 5000 + "}}", "stdin does not hold one JSON record: Exceeds the limit"),
+        ('{"sun": {"azimuth": 3, "azimuth": 4}}', "stdin: The key 'azimuth' stands twice."),
+        (" " * 1_000_001, "stdin is larger than a lighting record, which has at most 1 MB."),
+    ],
+    ids=range(16),
+)
+def test_a_bad_record_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    result = runners_run("render", "-", "-o", tmp_path / "a.exr", stdin=text.encode("latin-1"))
+    assert error_of(result).startswith(sentence)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_record_out_of_range_is_named(photo_path: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.json"
+    record = LIGHTING.to_dict()
+    path.write_text(json.dumps({**record, "sky": {**record["sky"], "turbidity": 11}}), encoding="utf-8-sig")
+    out = tmp_path / "out"
+    commands: list[list[str | Path]] = [
+        ["render", path, "-o", tmp_path / "a.exr"],
+        ["info", path],
+        ["scene", photo_path, "--for", "usd", "--lighting", path, "-o", out],
+    ]
+    for command in commands:
+        assert error_of(runners_run(*command)) == f"{path}: sky.turbidity is 11; it must lie in 1 to 10."
+    assert not out.exists()
+
+
+def test_inputs_are_never_overwritten(network: Path, tmp_path: Path) -> None:
+    photo = tmp_path / "photo.png"
+    photo.write_bytes(encode(scene(96, 64), "PNG"))
+    (tmp_path / "link.png").symlink_to(photo)
+    for output in (photo, tmp_path / "link.png", tmp_path / ".." / tmp_path.name / "photo.png"):
+        for command in ("envmap", "preview"):
+            text = error_of(runners_run(command, photo, "-o", output, "--model", network), 2)
+            assert text == "The input and the outputs must be different files."
+    same = tmp_path / "a.png"
+    error_of(runners_run("envmap", photo, "-o", same, "--preview", same, "--model", network), 2)
+    error_of(runners_run("envmap", photo, "-o", "-", "--preview", "-", "--model", network), 2)
+    assert photo.read_bytes() == encode(scene(96, 64), "PNG")
+
+
+def test_a_bad_photo_leaves_an_older_output_alone(network: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.exr").write_bytes(b"older")
+    text = error_of(runners_run("envmap", "-", "-o", tmp_path / "a.exr", "--model", network, stdin=b"bad"))
+    assert text == "stdin: The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.exr": b"older"}
+
+
+def test_a_write_that_fails_is_one_sentence_and_leaves_nothing(
+    record_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", "a.exr")
+
+    monkeypatch.setattr(Path, "replace", full)
+    assert "No space left on device" in error_of(
+        runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
+    )
+    assert [p.name for p in tmp_path.iterdir()] == ["lighting.json"]
+
+
+def test_a_map_needs_no_masked_arrays(network: Path, photo_path: Path, tmp_path: Path) -> None:
+    """numpy imports them with some functions, which a process of its own waits for."""
+    code = "import sys; from lighting.cli import cli; cli(sys.argv[1:], standalone_mode=False)"
+    code += "; print('numpy.ma' in sys.modules)"
+    command = [sys.executable, "-c", code, "envmap", photo_path, "-o", tmp_path / "a.exr", "-q", "--model", network]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "words"),
+    [
+        (-41.24, 4.0, "sun 41.2° left, 33.0° high"),
+        (41.24, 4.0, "sun 41.2° right, 33.0° high"),
+        (0.04, 4.0, "sun straight ahead, 33.0° high"),
+        (-170.0, 4.0, "sun 170.0° left (behind), 33.0° high"),
+        (180.0, -7.31, "camera looks 7.3° down"),
+        (180.0, -0.04, "camera looks 0.0° up, roll 0.0°"),
+    ],
+)
+def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -> None:
+    lighting = Lighting(azimuth, 33.0, 3.0, 0.1, camera_elevation=elevation, camera_roll=-0.04)
+    assert words in format_summary("x.jpg", lighting)
+
+
+def test_headings_are_told_from_0_to_359() -> None:
+    told = format_summary("x.jpg", Lighting(10.0, 33.0, 3.0, 0.1, camera_heading=359.6, relative_heading=359.5))
+    assert "heading 0°, 0° clockwise from the first photo" in told
+
+
+def test_a_record_without_radii_claims_none() -> None:
+    told = Lighting(10.0, 33.0, 3.0, 0.1)
+    assert format_summary("x.jpg", told).startswith("x.jpg: sun 10.0° right, 33.0° high, direct sunlight 100 %")
+    told = Lighting(10.0, 33.0, 3.0, 0.1, radius_50=9.5, radius_90=31.0)
+    assert "33.0° high (50 % within 9.5°, 90 % within 31.0°), direct sunlight" in format_summary("x.jpg", told)
+
+
+def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path) -> None:
+    result = runners_run("estimate", "absent.jpg", photo_path, "--model", network)
+    assert len(result.stdout.splitlines()) == 1
+    assert result.stderr.splitlines() == [
+        "Error: absent.jpg: No such file or directory.",
+        "1 of 2 photos failed.",
+    ]
+    assert result.exit_code == 1
+    assert runners_run("estimate", "", "--model", network).stderr == "Error: '': The name of the file is empty.\n"
+
+
+def test_a_name_that_is_not_text_is_shown_escaped(network: Path, tmp_path: Path) -> None:
+    name = os.fsencode(tmp_path) + b"/caf\xe9.jpg"
+    Path(os.fsdecode(name)).write_bytes(encode(scene(96, 64)))
+    words = sub("estimate", os.fsdecode(name), "--model", network)
+    assert words.returncode == 0
+    line = sub("estimate", "--json", os.fsdecode(name), "--model", network).stdout
+    assert os.fsencode(json.loads(line)["file"]) == name
+    refused = sub("envmap", os.fsdecode(name), "-o", os.fsdecode(name), "--model", network)
+    assert refused.returncode == 2
+    assert b"Traceback" not in refused.stderr
+
+
+def test_what_the_terminal_cannot_show_is_escaped(network: Path, tmp_path: Path) -> None:
+    photo = tmp_path / "日.jpg"
+    photo.write_bytes(encode(scene(96, 64)))
+    result = sub("estimate", photo, "--model", network, env={**os.environ, "PYTHONIOENCODING": "latin-1"})
+    assert (result.returncode, result.stderr) == (0, b"")
+    assert b"\\u65e5.jpg: sun " in result.stdout
+
+
+def test_progress_shows_on_a_terminal_alone(network: Path, photo_path: Path) -> None:
+    photos = ["estimate", str(photo_path), str(photo_path), "--model", str(network)]
+    assert b"2/2" in terminal(*photos, stdout_too=False)[1]
+    assert terminal(*photos, "--quiet", stdout_too=False) == (0, b"")
+    assert terminal("estimate", photo_path, "--model", network, stdout_too=False) == (0, b"")
+    assert b"2/2" not in terminal(*photos, stdout_too=True)[1]
+
+
+EVIL = "a\x1b]0;owned\x07\x9b2J\u202egnp.jpg"
+SHOWN = r"a\x1b]0;owned\x07\x9b2J\u202egnp.jpg"
+
+
+def test_control_characters_are_escaped_and_letters_are_not() -> None:
+    assert escape_control_chars(EVIL) == escape_path(EVIL) == SHOWN
+    assert escape_path("日 é\n👩\u200d🔬.jpg") == "日 é\\n👩\u200d🔬.jpg"
+    assert escape_path("-") == "stdin"
+
+
+@pytest.mark.parametrize("command", ["estimate", "estimate --json", "envmap", "scene", "info", "render"])
+@pytest.mark.parametrize("content", ["absent", "damaged", "good"])
+def test_no_escape_in_a_name_reaches_the_terminal(command: str, content: str, network: Path, tmp_path: Path) -> None:
+    photo = tmp_path / EVIL
+    if content != "absent":
+        photo.write_bytes(encode(scene(96, 64)) if content == "good" else b"\xff\xd8")
+    output: list[str | Path] = ["-o", tmp_path / "out.png"] if command in ("envmap", "render") else []
+    output = ["--for", "mitsuba", "-o", tmp_path / "out"] if command == "scene" else output
+    model: list[str | Path] = ["--model", network] if command not in ("info", "render") else []
+    result = runners_run(*command.split(), photo, *output, *model)
+    assert not _CONTROLS.search(result.output.replace("\n", ""))
+    assert "owned" in result.output
+
+
+def test_neither_does_one_in_a_usage_error_or_a_batch(network: Path, tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / EVIL).write_bytes(b"no photo")
+    out = tmp_path / "o\x1b[2Jut"
+    for result in (
+        runners_run("batch", tmp_path / "photos", out, "--model", network, "--workers", "1"),
+        runners_run("batch", tmp_path / EVIL, out, "--model", network),
+        runners_run("render", "a.json", "-o", EVIL),
+        runners_run("preview", "a.jpg", EVIL, "-o", "b.png"),
+    ):
+        assert result.exit_code
+        assert "\\x1b" in result.output
+        assert not _CONTROLS.search(result.output.replace("\n", ""))
+
+
+def test_neither_does_one_in_the_name_of_a_clip_or_a_probe(network: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / f"{EVIL}.mp4", pan(4, 2.0))
+    write_exr(tmp_path / f"{EVIL}.exr", render(LIGHTING, 32))
+    for result in (
+        runners_run("video", clip, "-o", tmp_path / "out", "--height", "16", "--model", network),
+        runners_run("probe", "fit", tmp_path / f"{EVIL}.exr"),
+    ):
+        assert result.exit_code == 0, result.output
+        assert SHOWN in result.output
+        assert not _CONTROLS.search(result.output.replace("\n", ""))

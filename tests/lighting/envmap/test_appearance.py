@@ -1,0 +1,182 @@
+"""Tests of appearance."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.color import luminance, tone_map
+from lighting.envmap.appearance import (
+    _quantiles,
+    brightness_below,
+    estimate_ground_albedo,
+    sky_ratio,
+    sky_white_balance,
+)
+from lighting.records import Lighting
+from tests.lighting.envmap.test_render import render_given_light
+
+LEVEL = np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(33.0)) * np.array([1.9, 1.5, 0.9])
+
+
+def photo(reflectance: list[float], sky: float = 0.8) -> np.ndarray:
+    linear = np.full((60, 80, 3), sky, np.float32)
+    linear[30:] = np.array(reflectance) * LEVEL / np.pi
+    return tone_map(linear)
+
+
+def test_the_ground_is_what_lies_below_the_horizon_over_its_light() -> None:
+    assert estimate_ground_albedo(photo([0.2, 0.15, 0.1]), render_given_light()) == pytest.approx(
+        [0.2, 0.15, 0.1], rel=0.05
+    )
+
+
+def test_few_glints_do_not_count() -> None:
+    spotted = photo([0.2, 0.2, 0.2])
+    spotted[40:43] = 255
+    assert estimate_ground_albedo(spotted, render_given_light()) == pytest.approx([0.2] * 3, rel=0.1)
+
+
+def test_a_camera_that_looks_up_sees_no_ground() -> None:
+    assert estimate_ground_albedo(photo([0.2] * 3), render_given_light(camera_elevation=50.0)) is None
+
+
+@pytest.mark.parametrize("cover", [0.0, 0.5, 1.0])
+def test_the_network_s_ground_counts_for_brightness_the_less_the_cloudier_and_not_for_colour(cover: float) -> None:
+    picture, light = photo([0.2, 0.15, 0.1]), render_given_light(sky_cover=cover)
+    shown = estimate_ground_albedo(picture, light)
+    assert shown is not None
+    radiance = shown * LEVEL / np.pi
+    for stops in (-1.0, 0.0, 1.5):
+        around = np.full((12, 24, 3), 9.0, np.float32)  # its sky does not count
+        around[6:] = luminance(radiance) * 2.0 ** (stops - 0.2)
+        found = estimate_ground_albedo(picture, light, around)
+        assert found == pytest.approx(shown * 2.0 ** (0.6 * (1 - cover) * stops), rel=1e-4)
+
+
+def test_a_network_without_ground_stays_in_range() -> None:
+    assert estimate_ground_albedo(
+        photo([0.2] * 3), render_given_light(), np.zeros((12, 24, 3), np.float32)
+    ) == pytest.approx([0.02] * 3)
+
+
+def test_brightness_below_is_that_of_a_level_surface_facing_down() -> None:
+    around = np.ones((12, 24, 3), np.float32)
+    assert brightness_below(around) == pytest.approx(1.0)
+    around[11] = 0.0  # the lowest 15 deg: sin(15 deg) squared of the light
+    assert brightness_below(around) == pytest.approx(1 - np.sin(np.radians(15)) ** 2)
+
+
+def test_without_irradiances_nothing_is_known() -> None:
+    assert estimate_ground_albedo(photo([0.2] * 3), Lighting(0.0, 30.0, 3.0, 1.0)) is None
+
+
+def test_a_black_or_white_picture_stays_in_range() -> None:
+    assert estimate_ground_albedo(np.zeros((40, 60, 3), np.uint8), render_given_light()) == pytest.approx([0.02] * 3)
+    assert estimate_ground_albedo(np.full((40, 60, 3), 255, np.uint8), render_given_light(1.0)) is not None
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 50, 999])
+def test_quantiles_are_numpys(count: int) -> None:
+    values = np.random.default_rng(count).integers(0, 40, count).astype(np.float32) / 7
+    assert _quantiles(values, (0.25, 0.75)) == pytest.approx(np.quantile(values, (0.25, 0.75)))
+
+
+SAID = np.array([0.4, 0.5, 0.8])  # of given_light
+SUNSET = np.array([0.3, 0.2, 0.1])
+
+
+def sky_colour_photo(sky: Sequence[float] | np.ndarray, detail: float = 0.0) -> np.ndarray:
+    """A sky of one colour over dark ground; `detail` alternates its brightness from pixel to pixel."""
+    linear = np.full((60, 80, 3), 0.03, np.float32)
+    rows, columns = np.indices((30, 80))
+    linear[:30] = np.asarray(sky) * (1 + detail * (-1.0) ** (rows // 2 + columns // 2))[..., None]
+    return tone_map(linear)
+
+
+def overcast(**changes: float) -> Lighting:
+    return render_given_light(sky_cover=1.0, **changes)
+
+
+def seen_sky(picture: np.ndarray, light: Lighting) -> np.ndarray:
+    """The sky's irradiance with the factors that the photo gives."""
+    factors = sky_white_balance(picture, light)
+    assert factors is not None
+    return np.asarray(factors * np.array(light.sky_irradiance))
+
+
+def colour_of(values: np.ndarray) -> np.ndarray:
+    return np.asarray(values / values[1])
+
+
+def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
+    found = seen_sky(sky_colour_photo(SUNSET), overcast())
+    trust = 0.11 + 0.51
+    expected = colour_of(SAID) * (colour_of(SUNSET) / colour_of(SAID)).clip(0.5, 2.0) ** trust
+    assert colour_of(found) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(("cover", "trust"), [(0.0, 0.11), (0.5, 0.11 + 0.51 / 4), (1.0, 0.11 + 0.51)])
+def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust: float) -> None:
+    light = render_given_light(sky_cover=cover)
+    off = sky_ratio(sky_colour_photo(SUNSET), light)
+    assert off is not None
+    assert np.ptp(off) > 0.3
+    assert colour_of(seen_sky(sky_colour_photo(SUNSET), light)) == pytest.approx(colour_of(SAID) * off**trust, rel=1e-6)
+
+
+def test_its_brightness_stays() -> None:
+    for light in (overcast(), render_given_light()):
+        found = seen_sky(sky_colour_photo(SUNSET), light)
+        assert luminance(found) == pytest.approx(luminance(SAID), rel=1e-6)
+
+
+def test_a_clear_sky_changes_less_and_towards_the_photo() -> None:
+    clear, cloudy = (
+        seen_sky(sky_colour_photo(SUNSET), render_given_light(sky_cover=0.0)),
+        seen_sky(sky_colour_photo(SUNSET), overcast()),
+    )
+    reds = [colour_of(sky)[0] for sky in (SAID, clear, cloudy, SUNSET)]
+    assert reds == sorted(reds)
+    assert reds[1] > 1.03 * reds[0]
+
+
+def test_a_sky_of_the_colour_that_was_said_changes_nothing() -> None:
+    found = seen_sky(sky_colour_photo(SAID / np.pi), overcast())
+    assert found == pytest.approx(SAID, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("picture", "changes"),
+    [
+        pytest.param(sky_colour_photo(SUNSET / 8), {}, id="a wall, too dark for sky"),
+        pytest.param(sky_colour_photo([0.99, 0.99, 0.99]), {}, id="clipped"),
+        pytest.param(sky_colour_photo(SUNSET, detail=0.5), {}, id="leaves, not smooth"),
+        pytest.param(sky_colour_photo(SUNSET), {"camera_elevation": -50.0}, id="looks down"),
+        pytest.param(np.zeros((40, 60, 3), np.uint8), {}, id="black"),
+        pytest.param(np.zeros((1, 1, 3), np.uint8), {}, id="one pixel"),
+        pytest.param(np.zeros((3000, 1, 3), np.uint8), {}, id="one column"),
+    ],
+)
+def test_without_sky_nothing_is_known(picture: np.ndarray, changes: dict[str, float]) -> None:
+    assert sky_white_balance(picture, overcast(**changes)) is None
+
+
+def test_a_black_sky_stays_black() -> None:
+    factors = sky_white_balance(sky_colour_photo(SUNSET), replace(overcast(), sky_irradiance=(0.0, 0.0, 0.0)))
+    assert factors is not None
+    assert np.isfinite(factors).all()
+
+
+def test_sky_colour_without_irradiances_nothing_is_known() -> None:
+    assert sky_white_balance(sky_colour_photo(SUNSET), Lighting(0.0, 30.0, 3.0, 1.0)) is None
+
+
+def test_a_sky_without_green_gives_bounded_factors() -> None:
+    violet = np.zeros((40, 60, 3), np.uint8)
+    violet[..., 2] = 248
+    factors = sky_white_balance(violet, overcast(camera_elevation=40.0))
+    assert factors is not None
+    assert np.isfinite(factors).all()
+    assert (factors > 0).all()

@@ -1,0 +1,150 @@
+"""Tests of relighting."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting, scale_exposure
+from lighting.envmap.render import render, sky_irradiance
+from lighting.envmap.sun_disc import sun_irradiance
+from lighting.errors import ParameterError
+from lighting.geometry import wrap_azimuth
+from lighting.records import Lighting
+from tests.lighting.envmap.test_render import render_given_light, render_lighting
+
+PLAIN = Lighting(sun_azimuth=30.0, sun_elevation=40.0, turbidity=3.0, exposure=4.0)
+STATED = replace(PLAIN, sun_irradiance=(6.0, 4.0, 2.0), sky_irradiance=(1.0, 2.0, 3.0), sky_cover=0.25)
+CHANGES = {"sun_elevation": 8.0, "turbidity": 6.0, "exposure": 9.0}
+
+
+def test_a_light_without_irradiances_is_only_replaced() -> None:
+    assert edit_lighting(PLAIN, CHANGES) == replace(PLAIN, sun_elevation=8.0, turbidity=6.0, exposure=9.0)
+
+
+@pytest.mark.parametrize("changes", [{}, {"sun_azimuth": 31.0}, {"camera_elevation": 5.0}])
+def test_what_moves_no_power_leaves_every_digit(changes: dict[str, float]) -> None:
+    light = replace(STATED, sun_irradiance=(9.60513, 10.5285, 9.32128), sky_irradiance=(0.760374, 1.24752, 1.99918))
+    assert edit_lighting(light, changes) == replace(light, **changes)  # type: ignore[arg-type]
+
+
+def test_exposure_scales_both() -> None:
+    twice = edit_lighting(STATED, {"exposure": 8.0})
+    np.testing.assert_allclose(sun_irradiance(twice), (12, 8, 4), rtol=1e-5)
+    np.testing.assert_allclose(sky_irradiance(twice), (2, 4, 6), rtol=1e-5)
+
+
+def test_the_sun_keeps_its_ratio_to_the_models() -> None:
+    changed, model = edit_lighting(STATED, CHANGES), edit_lighting(PLAIN, CHANGES)
+    before = sun_irradiance(STATED) / sun_irradiance(PLAIN)
+    np.testing.assert_allclose(sun_irradiance(changed) / sun_irradiance(model), before, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("cover", "spread"), [(0.0, 0.0), (1.0, 1.0)])
+def test_an_overcast_sky_changes_in_grey_alone(cover: float, spread: float) -> None:
+    """A clear sky's colour follows the model; the ratio of an overcast one's channels stays."""
+    stated = replace(STATED, sky_cover=cover)
+    gain = sky_irradiance(edit_lighting(stated, CHANGES)) / sky_irradiance(stated)
+    model = sky_irradiance(edit_lighting(PLAIN, CHANGES)) / sky_irradiance(PLAIN)
+    np.testing.assert_allclose(np.ptp(gain) / np.ptp(model), 1 - spread, atol=1e-5)
+
+
+def test_what_is_stated_anew_counts_as_it_is() -> None:
+    power: dict[str, Any] = {"sun_irradiance": (3.9, 4.3, 3.4), "sky_irradiance": (0.3, 0.6, 1.1)}
+    light: dict[str, Any] = {**CHANGES, **power, "sky_cover": 0.5, "ground_color": (0.1, 0.2, 0.3)}
+    assert edit_lighting(STATED, light) == replace(STATED, **light)
+    assert edit_lighting(PLAIN, power) == replace(PLAIN, **power)
+
+
+def test_a_value_out_of_range_is_refused() -> None:
+    with pytest.raises(ParameterError, match="turbidity"):
+        edit_lighting(STATED, {"turbidity": 30.0})
+
+
+@pytest.mark.parametrize("turbidity", [2.0, 6.0, 10.0])
+def test_a_low_sun_that_is_raised_becomes_an_ordinary_one(turbidity: float) -> None:
+    """The model's sun at 1° has no blue and little green; what is stated of it must not be multiplied by thousands."""
+    low = replace(STATED, sun_elevation=1.0, turbidity=turbidity, sun_irradiance=(15.0, 10.0, 1.5))
+    high = edit_lighting(low, {"sun_elevation": 35.0})
+    gain = sun_irradiance(high) / sun_irradiance(low)
+    assert 1.0 < gain.min() <= gain.max() < 25.0
+    np.testing.assert_allclose(
+        sun_irradiance(edit_lighting(high, {"sun_elevation": 1.0})), (15.0, 10.0, 1.5), rtol=1e-6
+    )
+
+
+SMALL = render(render_lighting(), 16)
+
+
+@given(st.integers(-100, 100))
+def test_whole_pixels_turn_exactly(columns: int) -> None:
+    np.testing.assert_array_equal(rotate_envmap(SMALL, columns * 360 / 32), np.roll(SMALL, columns, axis=1))
+
+
+@pytest.mark.parametrize("yaw", [46.0, -100.0, 170.0, 522.0])
+def test_turning_the_map_turns_the_sun(yaw: float) -> None:
+    turned = rotate_envmap(render(render_lighting(0.0), 90), yaw)
+    azimuth = (yaw + 180) % 360 - 180
+    np.testing.assert_allclose(turned, render(render_lighting(azimuth), 90), rtol=2e-3)
+
+
+@given(st.floats(-1000, 1000))
+def test_turning_keeps_the_energy_and_interpolates(yaw: float) -> None:
+    turned = rotate_envmap(SMALL, yaw)
+    assert turned.dtype == np.float32
+    np.testing.assert_allclose(turned.sum(axis=1), SMALL.sum(axis=1), rtol=1e-4)
+    assert turned.max() <= SMALL.max() * (1 + 1e-6)
+
+
+def test_half_a_pixel_is_the_mean_of_neighbours() -> None:
+    image = np.zeros((8, 16, 3), dtype=np.float32)
+    image[:, 15] = 2.0
+    turned = rotate_envmap(image, 360 / 16 / 2)
+    assert turned[0, :, 0].tolist() == [1.0, *[0.0] * 14, 1.0]
+
+
+@pytest.mark.parametrize("yaw", [float("nan"), float("inf")])
+def test_a_yaw_is_finite(yaw: float) -> None:
+    with pytest.raises(ParameterError, match=r"^yaw must be a finite number"):
+        rotate_envmap(SMALL, yaw)
+
+
+def test_a_turned_record_keeps_the_suns_compass_azimuth() -> None:
+    known = replace(
+        render_lighting(0.0), camera_heading=350.0, camera_heading_probability=(0.0,) * 350 + (1.0,) + (0.0,) * 9
+    )
+    turned = rotate_lighting(known, -30.0)
+    assert turned.sun_azimuth == pytest.approx(wrap_azimuth(known.sun_azimuth - 30.0))
+    assert turned.camera_heading == pytest.approx(20.0)
+    assert np.argmax(turned.camera_heading_probability) == 20
+    assert rotate_lighting(turned, 30.0) == known
+    assert rotate_lighting(render_lighting(0.0), 30.0).camera_heading is None
+
+
+def test_turned_angles_have_no_digits_of_rounding() -> None:
+    known = replace(render_lighting(0.0), sun_azimuth=57.5527, camera_heading=142.67, relative_heading=33.4)
+    assert rotate_lighting(known, 360.0) == known
+    turned = rotate_lighting(known, 123.456)
+    assert (turned.sun_azimuth, turned.camera_heading, turned.relative_heading) == (-178.9913, 19.214, 269.944)
+    assert rotate_lighting(replace(known, camera_heading=30.0), 30.0 + 1e-9).camera_heading == 0.0
+
+
+def test_a_brightened_record_renders_a_brightened_map() -> None:
+    gain = np.array([2.0, 2.0, 2.0])
+    for light in (render_lighting(), render_given_light(sky_cover=0.3)):
+        np.testing.assert_allclose(render(scale_exposure(light, gain), 32), 2 * render(light, 32), rtol=1e-5)
+
+
+def test_a_tint_changes_the_irradiances_alone() -> None:
+    tinted = scale_exposure(render_given_light(), np.array([2.0, 1.0, 0.5]))
+    assert tinted.sky_irradiance == pytest.approx((0.8, 0.5, 0.4))
+    assert scale_exposure(render_lighting(), np.ones(3)).sky_irradiance is None
+
+
+def test_a_turned_record_turns_its_heading_against_other_photos() -> None:
+    known = replace(render_lighting(0.0), relative_heading=20.0)
+    assert rotate_lighting(known, 30.0).relative_heading == pytest.approx(350.0)
+    assert rotate_lighting(rotate_lighting(known, 30.0), -30.0) == known

@@ -1,0 +1,154 @@
+"""Where a picture's ground lies in the sun."""
+
+import base64
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lighting.color import tone_map
+from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
+from lighting.geometry import Pinhole
+from lighting.records import Lighting
+from tests.lighting.envmap.test_render import render_given_light
+
+LIGHT = render_given_light(40.0, camera_elevation=-10.0)
+SKY, SUN = np.array([0.4, 0.5, 0.8]), np.sin(np.radians(40.0)) * np.array([1.9, 1.5, 0.9])
+ALBEDO = 0.15
+SUNLIT, SHADED = ALBEDO / np.pi * (SKY + SUN), ALBEDO / np.pi * SKY
+CASES = Path(__file__).with_name("lit_ground.json")
+
+
+def photo(bright: NDArray[np.float64], dark: NDArray[np.float64], size: int = 1) -> NDArray[np.uint8]:
+    """Sky over ground that is dark in its right half."""
+    linear = np.full((120 * size, 160 * size, 3), 0.8)
+    linear[40 * size :] = bright
+    linear[40 * size :, 80 * size :] = dark
+    return tone_map(linear)
+
+
+def test_shade_is_told_from_sunlight() -> None:
+    lit = ground_shadow_mask(photo(SUNLIT, SHADED), LIGHT)
+    assert lit.shape == (120, 160)
+    assert lit.dtype == np.float32
+    assert lit[50:, :76] == pytest.approx(1.0)
+    assert lit[50:, 84:] == pytest.approx(0.0)
+    assert lit[:30] == pytest.approx(1.0)
+
+
+def test_a_large_photo_has_a_small_answer() -> None:
+    lit = ground_shadow_mask(photo(SUNLIT, SHADED, size=8), LIGHT)
+    assert lit.shape == (192, 256)
+    assert lit[120, [40, 200]].tolist() == [1.0, 0.0]
+
+
+def test_a_threshold_of_the_pictures_own_counts_near_the_likely_one() -> None:
+    """Ground of half the reflectance."""
+    dim = ground_shadow_mask(photo(0.5 * SUNLIT, 0.5 * SHADED), LIGHT)
+    assert [dim[50:, :76].min(), dim[50:, 84:].max()] == [1.0, 0.0]
+
+
+@pytest.mark.parametrize(("albedo", "lit"), [(0.9, 1.0), (0.3, 1.0), (0.1, 1.0), (0.01, 0.0)])
+def test_ground_of_one_kind_is_lit_unless_it_is_too_dark_for_that(albedo: float, lit: float) -> None:
+    level = albedo / ALBEDO * SUNLIT
+    assert ground_shadow_mask(photo(level, level), LIGHT)[50:] == pytest.approx(lit)
+
+
+def test_ground_that_is_all_in_shade_is_told_where_the_sun_is_strong() -> None:
+    hard = replace(LIGHT, sun_irradiance=tuple(6 * np.array(LIGHT.sun_irradiance)))
+    lit = ground_shadow_mask(photo(SHADED, SHADED), hard)
+    assert lit[50:].max() == 0.0
+    assert lit[:30].min() == 1.0
+
+
+def test_doubt_that_the_sun_shines_makes_shade_likelier() -> None:
+    level = 0.04 / ALBEDO * SUNLIT
+    there, doubtful = (ground_shadow_mask(photo(level, level), replace(LIGHT, sun_visibility=v)) for v in (1.0, 0.3))
+    assert [there[50:].min(), doubtful[50:].max()] == [1.0, 0.0]
+
+
+def test_a_difference_that_the_light_does_not_make_is_the_grounds_own() -> None:
+    """What is dark in itself, and bright things over lit ground."""
+    hard = replace(LIGHT, sun_irradiance=(19.0, 15.0, 9.0))
+    level = 0.15 / np.pi * (SKY + 10 * SUN)
+    assert ground_shadow_mask(photo(level, 0.45 * level), hard).min() == 1.0
+    assert ground_shadow_mask(photo(5 * SUNLIT, SUNLIT), LIGHT).min() == 1.0
+
+
+def test_the_page_has_the_same_rule() -> None:
+    """`server/web/tests/surroundings.test.ts` reads the same file."""
+    for case in json.loads(CASES.read_text())["cases"]:
+        sizes = (case["height"], case["width"])
+        pixels = np.frombuffer(base64.b64decode(case["pixels"]), np.uint8).reshape(*sizes, 3)
+        light = replace(
+            LIGHT,
+            sun_elevation=case["sun_elevation"],
+            sun_visibility=case["visibility"],
+            sun_irradiance=tuple(case["sun"]),
+            camera_elevation=case["camera_elevation"],
+            camera_roll=case["roll"],
+            vertical_fov=case["vertical_fov"],
+        )
+        assert light.sky_irradiance == tuple(case["sky"])
+        expected = np.frombuffer(base64.b64decode(case["lit"]), np.uint8).reshape(sizes)
+        found = np.round(255 * ground_shadow_mask(pixels, light))
+        assert np.abs(found - expected).max() <= 1
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        replace(LIGHT, sun_irradiance=(0.0, 0.0, 0.0)),
+        replace(LIGHT, sun_elevation=0.0),
+        Lighting(0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, camera_elevation=-10.0),
+        replace(LIGHT, camera_elevation=60.0),
+    ],
+    ids=["no sun", "sun at the horizon", "hidden sun", "no ground"],
+)
+def test_without_sun_or_ground_nothing_is_in_shade(light: Lighting) -> None:
+    assert ground_shadow_mask(photo(SUNLIT, SHADED), light).min() == 1.0
+
+
+def test_the_caller_may_say_whether_the_sun_shines() -> None:
+    assert ground_shadow_mask(photo(SUNLIT, SHADED), LIGHT, sun=False).min() == 1.0
+    hidden = Lighting(0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, camera_elevation=-10.0)
+    assert ground_shadow_mask(photo(SUNLIT, SHADED), hidden, sun=True).min() == 0.0
+
+
+def test_a_picture_of_one_pixel_is_answered() -> None:
+    assert ground_shadow_mask(np.zeros((1, 1, 3), np.uint8), replace(LIGHT, camera_elevation=-60.0)).tolist() == [[0.0]]
+
+
+# What stands on it
+
+CAMERA = Pinhole(160, 120, LIGHT.vertical_fov, elevation=-90.0)  # looks straight down, so that metres are pixels
+
+
+def around(x: float, y: float, reach: float) -> float:
+    """By a mask that is in shade in its left half, around the point of the ground that a pixel shows."""
+    half = np.repeat(np.array([0.0, 1.0], np.float32), 40)[None].repeat(60, axis=0)
+    right, up, forward = CAMERA.axes
+    foot = forward + ((x - 80) * right - (y - 60) * up) / CAMERA.focal_length
+    return mean_sunlit(half, CAMERA, foot[None], reach)
+
+
+def test_what_stands_on_the_ground_is_lit_as_the_ground_around_its_foot() -> None:
+    assert around(40.0, 60.0, 8.0) == 0.0
+    assert around(120.0, 60.0, 8.0) == 1.0
+    assert around(81.0, 60.0, 8.0) == pytest.approx(0.5, abs=0.06)
+
+
+def test_several_things_are_lit_as_the_ground_from_one_to_the_other() -> None:
+    right = CAMERA.axes[0]
+    feet = CAMERA.axes[2] + np.array([[-20.0], [20.0]]) / CAMERA.focal_length * right
+    half = np.repeat(np.array([0.0, 1.0], np.float32), 40)[None].repeat(60, axis=0)
+    assert mean_sunlit(half, CAMERA, feet, 4.0) == pytest.approx(0.5, abs=0.03)
+
+
+def test_where_the_picture_does_not_show_the_foot_the_sun_is_whole() -> None:
+    assert around(-50.0, 60.0, 8.0) == 1.0
+    assert around(40.0, 300.0, 8.0) == 1.0
+    assert mean_sunlit(np.zeros((2, 2), np.float32), CAMERA, -CAMERA.axes[2][None], 8.0) == 1.0

@@ -1,0 +1,179 @@
+"""Tests of estimate."""
+
+import math
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lighting.decoding import bayes_direction
+from lighting.fusion.estimate import build_estimate, predict_photo, refine_camera
+from lighting.fusion.metadata_prior import observations_from_metadata
+from lighting.fusion.multi_view import fuse_views
+from lighting.fusion.single_view import fuse
+from lighting.fusion.user_input import UserInput
+from lighting.geometry import Floats, Pinhole, angle_between, camera_axes, camera_pixel, direction
+from lighting.model import Model
+from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.preprocess import preprocess
+from lighting.photo.reader import photo_from_array
+from lighting.records import Light, Lighting, Prediction
+from lighting.sun_grid import soft_label
+from tests.conftest import TINY
+from tests.helpers.predictions import FACTS, answer, prediction
+from tests.lighting.fusion.test_single_view import fusion_lobe
+from tests.lighting.test_calibration import poles
+
+TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": datetime(2024, 12, 21, 11, 0, tzinfo=UTC)}
+
+
+def test_the_answer_says_what_it_rests_on() -> None:
+    assert answer().evidence == ("pixels", "time+place", "heading", "focal length")
+    assert answer(use_exif=False).evidence == ("pixels",)
+    assert answer(replace(FACTS, vertical_fov=None, heading=None)).evidence == ("pixels", "time+place")
+
+
+def test_the_answer_holds_sun_lens_and_heading() -> None:
+    light = answer()
+    assert light.sun_elevation == pytest.approx(35.9, abs=0.2)
+    assert light.vertical_fov == 53.0
+    assert light.camera_heading == pytest.approx(60.0, abs=1.0)
+    assert sum(light.camera_heading_probability) == pytest.approx(1.0, abs=1e-3)
+    assert light.camera_heading_radius_50 is not None
+    assert light.camera_heading_radius_90 is not None
+    assert light.camera_heading_radius_50 < light.camera_heading_radius_90
+    assert Lighting.from_dict(light.to_dict()) == light
+
+
+def test_the_sun_is_a_compass() -> None:
+    """With a sun seen 30 deg to the right, the camera points 30 deg left of the sun's compass azimuth."""
+    found = observations_from_metadata(replace(FACTS, heading=None), UserInput())
+    elevation, azimuth = found.evidence.candidates[0]
+    ahead = soft_label([math.sin(math.radians(30)), 0.6, -math.cos(math.radians(30))], 80.0, TINY.sun_grid)
+    light = build_estimate(fuse(prediction(ahead), found.evidence), found).lighting
+    assert light.camera_heading == pytest.approx(azimuth - light.sun_azimuth, abs=1.0)
+    assert light.camera_heading == pytest.approx(azimuth - 30, abs=15.0)
+    assert light.sun_elevation == pytest.approx(elevation, abs=0.1)
+
+
+def test_the_suns_colour_follows_its_known_elevation() -> None:
+    """Pixels that have it at 37 deg, a record of the hour in which it sets."""
+    ahead = soft_label([0.0, 0.6, -0.8], 80.0, TINY.sun_grid)
+    said = replace(prediction(ahead), light=Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0))
+    evening = observations_from_metadata(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput())
+    alone, told = (
+        build_estimate(fuse(said, k.evidence), k).lighting
+        for k in (observations_from_metadata(PhotoMetadata(), UserInput()), evening)
+    )
+    assert told.sun_elevation < 10
+    assert alone.sun_irradiance is not None
+    assert told.sun_irradiance is not None
+    said_red, _, said_blue = alone.sun_irradiance
+    assert said_red == pytest.approx(said_blue, rel=0.2)
+    red, green, blue = told.sun_irradiance
+    assert red > said_red > said_blue > blue
+    assert red > green > blue
+    assert told.sky_irradiance == alone.sky_irradiance
+
+
+def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
+    """One has it at 37 deg, the other at 8: both get the colour that the time asks of their common light."""
+    evening = observations_from_metadata(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput())
+    suns = [soft_label([0.0, math.sin(e), -math.cos(e)], 80.0, TINY.sun_grid) for e in np.radians([37.0, 8.0])]
+    light = Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0)
+    said = [replace(prediction(sun), light=light) for sun in suns]
+    fused = fuse_views(said, [evening.evidence] * 2, [0.0, 0.0])
+    first, second = (build_estimate(f, evening).lighting.sun_irradiance for f in fused)
+    assert first == second
+    assert first is not None
+    assert first[0] > 2.0 > first[2]
+
+
+def test_the_place_is_told_only_if_asked_for() -> None:
+    assert answer().latitude is None
+    assert "place" not in answer().to_dict()
+    assert "48.1" not in repr(observations_from_metadata(FACTS, UserInput(keep_location=True)))
+    kept = answer(keep_location=True)
+    assert (kept.latitude, kept.longitude) == (48.14, 11.575)
+    assert kept.to_dict()["place"] == {"latitude": 48.14, "longitude": 11.575}
+    assert "48.1" not in repr(kept)
+
+
+def test_no_direct_sunlight_in_twilight() -> None:
+    light = answer(PhotoMetadata(), **TROMSO_NOON)
+    assert light.sun_visibility == 0.0
+    assert light.sun_elevation == pytest.approx(0.0, abs=0.01)
+    assert "twilight" in light.warnings[0]
+
+
+SIZE = (400, 300)
+
+
+def sunny(elevation: float, azimuth: float, sun: float) -> Prediction:
+    """A camera that is said to look 4 deg too high, with a sure sun."""
+    return replace(
+        fusion_lobe(azimuth, sun, 300.0), camera_elevation=elevation + 4.0, camera_roll=0.0, vertical_fov=50.0
+    )
+
+
+def with_glare(said: Prediction, azimuth: float, sun: float) -> NDArray[np.uint8]:
+    """Poles seen by a level camera, and a white disc where the said camera has the sun."""
+    pixels = poles(0.0, 0.0, 50.0, SIZE)
+    camera = Pinhole(*SIZE, 50.0, 0.0, said.camera_elevation, 0.0)
+    x, y = camera_pixel(direction(azimuth, sun), camera)
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
+    pixels[np.hypot(rows - y, columns - x) < 16] = 255
+    return pixels
+
+
+@pytest.mark.parametrize("sun", [8.0, 14.0])
+def test_a_sun_in_the_picture_stays_on_its_pixel_by_the_corrected_camera(sun: float) -> None:
+    said = sunny(0.0, 10.0, sun)
+    known = refine_camera(said, with_glare(said, 10.0, sun))
+    assert known.camera_elevation == pytest.approx(0.0, abs=1.0)
+    before = camera_axes(0.0, said.camera_elevation, said.camera_roll) @ direction(10.0, sun)
+    after = camera_axes(0.0, known.camera_elevation, known.camera_roll) @ seen_sun(known)
+    assert np.degrees(np.arccos(np.clip(before @ after, -1, 1))) < 1.5
+    assert angle_between(seen_sun(known), direction(10.0, sun - 4.0)) < 1.5
+    assert known.sun_probability.sum() == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_sun_outside_the_picture_stays_where_it_is() -> None:
+    said = sunny(0.0, 170.0, 40.0)
+    known = refine_camera(said, poles(0.0, 0.0, 50.0, SIZE))
+    assert known.camera_elevation == pytest.approx(0.0, abs=1.0)
+    assert known.sun_probability is said.sun_probability
+
+
+def test_a_network_s_answer_has_the_camera_by_the_straight_lines(network: Path) -> None:
+    """And an empty frame keeps the network's own."""
+    model = Model.load(network)
+    photo = photo_from_array(poles(10.0, 0.0, 50.0, SIZE))
+    alone = model.predict(preprocess(photo, model.spec))[0]
+    known = predict_photo(model, photo)
+    assert known.camera_elevation == refine_camera(alone, photo.pixels).camera_elevation != alone.camera_elevation
+    empty = photo_from_array(np.full((60, 80, 3), 128, dtype=np.uint8))
+    assert (
+        predict_photo(model, empty).camera_elevation == model.predict(preprocess(empty, model.spec))[0].camera_elevation
+    )
+
+
+def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> None:
+    """The user's counts where both are known, and the file's not where it is not to be used."""
+    model = Model.load(network)
+    plain = photo_from_array(poles(20.0, 0.0, 60.0, SIZE))
+    stated = replace(plain, facts=PhotoMetadata(vertical_fov=60.0))
+    alone = model.predict(preprocess(plain, model.spec))[0]
+    by_lens = {fov: refine_camera(alone, plain.pixels, fov).camera_elevation for fov in (None, 60.0, 45.0)}
+    assert len(set(by_lens.values())) == 3
+    assert predict_photo(model, stated).camera_elevation == by_lens[60.0]
+    assert predict_photo(model, stated, UserInput(vertical_fov=45.0)).camera_elevation == by_lens[45.0]
+    assert predict_photo(model, stated, UserInput(use_exif=False)).camera_elevation == by_lens[None]
+
+
+def seen_sun(said: Prediction) -> Floats:
+    return bayes_direction(said.sun_probability, said.spec.sun_grid)

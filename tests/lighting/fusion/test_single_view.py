@@ -1,0 +1,386 @@
+"""Tests of single view."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from lighting.circular import HEADINGS, von_mises
+from lighting.decoding import lighting_from_prediction
+from lighting.errors import ParameterError
+from lighting.fusion.estimate import build_estimate
+from lighting.fusion.metadata_prior import camera_evidence, observations_from_metadata
+from lighting.fusion.multi_view import fuse_views
+from lighting.fusion.single_view import (
+    CAMERA_SPREAD,
+    GROSS_ERRORS,
+    Gravity,
+    Observations,
+    _contrary,
+    _held,
+    fuse,
+    fuse_gravity,
+    fuse_single_view,
+    tilt_spread,
+    visible_sun,
+)
+from lighting.fusion.user_input import UserInput
+from lighting.geometry import Pinhole, angle_between, angles, camera_pixel, direction, wrap_azimuth
+from lighting.photo.metadata import PhotoMetadata
+from lighting.records import ModelSpec, Prediction, warning_code
+from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density, soft_label
+
+GRID = "fibonacci:1024"
+SPEC = ModelSpec("test", "0", 32, 32, (0.5, 0.5, 0.5), (0.2, 0.2, 0.2), GRID)
+FUSION_UNIFORM = grid_solid_angle(GRID) / (2 * np.pi)
+
+azimuths = st.floats(-180.0, 180.0)
+
+
+def fusion_prediction(probability: NDArray[np.floating]) -> Prediction:
+    return Prediction(SPEC, probability.astype(np.float32), 0.9, 3.0, 0.1, 2.0, 0.5, 50.0)
+
+
+def fusion_lobe(azimuth: float, elevation: float, concentration: float = 40.0) -> Prediction:
+    return fusion_prediction(soft_label(direction(azimuth, elevation), concentration, GRID))
+
+
+def test_without_evidence_the_answer_is_that_of_the_pixels() -> None:
+    said = fusion_lobe(40.0, 30.0)
+    fused = fuse(said, Observations())
+    assert lighting_from_prediction(fused.prediction, fused.sun) == lighting_from_prediction(said)
+    assert fused.probability is said.sun_probability
+    assert fused.used == ("pixels",)
+    assert fused.camera_heading is None
+    assert fused.warnings == ()
+
+
+def test_a_heading_alone_says_nothing_of_the_sun() -> None:
+    fused = fuse(fusion_lobe(40.0, 30.0), Observations(heading=10.0))
+    assert fused.used == ("pixels",)
+    assert fused.sun == fuse(fusion_lobe(40.0, 30.0), Observations()).sun
+
+
+@given(st.floats(0.0, 85.0), st.floats(0.0, 360.0), st.floats(0.0, 360.0))
+def test_pixels_that_say_nothing_give_the_compass_back(elevation: float, compass: float, heading: float) -> None:
+    evidence = Observations(((elevation, compass),), heading, 12.0)
+    fused = fuse(fusion_prediction(FUSION_UNIFORM), evidence)
+    bell = von_mises(HEADINGS - heading, 12.0)
+    expected = (1 - GROSS_ERRORS) * bell / bell.sum() + GROSS_ERRORS / 360
+    assert fused.camera_heading is not None
+    assert fused.camera_heading.probability == pytest.approx(expected, rel=1e-4)
+    assert abs(float(wrap_azimuth(fused.camera_heading.best - heading))) < 0.6
+    assert fused.sun.elevation == pytest.approx(elevation, abs=1e-6)
+    assert abs(float(wrap_azimuth(fused.sun.azimuth - (compass - heading)))) < 0.6
+
+
+def test_a_uniform_sky_without_compass_is_even_along_the_ring() -> None:
+    fused = fuse(fusion_prediction(FUSION_UNIFORM), Observations(((35.0, 200.0),)))
+    assert fused.probability == pytest.approx(np.full(360, 1 / 360), rel=1e-5)
+
+
+@given(azimuths, st.floats(10.0, 70.0), st.floats(0.0, 360.0))
+def test_time_and_place_fix_the_elevation_and_the_pixels_the_azimuth(az: float, el: float, compass: float) -> None:
+    fused = fuse(fusion_lobe(az, el), Observations(((el + 5.0, compass),)))
+    assert fused.sun.elevation == pytest.approx(el + 5.0, abs=1e-9)
+    assert abs(float(wrap_azimuth(fused.sun.azimuth - az))) < 1.5
+    assert fused.camera_heading is not None
+    assert abs(float(wrap_azimuth(fused.camera_heading.best - (compass - az)))) < 1.5
+    assert fused.used == ("pixels", "time+place")
+
+
+@pytest.mark.parametrize("candidates", [((20.0, 80.0),), ((20.0, 80.0), (50.0, 130.0), (65.0, 200.0))])
+def test_probability_sums_to_one_over_directions_of_the_candidates(candidates: tuple[tuple[float, float], ...]) -> None:
+    fused = fuse(fusion_lobe(-100.0, 45.0), Observations(candidates, 150.0))
+    assert fused.probability.sum() == pytest.approx(1.0)
+    assert fused.directions.shape == (360 * len(candidates), 3)
+    assert np.unique(np.round(angles(fused.directions)[1], 6)) == pytest.approx([el for el, _ in candidates])
+    assert fused.camera_heading is not None
+    assert fused.camera_heading.probability.sum() == pytest.approx(1.0)
+
+
+def test_pixels_choose_among_equally_likely_zones() -> None:
+    fused = fuse(fusion_lobe(0.0, 50.0), Observations(((10.0, 80.0), (50.0, 180.0), (25.0, 260.0))))
+    assert fused.sun.elevation == pytest.approx(50.0, abs=2.0)
+    assert fused.camera_heading is not None
+    assert abs(float(wrap_azimuth(fused.camera_heading.best - 180.0))) < 3.0
+
+
+def test_a_candidate_at_night_is_left_out() -> None:
+    day, both = (Observations(c) for c in (((30.0, 90.0),), ((-12.0, 20.0), (30.0, 90.0))))
+    assert fuse(fusion_lobe(0.0, 30.0), both).probability == pytest.approx(
+        fuse(fusion_lobe(0.0, 30.0), day).probability
+    )
+
+
+def test_night_alone_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"the sun is 3\.5° below the horizon"):
+        fuse(fusion_lobe(0.0, 30.0), Observations(((-3.5, 20.0), (-20.0, 300.0))))
+
+
+def test_a_gross_compass_error_loses_against_sharp_pixels() -> None:
+    sun = (40.0, 170.0)
+    fused = fuse(fusion_lobe(0.0, 40.0, 150.0), Observations((sun,), heading=350.0))
+    assert abs(fused.sun.azimuth) < 3.0
+    assert any("compass" in w for w in fused.warnings)
+
+
+def test_the_compass_settles_which_of_two_modes_is_right() -> None:
+    two = 0.6 * soft_label(direction(20.0, 40.0), 80.0, GRID) + 0.4 * soft_label(direction(160.0, 40.0), 80.0, GRID)
+    fused = fuse(fusion_prediction(two), Observations(((40.0, 180.0),), heading=10.0))
+    assert abs(fused.sun.azimuth - 160.0) < 6.0
+    assert fused.used == ("pixels", "time+place", "heading")
+
+
+def test_the_focal_length_replaces_the_field_of_view_and_nothing_else() -> None:
+    said = fusion_lobe(40.0, 30.0)
+    fused = fuse(said, Observations(vertical_fov=62.0))
+    assert replace(fused.prediction, vertical_fov=50.0) == said
+    assert fused.prediction.vertical_fov == 62.0
+    assert fused.used == ("pixels", "focal length")
+
+
+@given(azimuths, st.floats(10.0, 80.0), st.floats(5.0, 60.0))
+def test_radii_hold_their_share_of_the_ring(az: float, el: float, spread: float) -> None:
+    fused = fuse(fusion_prediction(FUSION_UNIFORM), Observations(((el, 0.0),), -az, spread))
+    distance = angle_between(fused.directions, direction(fused.sun.azimuth, fused.sun.elevation))
+    for share, radius in ((0.5, fused.sun.radius_50), (0.9, fused.sun.radius_90)):
+        assert fused.probability[distance <= radius].sum() == pytest.approx(share, abs=0.04)
+
+
+def test_smooth_density_of_a_uniform_sky_is_one_over_two_pi_down_to_the_horizon() -> None:
+    everywhere = direction(np.arange(0, 360, 7.0), np.linspace(0, 90, 52))
+    assert smooth_density(FUSION_UNIFORM, everywhere, GRID) == pytest.approx(np.full(52, 1 / (2 * np.pi)), rel=1e-5)
+
+
+def test_smooth_density_integrates_to_one() -> None:
+    label = soft_label(direction(75.0, 35.0), 60.0, GRID)
+    azimuth, elevation = np.arange(0.5, 360, 3.0), np.arange(0.5, 90, 1.0)
+    density = smooth_density(label, direction(azimuth[None, :], elevation[:, None]), GRID)
+    area = np.radians(3.0) * np.radians(1.0) * np.cos(np.radians(elevation))
+    assert (density * area[:, None]).sum() == pytest.approx(1.0, abs=0.01)
+
+
+def test_smooth_density_is_continuous_between_cells() -> None:
+    label = soft_label(direction(0.0, 40.0), 80.0, GRID)
+    along = smooth_density(label, direction(np.arange(-30, 30, 0.1), 40.0), GRID)
+    assert np.abs(np.diff(along)).max() < 0.02 * along.max()
+    assert angle_between(grid_directions(GRID)[0], [0.0, 1.0, 0.0]) < 4.5
+
+
+PHONE = PhotoMetadata(
+    camera_elevation=-6.0, camera_roll=5.0, gravity_source="accelerometer", gravity_spread=1.0, vertical_fov=53.0
+)
+
+
+def said(elevation: float = 4.0, roll: float = -1.0) -> Prediction:
+    return replace(fusion_prediction(FUSION_UNIFORM), camera_elevation=elevation, camera_roll=roll)
+
+
+def apart(above: float, aside: float = 0.0) -> str | None:
+    return _contrary(said(), Gravity(4.0 + above, -1.0 + aside, 1.0))
+
+
+def test_both_are_weighted_by_their_errors() -> None:
+    both = _held(said(10.0, 6.0), Gravity(0.0, 0.0, 1.0))
+    assert both == pytest.approx((10.0 * 1.0 / (1.0 + 3.5**2), 6.0 * 1.0 / (1.0 + 2.0**2)))
+    assert _held(said(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
+    assert _held(said(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
+    assert _held(said(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
+    assert tilt_spread(None) == CAMERA_SPREAD
+    assert tilt_spread(Gravity(0.0, 0.0, 1.0)) == pytest.approx((1.0 + 3.5**-2.0) ** -0.5)
+
+
+def test_a_steep_camera_has_no_roll_and_the_network_does_not_contradict_it() -> None:
+    """It learnt elevations within 35 deg, and says as much as it can."""
+    down = Gravity(-90.0, None, 1.0)
+    assert _contrary(said(-33.0, 8.0), down) is None
+    elevation, roll = _held(said(-33.0, 8.0), down)
+    assert elevation == pytest.approx(-90.0, abs=0.5)
+    assert roll == 0.0
+    assert _contrary(said(0.0), down) is not None
+    assert _held(said(-30.0), Gravity(-60.0, 20.0, 1.0)) == pytest.approx((-59.6, 15.8), abs=0.1)
+
+
+@pytest.mark.parametrize(("above", "aside"), [(19.0, 0.0), (-19.0, 0.0), (0.0, 19.0), (13.0, 13.0)])
+def test_what_chance_explains_is_no_contradiction(above: float, aside: float) -> None:
+    assert apart(above, aside) is None
+
+
+@pytest.mark.parametrize(("above", "aside"), [(21.0, 0.0), (-21.0, 0.0), (0.0, 91.0), (0.0, 180.0), (15.0, 15.0)])
+def test_what_chance_does_not_explain_is_told_and_not_used(above: float, aside: float) -> None:
+    gravity = Gravity(4.0 + above, -1.0 + aside, 1.0)
+    pixels = said()
+    stood = fuse_gravity(pixels, Observations(gravity=gravity))
+    assert stood.prediction is pixels
+    assert stood.evidence == Observations()
+    fused = fuse(said(), Observations(gravity=gravity))
+    assert fused.used == ("pixels",)
+    assert "cropped, turned or edited" in fused.warnings[0]
+    assert warning_code(fused.warnings[0]) == "gravity-contradicted"
+    assert fused.prediction.camera_elevation == 4.0
+
+
+def test_the_sentence_names_both() -> None:
+    assert (apart(-40.0, 3.0) or "").startswith(
+        "By its metadata the camera looks 36° down with a roll of 2°, by the pixels it looks 4° up with a roll of -1°:"
+    )
+    said_alone = _contrary(said(), Gravity(-36.0, None, 1.0)) or ""
+    assert "looks 36° down, by the pixels it looks 4° up:" in said_alone
+
+
+def test_facts_become_evidence_and_the_record_says_so() -> None:
+    found = observations_from_metadata(PHONE, UserInput())
+    assert found.evidence.gravity == camera_evidence(PHONE, UserInput()).gravity == Gravity(-6.0, 5.0, 1.0)
+    light = build_estimate(fuse_single_view(said(), found.evidence), found).lighting
+    assert light.evidence == ("pixels", "focal length", "gravity")
+    assert light.camera_elevation == pytest.approx(-5.2, abs=0.1)
+    assert light.camera_roll == pytest.approx(3.8, abs=0.1)
+    assert light.warnings == ()
+
+
+def test_the_pixels_alone_where_metadata_are_not_to_be_used() -> None:
+    found = observations_from_metadata(PHONE, UserInput(use_exif=False))
+    assert found.evidence.gravity is camera_evidence(PHONE, UserInput(use_exif=False)).gravity is None
+    assert build_estimate(fuse_single_view(said(), found.evidence), found).lighting == lighting_from_prediction(said())
+
+
+def test_a_sun_outside_the_picture_stays_where_it_is() -> None:
+    behind = fusion_lobe(150.0, 30.0, 300.0)
+    fused = fuse_single_view(behind, Observations(gravity=Gravity(-10.0, 5.0, 1.0)))
+    assert fused.sun == fuse(behind, Observations()).sun
+    assert fused.prediction.camera_elevation < -8.0
+
+
+@pytest.mark.parametrize("sun", [(20.0, 15.0), (-15.0, 20.0), (0.0, 8.0)])
+@pytest.mark.parametrize("gravity", [Gravity(-7.0, 9.0, 0.5), Gravity(14.0, None, 1.0)])
+def test_a_sun_in_the_picture_keeps_its_pixel(sun: tuple[float, float], gravity: Gravity) -> None:
+    shows = fusion_lobe(*sun, 300.0)
+
+    def pixel(camera: Prediction, azimuth: float, elevation: float) -> Any:
+        seen_by = Pinhole(400, 300, 50.0, 0.0, camera.camera_elevation, camera.camera_roll)
+        return camera_pixel(direction(azimuth, elevation), seen_by)
+
+    fused = fuse_single_view(shows, Observations(gravity=gravity))
+    after = pixel(fused.prediction, fused.sun.azimuth, max(fused.sun.elevation, 0.1))
+    there = pixel(shows, *sun)
+    if sun[1] + fused.prediction.camera_elevation - shows.camera_elevation > 4.0:  # else the horizon holds it
+        assert np.hypot(*(after - there)) < 12
+    assert angle_between(direction(*sun), direction(fused.sun.azimuth, fused.sun.elevation)) > 3.0
+    assert fused.probability.sum() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_gravity_leaves_the_ephemeris_little_to_tilt() -> None:
+    shows = fusion_lobe(0.0, 15.0, 300.0)
+    free, stated = (
+        fuse_single_view(shows, Observations(((9.0, 200.0),), gravity=gravity))
+        for gravity in (None, Gravity(shows.camera_elevation, shows.camera_roll, 1.0))
+    )
+    assert free.prediction.camera_elevation < shows.camera_elevation - 4.0
+    assert shows.camera_elevation - 2.0 < stated.prediction.camera_elevation < shows.camera_elevation
+
+
+def test_photos_together_use_it_each() -> None:
+    evidence = [
+        Observations(gravity=Gravity(-6.0, 5.0, 1.0)),
+        Observations(),
+        Observations(gravity=Gravity(4.0, 90.0, 1.0)),
+    ]
+    answers = fuse_views([said()] * 3, evidence, [0.0, 30.0, 60.0])
+    assert ["gravity" in a.used for a in answers] == [True, False, False]
+    assert [round(a.prediction.camera_elevation, 1) for a in answers] == [-5.2, 4.0, 4.0]
+    assert [len(a.warnings) for a in answers] == [0, 0, 1]
+
+
+AZIMUTH, ELEVATION = 20.0, 15.0
+SHARP = 300.0  # concentration of a lobe of 3.3 deg
+
+
+def seen(azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> Prediction:
+    """A photo with the sun in it, by a camera 2 deg up with a field of view of 50 deg."""
+    return fusion_lobe(azimuth, elevation, SHARP)
+
+
+def pixel(said: Prediction, sun: tuple[float, float], vertical_fov: float) -> np.ndarray:
+    camera = Pinhole(400, 300, vertical_fov, 0.0, said.camera_elevation, said.camera_roll)
+    return camera_pixel(direction(*sun), camera)
+
+
+def test_only_a_sharp_sun_inside_the_picture_is_seen() -> None:
+    assert visible_sun(seen()) is not None
+    assert visible_sun(fusion_lobe(AZIMUTH, ELEVATION, 20.0)) is None  # too wide
+    assert visible_sun(seen(elevation=45.0)) is None  # above the picture
+    assert visible_sun(seen(azimuth=170.0)) is None  # behind the camera
+    assert visible_sun(replace(seen(), sun_visibility=0.3)) is None
+
+
+@pytest.mark.parametrize("vertical_fov", [40.0, 65.0])
+def test_the_sun_keeps_its_pixel_through_another_lens(vertical_fov: float) -> None:
+    said = seen()
+    fused = fuse_single_view(said, Observations(vertical_fov=vertical_fov))
+    before = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    after = pixel(said, (fused.sun.azimuth, fused.sun.elevation), vertical_fov)
+    assert np.hypot(*(after - before)) < 10
+    assert fused.probability.sum() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_the_camera_is_tilted_towards_the_elevation_of_time_and_place() -> None:
+    said = seen()
+    fused = fuse_single_view(said, Observations(((ELEVATION - 6.0, 200.0),)))
+    assert said.camera_elevation - 6.0 < fused.prediction.camera_elevation < said.camera_elevation - 4.0
+    higher = fuse_single_view(said, Observations(((ELEVATION + 6.0, 200.0),)))
+    assert higher.prediction.camera_elevation > said.camera_elevation + 4.0
+
+
+@pytest.mark.parametrize("elevation", [0.5, 2.0, 5.0, 9.0])
+def test_a_camera_that_is_right_stays_so_where_the_horizon_cuts_the_sun_s_probability(elevation: float) -> None:
+    said = seen(elevation=elevation)
+    fused = fuse_single_view(said, Observations(((elevation, 200.0),)))
+    assert fused.prediction.camera_elevation == pytest.approx(said.camera_elevation, abs=1.0)
+
+
+def test_the_mark_then_stands_near_the_seen_sun() -> None:
+    """Both together: the focal length and the ephemeris."""
+    said = seen()
+    fused = fuse_single_view(said, Observations(((12.0, 200.0),), vertical_fov=62.0))
+    before = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    after = pixel(fused.prediction, (fused.sun.azimuth, fused.sun.elevation), 62.0)
+    assert np.hypot(*(after - before)) < 12
+
+
+@pytest.mark.parametrize("elevation", [40.0, 60.0])
+def test_a_sun_of_another_place_does_not_tilt_the_camera(elevation: float) -> None:
+    said = seen()
+    assert (
+        fuse_single_view(said, Observations(((elevation, 200.0),))).prediction.camera_elevation == said.camera_elevation
+    )
+
+
+def test_without_a_seen_sun_nothing_changes() -> None:
+    evidence = Observations(((30.0, 200.0),), vertical_fov=65.0)
+    for said in (
+        fusion_prediction(FUSION_UNIFORM),
+        fusion_lobe(AZIMUTH, ELEVATION, 20.0),
+        fusion_lobe(150.0, 30.0, SHARP),
+    ):
+        one, other = fuse_single_view(said, evidence), fuse(said, evidence)
+        assert one.prediction == other.prediction
+        assert one.sun == other.sun
+        assert angle_between(one.directions, other.directions).max() == 0
+
+
+def test_a_sun_whose_pixel_is_not_white_is_not_moved_by_the_lens() -> None:
+    """As where a thin cloud spreads it: the network then knows its direction by more than a pixel."""
+    said, evidence = seen(), Observations(vertical_fov=65.0)
+    grey = np.full((300, 400, 3), 120, np.uint8)
+    x, y = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    white = grey.copy()
+    white[int(y) - 5 : int(y) + 6, int(x) - 5 : int(x) + 6] = 255
+    assert fuse_single_view(said, evidence, grey).sun == fuse(said, evidence).sun
+    assert (
+        fuse_single_view(said, evidence, white).sun == fuse_single_view(said, evidence).sun != fuse(said, evidence).sun
+    )

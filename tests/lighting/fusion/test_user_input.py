@@ -1,0 +1,44 @@
+"""What the user may say, and what contradicts itself."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lighting.errors import ParameterError
+from lighting.fusion.user_input import UserInput
+from tests.helpers.predictions import MORNING
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"latitude": 90.1, "longitude": 0.0},
+        {"latitude": 0.0, "longitude": math.nan},
+        {"latitude": 10.0},
+        {"longitude": 10.0},
+        {"time": MORNING, "utc_offset": 2.0},
+        {"time": MORNING.replace(year=2101)},
+        {"time": MORNING.replace(year=1)},
+        {"utc_offset": 15.0},
+        {"heading": 400.0},
+        {"vertical_fov": 0.0},
+        {"use_exif": False, "time": MORNING},
+        {"use_exif": False, "latitude": 1.0, "longitude": 2.0},
+        {"use_exif": False, "utc_offset": 2.0},
+        {"time": "2024-06-01T14:30"},
+        {"time": MORNING.date()},
+        {"latitude": np.float32("nan"), "longitude": 0.0},
+        {"use_exif": None},
+        {"keep_location": "no"},
+    ],
+)
+def test_the_impossible_and_the_contradictory_are_refused_in_one_sentence(said: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=r"^[^\n]*\.$"):
+        UserInput(**said)
+
+
+def test_numbers_of_numpy_are_taken() -> None:
+    place: dict[str, Any] = {"latitude": np.float32(48.5), "longitude": np.int64(11)}
+    assert UserInput(**place) == UserInput(latitude=48.5, longitude=11)

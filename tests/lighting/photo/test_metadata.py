@@ -1,0 +1,423 @@
+"""Tests of metadata."""
+
+import math
+import struct
+import time
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta, timezone
+from typing import Any
+
+import pillow_heif
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import ExifTags, Image
+from PIL.TiffImagePlugin import IFDRational
+
+from lighting.errors import ParameterError
+from lighting.photo.metadata import (
+    MOST_BYTES,
+    PhotoMetadata,
+    _properties,
+    in_utc,
+    read_metadata,
+    read_offset,
+    read_time,
+    vertical_fov,
+)
+from lighting.photo.reader import read_photo
+from tests.conftest import encode, exif, munich, scene
+from tests.helpers.photos import DJI, drone, packet
+
+
+@pytest.mark.parametrize(
+    ("text", "time"),
+    [
+        ("2024-06-01T14:30", datetime(2024, 6, 1, 14, 30)),
+        (" 2024-06-01 14:30:05 ", datetime(2024, 6, 1, 14, 30, 5)),
+        ("2024-06-01T14:30Z", datetime(2024, 6, 1, 14, 30, tzinfo=UTC)),
+        ("20240601T143005,5Z", datetime(2024, 6, 1, 14, 30, 5, 500_000, tzinfo=UTC)),
+        ("2024-W22-6T14:30-0000", datetime(2024, 6, 1, 14, 30, tzinfo=UTC)),
+        ("2024-06-01 14:30 +05:30", datetime(2024, 6, 1, 14, 30, tzinfo=timezone(timedelta(hours=5.5)))),
+        ("2024-06-01T14:30+05:30", datetime(2024, 6, 1, 14, 30, tzinfo=timezone(timedelta(hours=5.5)))),
+    ],
+)
+def test_times(text: str, time: datetime) -> None:
+    found = read_time(text)
+    assert found == time
+    assert found.utcoffset() == time.utcoffset()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "now", "2024-02-30T10:00", "2024-06-01", "20240601", "2024-06-01T25:00", "9999-12-31T23:59-12:00", "14:30"],
+)
+def test_impossible_times_are_refused_in_one_sentence(text: str) -> None:
+    with pytest.raises(ParameterError, match=r" is (not )?a .*\.$"):
+        read_time(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["2024-06-01T12:00\0Z", "2024-06-01x12:00", "2024-06-01\x1b12:00", "2024-06-01T12:00_+02:00"]
+)
+def test_what_python_reads_as_a_time_and_people_do_not_write_is_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match="is not a time such as"):
+        read_time(text)
+
+
+@pytest.mark.parametrize("text", ["2024-06-01T12:00+23:00", "2024-06-01T12:00-12:30"])
+def test_times_of_no_zone_are_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match="offset from UTC"):
+        read_time(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "hours"),
+    [
+        ("+02:00", 2),
+        ("-03:30", -3.5),
+        ("0545", 5.75),
+        ("Z", 0),
+        ("2", 2),
+        ("-9.5", -9.5),
+        ("+14", 14),
+        ("-00:30", -0.5),
+    ],
+)
+def test_offsets(text: str, hours: float) -> None:
+    assert read_offset(text) == hours
+
+
+@pytest.mark.parametrize("text", ["", "CET", "+2:75", "14:30", "-13", "1e1", "nan", "+02:00:00", "٣"])
+def test_offsets_of_no_zone_are_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match=r"offset from UTC"):
+        read_offset(text)
+
+
+@given(st.text())
+def test_any_text_is_read_or_refused(text: str) -> None:
+    for read in (read_time, read_offset):
+        with suppress(ParameterError):
+            assert read(text) is not None
+
+
+def test_local_time_in_utc() -> None:
+    assert in_utc(datetime(2024, 1, 1, 1, 0), 2.0) == datetime(2023, 12, 31, 23, 0, tzinfo=UTC)
+
+
+pillow_heif.register_heif_opener()
+
+SCENE = scene(160, 120)
+BASE, GPS = ExifTags.Base, ExifTags.GPS
+
+
+def facts_of(block: Image.Exif, picture: Any = SCENE, file_format: str = "JPEG") -> PhotoMetadata:
+    return read_photo(encode(picture, file_format, exif=block.tobytes())).facts
+
+
+@pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP", "HEIF"])
+def test_what_a_phone_notes(file_format: str) -> None:
+    facts = facts_of(munich(), file_format=file_format)
+    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
+    assert facts.utc_offset == 2.0
+    assert facts.utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert facts.latitude == pytest.approx(48 + 8 / 60 + 15 / 3600)
+    assert facts.longitude == pytest.approx(11 + 34 / 60 + 30 / 3600)
+    assert (facts.heading, facts.heading_reference) == (60.0, "magnetic")
+    assert facts.focal_length == 26.0
+
+
+def test_a_photo_without_exif_has_no_facts() -> None:
+    assert read_photo(encode(SCENE)).facts == PhotoMetadata()
+
+
+def test_the_repr_does_not_tell_the_place() -> None:
+    photo = read_photo(encode(SCENE, exif=munich().tobytes()))
+    assert photo.facts.latitude is not None
+    for text in (repr(photo.facts), repr(photo)):
+        assert "48." not in text
+        assert "itude" not in text
+
+
+def test_the_southwest_is_negative() -> None:
+    facts = facts_of(munich(GPSLatitudeRef="S", GPSLongitudeRef="w"))
+    assert facts.latitude == pytest.approx(-48.1375)
+    assert facts.longitude == pytest.approx(-11.575)
+
+
+def test_a_local_time_without_zone_stays_local() -> None:
+    facts = facts_of(munich(OffsetTimeOriginal=None))
+    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
+    assert facts.utc_offset is None
+    assert facts.utc_time is None
+
+
+def test_the_satellites_time_is_utc() -> None:
+    time = {"GPSDateStamp": "2024:06:01", "GPSTimeStamp": (7.0, 9.0, 58.5)}
+    facts = facts_of(munich(OffsetTimeOriginal=None, **time))
+    assert facts.utc_time == datetime(2024, 6, 1, 7, 9, 58, 500000, tzinfo=UTC)
+    assert facts_of(munich(DateTimeOriginal=None, **time)).utc_time == facts.utc_time
+    assert facts_of(munich(**time)).utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+
+
+def test_a_gps_time_of_zeros_is_unknown() -> None:
+    time = {"DateTimeOriginal": None, "GPSDateStamp": "2024:06:01"}
+    assert facts_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 0.0))).utc_time is None
+    just_after = facts_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 1.0))).utc_time
+    assert just_after == datetime(2024, 6, 1, 0, 0, 1, tzinfo=UTC)
+
+
+def test_the_day_a_film_was_scanned_counts_if_nothing_better_does() -> None:
+    facts = facts_of(munich(DateTimeOriginal=None, DateTimeDigitized="1998-04-05 16:20:00", OffsetTimeOriginal=None))
+    assert facts.local_time == datetime(1998, 4, 5, 16, 20)
+
+
+def test_the_offset_of_a_scan_is_not_that_of_the_picture() -> None:
+    scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
+    facts = facts_of(munich(OffsetTimeOriginal=None, **scan))
+    assert (facts.local_time, facts.utc_offset, facts.utc_time) == (datetime(2024, 6, 1, 9, 10), None, None)
+    same = {"DateTimeDigitized": "2024:06:01 09:10:00", "OffsetTimeDigitized": "+02:00"}
+    assert facts_of(munich(OffsetTimeOriginal=None, **same)).utc_offset == 2.0
+
+
+def test_a_blank_time_hides_no_good_one() -> None:
+    scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
+    facts = facts_of(munich(DateTimeOriginal="    :  :     :  :  ", **scan))
+    assert (facts.local_time, facts.utc_offset) == (datetime(2023, 2, 3, 12, 0), -8.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "lost"),
+    [
+        ("DateTimeOriginal", "0000:00:00 00:00:00", "local_time"),
+        ("DateTimeOriginal", "2024:02:30 09:10:00", "local_time"),
+        ("DateTimeOriginal", "0024:02:20 09:10:00", "local_time"),
+        ("DateTimeOriginal", "yesterday", "local_time"),
+        ("OffsetTimeOriginal", "+25:00", "utc_time"),
+        ("OffsetTimeOriginal", "Berlin", "utc_time"),
+        ("GPSLatitude", (95.0, 0.0, 0.0), "latitude"),
+        ("GPSLatitude", (48.0, math.nan, 0.0), "latitude"),
+        ("GPSLatitude", "48 N", "latitude"),
+        ("GPSLatitudeRef", None, "longitude"),
+        ("GPSLatitudeRef", "E", "longitude"),
+        ("GPSLongitude", (181.0, 0.0, 0.0), "latitude"),
+        ("GPSLongitude", None, "latitude"),
+        ("GPSImgDirection", 361.0, "heading"),
+        ("GPSImgDirection", None, "heading"),
+        ("GPSImgDirectionRef", None, "heading_reference"),
+        ("GPSImgDirectionRef", "X", "heading_reference"),
+        ("FocalLengthIn35mmFilm", 0, "vertical_fov"),
+        ("FocalLengthIn35mmFilm", 0, "focal_length"),
+        ("FocalLengthIn35mmFilm", None, "focal_length"),
+    ],
+)
+def test_a_bad_tag_is_an_absent_one(name: str, value: object, lost: str) -> None:
+    good = facts_of(munich())
+    image = Image.fromarray(SCENE)
+    image.info["exif"] = b""
+    block = munich(**{name: value})
+    image.getexif = lambda: block  # type: ignore[method-assign]  # what a file cannot hold as such
+    facts = read_metadata(image, 160, 120)
+    assert getattr(good, lost) is not None
+    assert getattr(facts, lost) is None
+    told = [field for field, value in vars(good).items() if value is not None]
+    assert sum(getattr(facts, field) is None for field in told) <= 3
+
+
+SETTINGS = {"ExposureTime": 1 / 125, "FNumber": 16.0, "ISOSpeedRatings": 100}
+
+
+@pytest.mark.parametrize(
+    ("other", "exposure_value"),
+    [
+        ({}, 14.97),
+        ({"ISOSpeedRatings": 400}, 12.97),
+        ({"ISOSpeedRatings": (100, 100)}, 14.97),
+        ({"FNumber": 2.8, "ExposureTime": 2.0}, 1.97),
+        ({"FNumber": 0.0}, None),
+        ({"ISOSpeedRatings": 0}, None),
+        ({"ExposureTime": 0.0}, None),
+        ({"ExposureTime": 1e12}, None),
+    ],
+)
+def test_exposure_value_by_the_cameras_settings(other: dict[str, Any], exposure_value: float | None) -> None:
+    block = exif({ExifTags.Base[name]: value for name, value in {**SETTINGS, **other}.items()})
+    assert facts_of(block).exposure_value == (exposure_value and pytest.approx(exposure_value, abs=0.01))
+
+
+@pytest.mark.parametrize("absent", SETTINGS)
+def test_all_of_an_exposures_settings_must_be_noted(absent: str) -> None:
+    """A lens without contacts notes no f-number."""
+    block = exif({ExifTags.Base[name]: value for name, value in SETTINGS.items() if name != absent})
+    assert facts_of(block).exposure_value is None
+
+
+def test_zero_north_zero_east_is_nowhere() -> None:
+    facts = facts_of(munich(GPSLatitude=(0.0, 0.0, 0.0), GPSLongitude=(0.0, 0.0, 0.0)))
+    assert facts.latitude is facts.longitude is None
+
+
+# The lens
+
+
+@pytest.mark.parametrize(
+    ("focal_length", "size", "degrees"),
+    [
+        (24.0, (3600, 2400), 53.13),  # full frame, 24 mm: 24 mm of height
+        (24.0, (2400, 3600), 73.74),
+        (26.0, (4032, 3024), 53.06),  # a phone: 4:3 on the same diagonal is 25.96 mm high
+        (26.0, (3024, 4032), 67.30),
+    ],
+)
+def test_field_of_view_by_the_diagonal(focal_length: float, size: tuple[int, int], degrees: float) -> None:
+    assert vertical_fov(focal_length, *size) == pytest.approx(degrees, abs=0.01)
+
+
+@pytest.mark.parametrize(("focal_length", "degrees"), [(1.0, 120.0), (65535.0, 5.0)])
+def test_field_of_view_is_clamped(focal_length: float, degrees: float) -> None:
+    assert vertical_fov(focal_length, 400, 300) == degrees
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_field_of_view_is_that_of_the_upright_photo(orientation: int) -> None:
+    block = munich()
+    block[BASE.Orientation] = orientation
+    photo = read_photo(encode(SCENE, exif=block.tobytes()))
+    assert photo.facts.vertical_fov == pytest.approx(vertical_fov(26.0, photo.width, photo.height))
+    assert (photo.width, photo.height) == ((120, 160) if orientation > 4 else (160, 120))
+
+
+@pytest.mark.parametrize(
+    ("noted", "known"), [((4032, 3024), True), ((3024, 4032), True), ((4032, 2268), False), ((0, 3024), True)]
+)
+def test_a_crop_has_no_known_field_of_view(noted: tuple[int, int], known: bool) -> None:
+    facts = facts_of(munich(ExifImageWidth=noted[0], ExifImageHeight=noted[1]))
+    assert (facts.vertical_fov is not None) is known
+    assert facts.focal_length == 26.0
+
+
+# Hostile input
+
+VALUES = st.one_of(
+    st.integers(),
+    st.floats(),
+    st.text(max_size=30),
+    st.binary(max_size=30),
+    st.booleans(),
+    st.none(),
+    st.builds(IFDRational, st.integers(0, 5), st.integers(0, 3)),
+)
+TAGS = st.sampled_from(
+    [
+        BASE.DateTimeOriginal,
+        BASE.DateTimeDigitized,
+        BASE.OffsetTimeOriginal,
+        BASE.OffsetTimeDigitized,
+        BASE.FocalLengthIn35mmFilm,
+        BASE.ExifImageWidth,
+        BASE.ExifImageHeight,
+        *GPS,
+    ]
+)
+
+
+@pytest.mark.slow
+@given(st.dictionaries(TAGS, VALUES | st.tuples(VALUES) | st.tuples(VALUES, VALUES, VALUES)))
+def test_any_value_of_any_tag_gives_facts(tags: dict[int, Any]) -> None:
+    image = Image.new("RGB", (40, 60))
+    image.getexif = lambda: exif(tags, tags)  # type: ignore[method-assign]
+    facts = read_metadata(image, 40, 60)
+    assert facts.vertical_fov is None or 5.0 <= facts.vertical_fov <= 120.0
+    assert (facts.latitude is None) is (facts.longitude is None)
+    assert facts.latitude is None or abs(facts.latitude) <= 90
+    assert facts.heading is None or 0 <= facts.heading < 360
+
+
+GOOD = munich().tobytes()
+
+
+@pytest.mark.slow
+@given(st.lists(st.tuples(st.integers(6, len(GOOD) - 1), st.integers(0, 255)), min_size=1, max_size=12))
+def test_a_damaged_block_never_rejects_a_photo(changes: list[tuple[int, int]]) -> None:
+    block = bytearray(GOOD)
+    for position, value in changes:
+        block[position] = value
+    photo = read_photo(encode(SCENE, exif=bytes(block)))
+    assert {photo.width, photo.height} == {160, 120}
+
+
+@given(st.binary(max_size=200))
+def test_nor_does_a_block_of_noise(noise: bytes) -> None:
+    photo = read_photo(encode(SCENE, exif=b"Exif\0\0" + struct.pack("<2sHI", b"II", 42, 8) + noise))
+    assert photo.facts.utc_time is None or isinstance(photo.facts.utc_time, datetime)
+
+
+PITCH = "http://www.dji.com/drone-dji/1.0 GimbalPitchDegree"
+BOMB = (
+    b'<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa">'
+    + b"".join(f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">'.encode() for i in range(12))
+    + b']><x xmlns:d="http://www.dji.com/drone-dji/1.0/" d:GimbalPitchDegree="1"><y>&m;</y></x>'
+)
+
+
+def test_attributes_and_elements_are_alike() -> None:
+    for elements in (False, True):
+        found = _properties(drone("-12.30", elements=elements))
+        assert found[PITCH] == "-12.30"
+        assert _properties(drone("-12.30", elements=elements) + b"\0\0 \n") == found
+        assert _properties(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
+
+
+def test_the_first_of_two_counts() -> None:
+    twice = packet(DJI, {"GimbalPitchDegree": "-1"}).replace(b"</rdf:RDF>", b"<d:a xmlns:d='u'>2</d:a></rdf:RDF>")
+    assert _properties(twice)[PITCH] == "-1"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        None,
+        (1, 2),
+        "text",
+        b"",
+        b"<x",
+        b"<x></y>",
+        b"\xff\xfe",
+        b"<?xml version='1.0' encoding='nobody-knows'?><x/>",
+        BOMB,
+        b'<!DOCTYPE x SYSTEM "file:///etc/passwd"><x/>',
+        b'<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]><x>&e;</x>',
+        drone("-1").replace(b"<rdf:RDF", b"<!--" + b"x" * MOST_BYTES + b"--><rdf:RDF"),
+    ],
+)
+def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
+    assert _properties(data) == {}
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        BOMB,
+        b"<x>" * (MOST_BYTES // 3),
+        b"<x " + b" ".join(f'a{i}="1"'.encode() for i in range(20_000)) + b"/>",
+        b"<x>" + b"&amp;" * (MOST_BYTES // 5 - 10) + b"</x>",
+        b"<x>" + b"\0" * 60_000_000,
+    ],
+)
+def test_no_packet_takes_long(data: bytes) -> None:
+    start = time.process_time()
+    _properties(data)
+    assert time.process_time() - start < 1.0
+
+
+def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
+    packet = b"<x>" + b"a" * 4_000_000
+    plain, heavy = (read_photo(encode(scene(160, 120), "WEBP", **options)) for options in ({}, {"xmp": packet}))
+    assert heavy.facts == plain.facts
+    assert (heavy.pixels == plain.pixels).all()
+
+
+@given(st.binary(max_size=200))
+def test_no_packet_whatever_raises(data: bytes) -> None:
+    for start in (b"", b"<", b"<x ", drone("-1")[:200]):
+        _properties(start + data)

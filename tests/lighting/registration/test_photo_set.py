@@ -1,0 +1,245 @@
+"""Tests of photo set."""
+
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting import runtime
+from lighting.errors import MissingExtraError, TurnsError
+from lighting.geometry import wrap_azimuth
+from lighting.registration import photo_set
+from lighting.registration.features import detect_features
+from lighting.registration.photo_set import (
+    UP_SIGMA,
+    View,
+    ViewFeatures,
+    _about,
+    _average,
+    _components,
+    register_views,
+    register_views_isolated,
+)
+from lighting.registration.rotations import own_axes, rotation_about, rotation_vector
+from lighting.registration.two_view import Turn
+from tests.helpers.cameras import Camera, picture, texture
+
+pytest.importorskip("cv2")
+FOV = 52.0
+
+
+def views(*azimuths: float) -> list[View]:
+    sphere = texture()
+    return [View(picture(sphere, (azimuth, 2.0, 0.0), FOV), 1.0, 0.0, 46.0) for azimuth in azimuths]
+
+
+OVERLAPPING = views(0.0, 25.0)
+
+
+@pytest.mark.slow
+def test_the_answer_is_the_same() -> None:
+    for asked in (OVERLAPPING, [replace(view, noted_fov=FOV) for view in OVERLAPPING], OVERLAPPING[:1]):
+        assert register_views_isolated(asked, 100.0) == register_views([view.shot() for view in asked])
+    assert register_views_isolated(OVERLAPPING, 100.0)[1].heading == pytest.approx(25.0, abs=0.5)
+
+
+def test_what_takes_too_long_is_ended() -> None:
+    began = time.monotonic()
+    with pytest.raises(TurnsError, match=r"takes longer than 0\.01 seconds\.$"):
+        register_views_isolated(OVERLAPPING * 20, 0.01)
+    assert time.monotonic() - began < 5
+
+
+def test_it_ends_by_itself_where_nobody_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where who asked was killed."""
+    endless = "import time, lighting.registration.photo_set as a; a.register_views = lambda _: time.sleep(1000); "
+    monkeypatch.setattr(photo_set, "CODE", endless + photo_set.CODE)
+    process = runtime.python(photo_set.CODE)
+    process.communicate(photo_set._request(OVERLAPPING, 0.5), timeout=60)
+    assert process.returncode != 0
+
+
+def test_who_asks_may_stop_it() -> None:
+    class GoneError(Exception):
+        pass
+
+    def gone() -> None:
+        raise GoneError
+
+    began = time.monotonic()
+    with pytest.raises(GoneError):
+        register_views_isolated(OVERLAPPING * 20, 100.0, gone)
+    assert time.monotonic() - began < 50
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the bound is Linux's")
+def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(photo_set, "MEMORY", 30_000_000)
+    with pytest.raises(TurnsError, match="needs too much memory"):
+        register_views_isolated(OVERLAPPING, 100.0)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the bound is Linux's")
+def test_the_largest_photos_with_the_most_features_fit_into_the_memory() -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (256, 256), dtype=np.uint8)
+    large = np.repeat(np.kron(noise, np.ones((8, 8), np.uint8))[:2047, :2047, None], 3, axis=2)
+    assert {placed.heading for placed in register_views_isolated([View(large, 0.0, 0.0, 50.0)] * 2, 100.0)} == {0.0}
+
+
+def test_photos_that_end_the_process_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    fatal = "import os, lighting.registration.photo_set as a; a.register_views = lambda _: os._exit(9); "
+    monkeypatch.setattr(photo_set, "CODE", fatal + photo_set.CODE)
+    with pytest.raises(TurnsError, match="ended its process"):
+        register_views_isolated(OVERLAPPING, 100.0)
+
+
+def test_without_opencv_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(photo_set, "CODE", "import sys; sys.modules['cv2'] = None; " + photo_set.CODE)
+    with pytest.raises(MissingExtraError, match=r"pip install 'outdoor-lighting\["):
+        register_views_isolated(OVERLAPPING, 100.0)
+
+
+def test_where_no_process_starts_one_sentence_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/absent/python")
+    with pytest.raises(TurnsError, match="does not start"):
+        register_views_isolated(OVERLAPPING, 100.0)
+
+
+CAMERAS = [own_axes(azimuth, 3.0, -1.0) for azimuth in (0.0, 25.0, 50.0, 80.0)]
+
+
+def edge(i: int, j: int, error: tuple[float, float, float] = (0.0, 0.0, 0.0), sigma: float = 0.2) -> Turn:
+    """The turn from one camera to another, off by a rotation vector [deg]."""
+    rotation = rotation_about(np.radians(error)) @ CAMERAS[j] @ CAMERAS[i].T
+    return Turn(rotation, sigma**2 * np.eye(3), (50.0, 50.0), 0.1, 100, 110)
+
+
+def off(rotations: np.ndarray) -> list[float]:
+    """Deg between orientations and the truth, relative to the first."""
+    true = [camera @ CAMERAS[0].T for camera in CAMERAS]
+    return [float(np.degrees(np.linalg.norm(rotation_vector(r @ t.T)))) for r, t in zip(rotations, true, strict=True)]
+
+
+def test_photos_fall_into_groups_by_what_connects_them() -> None:
+    pairs = {(0, 2): edge(0, 2), (2, 3): edge(2, 3)}
+    assert _components(5, pairs) == [(0, 2, 3), (1,), (4,)]
+
+
+def test_a_chain_is_followed_exactly() -> None:
+    pairs = {(0, 1): edge(0, 1), (1, 2): edge(1, 2), (2, 3): edge(2, 3)}
+    found = _average((0, 1, 2, 3), pairs)
+    assert max(off(found.rotations)) < 1e-6
+    sigma = np.sqrt(found.covariance[:, 1, 1])
+    assert sigma == pytest.approx(0.201 * np.sqrt([0, 1, 2, 3]), rel=0.01)  # variances add along a chain
+
+
+def test_a_loop_shares_its_error() -> None:
+    pairs = {(0, 1): edge(0, 1, (0.0, 0.3, 0.0)), (1, 2): edge(1, 2), (0, 2): edge(0, 2)}
+    found = _average((0, 1, 2), pairs)
+    assert max(off(np.concatenate([found.rotations, [CAMERAS[3] @ CAMERAS[0].T]]))) == pytest.approx(0.2, abs=0.02)
+
+
+def test_one_turn_that_contradicts_the_others_is_outvoted() -> None:
+    pairs = {(i, j): edge(i, j) for i in range(4) for j in range(i + 1, 4)}
+    pairs[0, 1] = edge(0, 1, (0.0, 20.0, 0.0))
+    assert max(off(_average((0, 1, 2, 3), pairs).rotations)) < 0.6
+
+
+def test_a_photo_alone_stays_where_it_is() -> None:
+    found = _average((2,), {})
+    assert (found.rotations == np.eye(3)).all()
+    assert (found.covariance == 0.0).all()
+
+
+cv2 = pytest.importorskip("cv2")
+SETS_CAMERAS: list[Camera] = [(-170.0, 2.0, 0.0), (-140.0, -3.0, 1.5), (165.0, 4.0, -2.0)]
+TILTS = [(2.5, 0.5), (-4.0, 1.0), (3.5, -2.5)]  # deg, what a network says of their elevation and roll
+
+
+def shots(seed: int, cameras: list[Camera]) -> list[ViewFeatures]:
+    sphere = texture(seed)
+    seen = [detect_features(picture(sphere, camera, FOV)) for camera in cameras]
+    return [ViewFeatures(f, *tilt, guessed_fov=46.0) for f, tilt in zip(seen, TILTS, strict=False)]
+
+
+def test_overlapping_photos_get_their_headings_and_their_lens() -> None:
+    placed = register_views(shots(0, SETS_CAMERAS))
+    assert {p.group for p in placed} == {0}
+    true = [float(wrap_azimuth(azimuth - SETS_CAMERAS[0][0])) for azimuth, _, _ in SETS_CAMERAS]
+    assert [p.heading for p in placed] == pytest.approx(true, abs=0.5)
+    assert [p.vertical_fov for p in placed] == pytest.approx([FOV] * 3, abs=0.5)
+    assert [p.camera_elevation for p in placed] == pytest.approx([c[1] for c in SETS_CAMERAS], abs=1.0)
+    assert [p.camera_roll for p in placed] == pytest.approx([c[2] for c in SETS_CAMERAS], abs=1.0)
+    assert placed[0].heading_sigma == 0.0
+    assert all(0.0 < p.heading_sigma < 1.0 for p in placed[1:])
+
+
+def test_a_photo_that_notes_gravity_levels_the_others() -> None:
+    noted = [
+        replace(shot, camera_elevation=e, camera_roll=r)
+        for shot, (_, e, r) in zip(shots(0, SETS_CAMERAS), SETS_CAMERAS, strict=True)
+    ]
+    wrong = [replace(shot, camera_elevation=shot.camera_elevation + 7.0) for shot in noted[1:]]
+    guessed, known = (register_views([replace(noted[0], up_sigma=sigma), *wrong]) for sigma in (UP_SIGMA, 0.9))
+    true = [c[1] for c in SETS_CAMERAS]
+    assert [p.camera_elevation for p in known] == pytest.approx(true, abs=1.0)
+    assert np.abs(np.subtract([p.camera_elevation for p in guessed], true)).max() > 3.0
+    assert all(k.heading_sigma <= g.heading_sigma for k, g in zip(known, guessed, strict=True))
+
+
+def test_photos_of_different_places_are_groups_of_their_own() -> None:
+    strangers = [*shots(0, SETS_CAMERAS[:1]), *shots(1, SETS_CAMERAS[:1])]
+    placed = register_views(strangers)
+    assert [p.group for p in placed] == [0, 1]
+    assert [p.vertical_fov for p in placed] == [None, None]
+    assert placed[0].camera_elevation == pytest.approx(TILTS[0][0])
+
+
+def test_a_zoomed_photo_has_a_lens_of_its_own() -> None:
+    """One that a common lens or a walk would turn by other angles."""
+    sphere, cameras, fovs = texture(0), [(0.0, 2.0, 0.0), (20.0, -3.0, 1.5), (9.0, 1.0, 0.0)], (FOV, FOV, 30.0)
+    seen = [detect_features(picture(sphere, camera, fov)) for camera, fov in zip(cameras, fovs, strict=True)]
+    placed = register_views([ViewFeatures(f, *tilt, guessed_fov=46.0) for f, tilt in zip(seen, TILTS, strict=True)])
+    assert {p.group for p in placed} == {0}
+    assert [p.heading for p in placed] == pytest.approx([0.0, 20.0, 9.0], abs=0.3)
+    assert [p.vertical_fov for p in placed] == pytest.approx(fovs, abs=0.5)
+
+
+def test_identical_photos_look_the_same_way() -> None:
+    one = shots(0, SETS_CAMERAS[:1])
+    placed = register_views([one[0], one[0]])
+    assert [p.heading for p in placed] == pytest.approx([0.0, 0.0], abs=0.01)
+    assert len({p.group for p in placed}) == 1
+    assert placed[0].vertical_fov == pytest.approx(46.0, abs=1.0)  # the lens shows in no turn: the guess stays
+
+
+def test_one_photo_is_its_own_group() -> None:
+    (only,) = register_views(shots(0, SETS_CAMERAS[:1]))
+    assert (only.group, only.heading, only.vertical_fov) == (0, 0.0, None)
+
+
+def test_angles_about_a_vertical_are_those_of_geometry() -> None:
+    rotations = np.array([own_axes(*c) @ own_axes(*SETS_CAMERAS[0]).T for c in SETS_CAMERAS])
+    heading, elevation, roll = _about(own_axes(*SETS_CAMERAS[0])[:, 1], rotations)
+    assert heading == pytest.approx([float(wrap_azimuth(c[0] - SETS_CAMERAS[0][0])) for c in SETS_CAMERAS])
+    assert elevation == pytest.approx([c[1] for c in SETS_CAMERAS])
+    assert roll == pytest.approx([c[2] for c in SETS_CAMERAS])
+
+
+def test_a_sheared_copy_takes_no_lens_beyond_all_numbers() -> None:
+    """No camera sees one as the other: the search for two lenses goes far, and gives up without a warning."""
+    noise = np.kron(np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8), np.ones((5, 5), np.uint8))
+    rolled, sheared = (
+        np.roll(noise, 40, axis=1),
+        cv2.warpAffine(noise, np.array([[1, 0.3, 0], [0, 1, 0.0]]), (400, 300)),
+    )
+    placed = register_views(
+        [
+            ViewFeatures(detect_features(rolled), 89.0, 0.0, 50.0),
+            ViewFeatures(detect_features(sheared), -90.0, 180.0, 3.0),
+        ]
+    )
+    assert all(np.isfinite([p.heading, p.camera_elevation]).all() for p in placed)

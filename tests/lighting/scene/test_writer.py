@@ -1,0 +1,139 @@
+"""Tests of writer."""
+
+import json
+import zipfile
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lighting.errors import SceneError
+from lighting.files.exr import read_exr
+from lighting.records import record_with_coefficients
+from lighting.scene import EXPORTERS, blender, mitsuba
+from lighting.scene.records import Scene
+from lighting.scene.writer import filled, lit_ground_png, plate_png, write_scene, write_shared_files, zip_scene
+from tests.helpers.scenes import PLAIN, known_scene, plain_scene
+
+
+def test_a_new_folder_holds_the_scene_alone(tmp_path: Path) -> None:
+    write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert {"scene.xml", "plate.png", "environment.exr", "lighting.json"} < {
+        p.name for p in (tmp_path / "out").iterdir()
+    }
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "out" / "plate.png")), PLAIN)
+    assert (tmp_path / "out").stat().st_mode & 0o777 == 0o755
+
+
+def test_overwriting_replaces_the_scene_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    write_scene(plain_scene(), "mitsuba", folder)
+    (folder / "mine.txt").write_text("keep")
+    with pytest.raises(SceneError, match="is not empty; --overwrite replaces"):
+        write_scene(plain_scene(turbidity=6.0), "mitsuba", folder)
+    assert json.loads((folder / "lighting.json").read_text())["sky"]["turbidity"] == 3.0
+    write_scene(plain_scene(turbidity=6.0), "mitsuba", folder, overwrite=True)
+    assert json.loads((folder / "lighting.json").read_text())["sky"]["turbidity"] == 6.0
+    assert (folder / "mine.txt").read_text() == "keep"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    assert (tmp_path / "out" / "scene.xml").is_file()
+
+
+def test_the_folder_may_be_the_current_one_or_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    write_scene(known_scene(), "gltf", ".")
+    assert list(here.iterdir())
+    other, link = tmp_path / "other", tmp_path / "link"
+    other.mkdir()
+    link.symlink_to(other)
+    write_scene(known_scene(), "gltf", link)
+    assert link.is_symlink()
+    assert sorted(p.name for p in other.iterdir()) == sorted(p.name for p in here.iterdir())
+
+
+def test_what_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_scene: Scene, folder: Path) -> None:
+        (folder / "half").write_text("written")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(mitsuba, "write_mitsuba", fail)
+    with pytest.raises(SceneError, match=r"out cannot be written: No space left on device\.$"):
+        write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_tool_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"'maya' is not known; it must be one of blender, usd, gltf"):
+        write_scene(plain_scene(), "maya", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tool", EXPORTERS)
+def test_an_archive_holds_what_the_folder_holds(tmp_path: Path, tool: str) -> None:
+    write_scene(plain_scene(), tool, tmp_path / "out")
+    with zipfile.ZipFile(BytesIO(zip_scene(plain_scene(), tool))) as archive:
+        assert archive.testzip() is None
+        on_disk = {path.name for path in (tmp_path / "out").iterdir()} - {blender.FILE}  # which needs a disk
+        assert sorted(archive.namelist()) == sorted(on_disk)
+
+
+def test_one_scene_makes_one_archive() -> None:
+    assert zip_scene(plain_scene(), "mitsuba") == zip_scene(plain_scene(), "mitsuba")
+
+
+def test_a_scene_beside_one_for_another_tool_is_in_the_same_light(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    write_scene(plain_scene(), "usd", folder)
+    write_scene(plain_scene(), "mitsuba", folder, overwrite=True)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(SceneError, match=r"holds a scene for usd in other light, scene\.usda"):
+        write_scene(plain_scene(turbidity=6.0), "mitsuba", folder, overwrite=True)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    write_scene(plain_scene(turbidity=6.0), "gltf", folder, overwrite=True)  # which has all in one file
+    assert {name: (folder / name).read_bytes() for name in before} == before
+
+
+def test_the_shared_files_hold_plate_map_and_record(tmp_path: Path) -> None:
+    scene = plain_scene()
+    write_shared_files(scene, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "environment.exr",
+        "lighting.json",
+        "lit_ground.png",
+        "plate.png",
+    ]
+    assert json.loads((tmp_path / "lighting.json").read_text()) == record_with_coefficients(scene.lighting)
+    image, lighting = read_exr(tmp_path / "environment.exr")
+    np.testing.assert_allclose(image, scene.environment, rtol=1e-4)
+    assert lighting == scene.lighting
+
+
+def test_the_plate_is_the_photo() -> None:
+    with Image.open(BytesIO(plate_png(plain_scene()))) as plate:
+        assert np.array_equal(np.asarray(plate), PLAIN)
+
+
+def test_the_mask_is_white_in_the_sun_and_black_in_shade() -> None:
+    lit = np.array([[0.0, 0.5, 1.0]], np.float32)
+    with Image.open(BytesIO(lit_ground_png(replace(plain_scene(), lit_ground=lit)))) as mask:
+        assert mask.mode == "L"
+        assert np.asarray(mask).tolist() == [[0, 128, 255]]
+
+
+def test_a_template_must_get_every_value() -> None:
+    page = filled("viewer.html", {"scene": "{}", "three": "1", "viewer": "2"})
+    assert "$" not in page
+    with pytest.raises(KeyError):
+        filled("viewer.html", {"scene": "{}"})

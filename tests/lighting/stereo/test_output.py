@@ -1,0 +1,195 @@
+"""Tests of output."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from lighting.cli import cli
+from lighting.errors import PhotoError
+from lighting.files.exr import read_exr, write_exr
+from lighting.geometry import latlong_directions, latlong_solid_angle
+from lighting.stereo.capture import _read_shot
+from lighting.stereo.grid_search import Pose, to_world
+from lighting.stereo.light_vectors import clear_skies
+from lighting.stereo.output import (
+    NormalsOptions,
+    _write_mesh,
+    _write_picture,
+    _write_png16,
+    depth_error,
+    estimate_normals,
+    integrate,
+)
+from lighting.stereo.solver import NormalMap
+from tests.helpers.skies import JUNE, angles, ball, june_suns, photos
+
+
+def test_a_ball_comes_back_round() -> None:
+    normals, mask, height = ball(96)
+    found = integrate(normals, mask)
+    assert np.isnan(found[~mask]).all()
+    assert depth_error(found, height, mask) < 0.25  # pixels; its radius is 46
+
+
+def test_pieces_that_do_not_touch_are_solved_apart() -> None:
+    normals, mask, height = ball(40)
+    both = np.concatenate([normals, normals], axis=1), np.concatenate([mask, mask], axis=1)
+    found = integrate(*both)
+    assert depth_error(found[:, :40], height, mask) < 0.4
+    assert depth_error(found[:, 40:], height, mask) < 0.4
+
+
+def test_a_slanted_plane_seen_in_perspective() -> None:
+    normal = np.array([0.3, -0.2, 0.933])
+    normal /= np.linalg.norm(normal)
+    focal, side = 60.0, 41
+    right, down = np.meshgrid(np.arange(side) - 20.0, np.arange(side) - 20.0)
+    rays = np.stack([right, -down, np.full_like(right, -focal)], axis=-1) / focal
+    distance = -5.0 / (rays @ normal)  # of the plane <n, p> = -5
+    found = integrate(np.broadcast_to(normal, (side, side, 3)).astype(np.float32), np.ones((side, side), bool), focal)
+    np.testing.assert_allclose(found / found.mean(), distance / distance.mean(), rtol=2e-3)
+
+
+def test_a_png_of_16_bits_holds_what_was_written(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).integers(0, 65536, (5, 7, 3)).astype(float)
+    _write_png16(tmp_path / "a.png", values)
+    found = _read_shot(tmp_path / "a.png", "linear").pixels
+    np.testing.assert_allclose(65535 * found, values, atol=0.01)
+    with Image.open(tmp_path / "a.png") as picture:
+        picture.verify()
+
+
+def test_numbers_beyond_16_bits_are_cut(tmp_path: Path) -> None:
+    _write_png16(tmp_path / "a.png", np.array([[[-5.0], [70000.0], [12.4]]]))
+    np.testing.assert_allclose(
+        65535 * _read_shot(tmp_path / "a.png", "linear").pixels[0, :, 0], [0, 65535, 12], atol=0.1
+    )
+
+
+def test_an_exr_holds_every_digit(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).normal(size=(4, 6, 3)).astype(np.float32)
+    _write_picture(tmp_path / "a.exr", values)
+    np.testing.assert_array_equal(read_exr(tmp_path / "a.exr")[0], values)
+
+
+def test_a_mesh_has_two_triangles_for_each_four_neighbours(tmp_path: Path) -> None:
+    mask = np.ones((3, 4), dtype=bool)
+    mask[0, 0] = False
+    up = np.zeros((3, 4, 3), np.float32)
+    up[..., 2] = 1
+    flat = np.zeros((3, 4), np.float32)
+    found = NormalMap(mask, up, np.ones((3, 4, 3), np.float32), flat, flat, np.zeros_like(mask), 0.01)
+    _write_mesh(tmp_path / "a.ply", np.zeros((3, 4, 3)), found)
+    header = (tmp_path / "a.ply").read_bytes().split(b"end_header")[0]
+    assert b"element vertex 11\n" in header
+    assert b"element face 10\n" in header  # of six squares one touches the missing corner
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli, ["stereo", "normals", *map(str, arguments)], prog_name="lighting")
+
+
+@pytest.fixture(scope="module")
+def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder: Path = tmp_path_factory.mktemp("day")
+    normals, mask, _ = ball()
+    images = photos(normals, mask, clear_skies(june_suns()), Pose(heading=20.0))
+    for index, image in enumerate(images):
+        _write_png16(folder / f"{index}.png", 65535 * image)
+    rows = "".join(f"{index}.png,{time}+00:00\n" for index, time in enumerate(JUNE))
+    (folder / "times.csv").write_text("file,time\n" + rows)
+    Image.fromarray((255 * mask).astype(np.uint8)).save(folder / "mask.png")
+    return folder
+
+
+def test_a_folder_is_named_by_a_text_too(tmp_path: Path) -> None:
+    with pytest.raises(PhotoError, match="There is no folder"):
+        estimate_normals(str(tmp_path / "none"), NormalsOptions())
+
+
+def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path: Path) -> None:
+    result = run(day, "--lat", "47", "--lon", "0", "--heading", "20", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "normals from 8 photos" in result.stdout
+    pictures = ("normals_camera", "normals_world", "albedo", "uncertainty")
+    both = [f"{name}.{suffix}" for name in pictures for suffix in ("png", "exr")]
+    names = sorted([*both, "mesh.ply", "normals.json"])
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
+    record = json.loads((tmp_path / "out" / "normals.json").read_text())
+    assert abs(record["turbidity"] - 3) < 0.5  # nobody said it; the photos are of 3
+    truth, mask, _ = ball()
+    found = _read_shot(tmp_path / "out" / "normals_camera.exr").pixels
+    error = angles(found[mask], truth[mask])
+    assert np.median(error) < 4  # of three channels in June; the pilot's one channel had 3.5
+    coded = _read_shot(tmp_path / "out" / "normals_camera.png", "linear").pixels
+    np.testing.assert_allclose(coded[mask] * 2 - 1, found[mask], atol=1e-4)
+    world = _read_shot(tmp_path / "out" / "normals_world.exr").pixels
+    np.testing.assert_allclose(world[mask], to_world(found[mask], Pose(20.0)), atol=1e-5)
+    assert not found[~mask].any()
+
+
+def test_the_mesh_holds_every_pixel_and_its_triangles_face_the_camera(day: Path, tmp_path: Path) -> None:
+    run(day, "--lat", "47", "--lon", "0", "--heading", "20", "--no-network", "--turbidity", "3", "-o", tmp_path)
+    header, _, body = (tmp_path / "mesh.ply").read_bytes().partition(b"end_header\n")
+    points = int(header.split(b"element vertex ")[1].split()[0])
+    faces = int(header.split(b"element face ")[1].split()[0])
+    assert points == ball()[1].sum() == json.loads((tmp_path / "normals.json").read_text())["pixels"]
+    kinds = [("point", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)]
+    vertex = np.frombuffer(body, kinds, points)["point"]
+    corners = np.frombuffer(body[27 * points :], [("count", "u1"), ("corners", "<i4", 3)], faces)["corners"]
+    a, b, c = (vertex[corners[:, corner]] for corner in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+
+
+def test_results_are_replaced_where_told_and_other_files_stay(day: Path, tmp_path: Path) -> None:
+    for name in ("notes.txt", "normals.json"):
+        (tmp_path / name).write_text("old")
+    options = ("--lat", "47", "--lon", "0", "--heading", "20", "--no-network", "--turbidity", "3", "-o", tmp_path)
+    result = run(day, *options, "--overwrite")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "notes.txt").read_text() == "old"
+    assert json.loads((tmp_path / "normals.json").read_text())["turbidity"] == 3
+
+
+def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Path) -> None:
+    skies = clear_skies(june_suns(), height=128)
+    for time, radiance, sun, power in zip(JUNE, skies.radiance, skies.sun_direction, skies.sun_irradiance, strict=True):
+        text = str(time).replace("-", "").replace(":", "")
+        folder = tmp_path / "probes" / text[:8] / text[9:15]
+        folder.mkdir(parents=True)
+        row, column = np.unravel_index(int((latlong_directions(128) @ sun).argmax()), (128, 256))
+        image = radiance.copy()
+        image[row, column] += power / latlong_solid_angle(128)[row]
+        write_exr(folder / "envmap.exr", image)
+    result = run(day, "--probes", tmp_path / "probes", "--heading", "20", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    truth, mask, _ = ball()
+    error = angles(_read_shot(tmp_path / "out" / "normals_camera.exr").pixels[mask], truth[mask])
+    assert np.median(error) < 4
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--lat", "47", "--lon", "180", "--heading", "0"], "below the horizon"),
+        (["--lat", "47", "--lon", "0"], "--heading"),
+        (["--heading", "0"], "--lat"),
+        (["--heading", "0", "--lat", "47"], "A latitude needs a longitude"),
+        (["--probes", ".", "--heading", "0"], "holds no probe"),
+    ],
+)
+def test_what_is_missing_ends_in_a_sentence(day: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
+    result = run(day, *options, "-o", tmp_path / "out")
+    assert result.exit_code == 1
+    assert sentence in result.stderr
+    assert result.stderr.startswith("Error: ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_probes_and_a_modelled_sky_exclude_each_other(day: Path, tmp_path: Path) -> None:
+    result = run(day, "--probes", tmp_path, "--turbidity", "3", "-o", tmp_path / "out")
+    assert result.exit_code == 2

@@ -1,0 +1,103 @@
+"""Tests of planner."""
+
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
+from lighting.files.exr import write_exr
+from lighting.geometry import angle_between, latlong_directions
+from lighting.stereo.plan_records import Question
+from lighting.stereo.planner import (
+    LONGEST_GAP,
+    MeasuredSkies,
+    ModelledSkies,
+    _brightest,
+    _read_day,
+    conditions,
+    files_of,
+    read_skies,
+)
+
+JUNE = date(2026, 6, 21)
+
+
+def sky(height: int = 16) -> NDArray[np.float32]:
+    """Even but for one bright pixel."""
+    image = np.ones((height, 2 * height, 3), dtype=np.float32)
+    image[height // 4, height] = 1000
+    return image
+
+
+def fill(folder: Path, *names: str, height: int = 16) -> None:
+    for name in names:
+        (folder / "20260621" / name).mkdir(parents=True)
+        write_exr(folder / "20260621" / name / "envmap.exr", sky(height))
+
+
+def test_the_brightest_spot_is_the_sun() -> None:
+    assert angle_between(_brightest(sky()), latlong_directions(16)[4, 16]) < 0.1
+
+
+def test_folders_are_days_by_a_clock(tmp_path: Path) -> None:
+    fill(tmp_path, "100000", "103000")
+    assert sorted(files_of(tmp_path, JUNE)) == [600, 630]
+    assert files_of(tmp_path, date(2026, 6, 22)) == {}
+    day = _read_day(JUNE, files_of(tmp_path, JUNE))
+    assert day.minutes.tolist() == [600, 630]
+    assert day.tolerance == LONGEST_GAP / 2
+    assert day.skies.radiance.max() < 1000  # the sun is out of the map
+    assert day.skies.sun_irradiance.min() > 0
+
+
+def test_a_probe_with_values_that_are_no_numbers_is_named(tmp_path: Path) -> None:
+    image = sky()
+    image[2, 3] = np.inf
+    write_exr(tmp_path / "a.exr", image)
+    with pytest.raises(EnvironmentMapError, match=r"a\.exr: The map holds values that are not finite numbers\.$"):
+        read_skies([tmp_path / "a.exr"])
+
+
+def test_one_probe_is_no_day_and_sizes_do_not_mix(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="two or more"):
+        _read_day(JUNE, {600.0: tmp_path})
+    fill(tmp_path, "100000")
+    fill(tmp_path, "110000", height=32)
+    with pytest.raises(EnvironmentMapError, match="differ in size"):
+        read_skies(list(files_of(tmp_path, JUNE).values()))
+
+
+def test_the_clock_is_the_longitudes_unless_told() -> None:
+    assert ModelledSkies(47.0, 10.0, JUNE, JUNE).place.utc_offset == 1
+    assert ModelledSkies(47.0, -76.0, JUNE, JUNE).place.utc_offset == -5
+    assert ModelledSkies(47.0, 10.0, JUNE, JUNE, utc_offset=2.0).place.utc_offset == 2
+
+
+def test_conditions_are_said() -> None:
+    said = conditions(ModelledSkies(47.0, -52.0, JUNE, JUNE, utc_offset=-3.5), Question(90.0, 5, 0.5))
+    assert said == "surface facing 90°, 5 photos a window, noise 0.5 %, times UTC-03:30"
+
+
+@pytest.mark.parametrize(("latitude", "longitude", "name"), [(91.0, 0.0, "latitude"), (0.0, 181.0, "longitude")])
+def test_places_are_checked(latitude: float, longitude: float, name: str) -> None:
+    with pytest.raises(ParameterError, match=name):
+        ModelledSkies(latitude, longitude, JUNE, JUNE)
+
+
+def test_another_sky_is_refused() -> None:
+    cloudy: Any = "cloudy"
+    with pytest.raises(ParameterError, match="'cloudy' is not known; it must be one of clear, overcast, mixed"):
+        ModelledSkies(47.0, 10.0, JUNE, JUNE, cloudy)
+
+
+def test_days_and_clocks_are_checked(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="before the first"):
+        ModelledSkies(47.0, 10.0, JUNE, date(2026, 6, 20))
+    with pytest.raises(ParameterError, match="utc_offset"):
+        ModelledSkies(47.0, 10.0, JUNE, JUNE, utc_offset=20.0)
+    with pytest.raises(ProbeError, match="holds no probe"):
+        MeasuredSkies(tmp_path).days()

@@ -1,0 +1,89 @@
+"""Tests of solver."""
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from lighting.errors import PhotoError
+from lighting.stereo.grid_search import Pose
+from lighting.stereo.light_vectors import clear_skies
+from lighting.stereo.network import Network, NormalFeatures
+from lighting.stereo.schedule import in_grey
+from lighting.stereo.solver import (
+    NormalMap,
+    Session,
+    _session_noise,
+    check_light,
+    fitted_turbidity,
+    improved,
+    solve_normals,
+)
+from tests.helpers.skies import angles, ball, june_suns, photos
+
+
+@pytest.mark.parametrize("truth", [2.4, 5.5])
+def test_it_finds_what_the_photos_were_made_with(truth: float) -> None:
+    normals, mask, _ = ball(32)
+    images = photos(normals, mask, in_grey(clear_skies(june_suns(), truth, height=32)), Pose())
+
+    def session(turbidity: float) -> Session:
+        return Session(images, mask, in_grey(clear_skies(june_suns(), turbidity, height=16)), Pose())
+
+    # noise of 1 % and coarse skies; an error of 2 is what bends normals by degrees
+    assert abs(fitted_turbidity(session) - truth) < 1.0
+
+
+def session(noise: float = 0.01) -> Session:
+    normals, mask, _ = ball(24)
+    skies = in_grey(clear_skies(june_suns(), height=16))
+    return Session(photos(normals, mask, skies, Pose(), noise), mask, skies, Pose())
+
+
+def test_a_ball_in_june() -> None:
+    given = session()
+    found = solve_normals(given)
+    normals, mask, _ = ball(24)
+    assert np.median(angles(found.normal[mask], normals[mask])) < 4
+    assert not found.normal[~mask].any()
+    assert not found.network.any()
+    assert 0.009 < found.noise < 0.02
+
+
+def test_noise_is_measured_in_shares_of_the_brightest_pixel() -> None:
+    assert _session_noise(session(0.03)) == pytest.approx(0.03, rel=0.35)
+    assert _session_noise(session(0.03)) > 2 * _session_noise(session(0.005))
+
+
+class Fixed:
+    """A network that always answers the same."""
+
+    def __init__(self, error: float) -> None:
+        self.error = error
+
+    def predict(self, planes: NormalFeatures) -> tuple[Any, Any]:
+        shape = planes.shared.shape[1:]
+        return np.full((*shape, 3), 7.0, np.float32), np.full(shape, self.error, np.float32)
+
+
+@pytest.mark.parametrize(("error", "taken"), [(1.0, True), (9.0, False), (11.0, False)])
+def test_a_network_is_believed_where_it_is_clearly_the_surer(error: float, taken: bool) -> None:
+    mask = np.array([[True, False]])
+    flat = np.zeros((1, 2), np.float32)
+    found = NormalMap(mask, np.zeros((1, 2, 3), np.float32), flat[..., None], flat + 10, flat, ~mask & mask, 0.01)
+    planes = NormalFeatures(np.zeros((3, 6, 1, 2), np.float32), np.zeros((15, 1, 2), np.float32))
+    both = improved(found, cast(Network, Fixed(error)), planes)
+    assert both.network.tolist() == [[taken, False]]
+    assert (both.normal[0, 0] == (7 if taken else 0)).all()
+    assert both.error[0, 0] == (error if taken else 10)
+    assert not both.normal[0, 1].any()
+
+
+def test_empty_masks_black_photos_and_equal_suns_are_refused() -> None:
+    given = session()
+    with pytest.raises(PhotoError, match="no pixel"):
+        solve_normals(Session(given.images, np.zeros_like(given.mask), given.skies, given.pose))
+    with pytest.raises(PhotoError, match="black"):
+        solve_normals(Session(0 * given.images, given.mask, given.skies, given.pose))
+    with pytest.raises(PhotoError, match="same place"):
+        check_light(given.skies.at(np.array([2, 2, 2])))

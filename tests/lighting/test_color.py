@@ -1,0 +1,90 @@
+"""Tests of color."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lighting.color import CHROMATICITIES, chromaticities_to_rec709, luminance, srgb_decode, srgb_encode, tone_map
+from lighting.errors import EnvironmentMapError
+from lighting.files.exr import read_exr
+
+ACESCG = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
+ACES = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
+
+
+def test_acescg_has_the_matrix_that_others_print() -> None:
+    """That of S. Hill's fits of ACES and of many shaders after them, rounded to five digits."""
+    published = np.array([[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]])
+    matrix = chromaticities_to_rec709(ACESCG)
+    assert matrix is not None
+    np.testing.assert_allclose(matrix, published, atol=2e-4)
+
+
+@pytest.mark.parametrize("primaries", [ACESCG, ACES, (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)])
+def test_white_stays_white(primaries: tuple[float, ...]) -> None:
+    matrix = chromaticities_to_rec709(primaries)
+    assert matrix is not None
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, atol=1e-5)
+
+
+def test_a_file_in_acescg_is_read_in_rec709_and_one_in_rec709_as_it_is(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(0).uniform(0.1, 1.0, (2, 4, 3)).astype(np.float32)
+    for name, primaries in (("wide", ACESCG), ("plain", CHROMATICITIES)):
+        header = {"type": OpenEXR.scanlineimage, "chromaticities": primaries}
+        OpenEXR.File(header, {"RGB": pixels}).write(str(tmp_path / f"{name}.exr"))
+    assert np.array_equal(read_exr(tmp_path / "plain.exr")[0], pixels)
+    matrix = chromaticities_to_rec709(ACESCG)
+    assert matrix is not None
+    np.testing.assert_allclose(read_exr(tmp_path / "wide.exr")[0], pixels @ matrix.T, rtol=1e-5)
+
+
+def test_primaries_of_no_colours_are_refused(tmp_path: Path) -> None:
+    header = {"type": OpenEXR.scanlineimage, "chromaticities": (0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.0)}
+    OpenEXR.File(header, {"RGB": np.ones((2, 4, 3), np.float32)}).write(str(tmp_path / "none.exr"))
+    with pytest.raises(EnvironmentMapError, match="those of no colours"):
+        read_exr(tmp_path / "none.exr")
+
+
+@pytest.mark.parametrize(
+    ("encoded", "linear"),
+    [(0.0, 0.0), (0.02, 0.001547988), (0.04045, 0.003130805), (0.5, 0.214041140), (0.8, 0.603827339), (1.0, 1.0)],
+)
+def test_srgb_has_the_standards_values(encoded: float, linear: float) -> None:
+    assert srgb_decode(encoded) == pytest.approx(linear, rel=1e-6)
+    assert srgb_encode(linear) == pytest.approx(encoded, rel=1e-5)
+
+
+@given(st.floats(0, 1))
+def test_srgb_round_trip(value: float) -> None:
+    assert srgb_encode(srgb_decode(value)) == pytest.approx(value, abs=1e-6)
+    assert srgb_decode(srgb_encode(value)) == pytest.approx(value, abs=1e-6)
+
+
+def test_srgb_rises_everywhere() -> None:
+    value = np.linspace(0, 1, 10001)
+    assert (np.diff(srgb_decode(value)) > 0).all()
+    assert (np.diff(srgb_encode(value)) > 0).all()
+
+
+def test_encoding_clips() -> None:
+    assert srgb_encode([-1.0, 2.0, np.inf]) == pytest.approx([0.0, 1.0, 1.0])
+
+
+def test_decoding_keeps_float32() -> None:
+    assert srgb_decode(np.zeros(3, dtype=np.float32)).dtype == np.float32
+
+
+def test_luminance_of_the_primaries() -> None:
+    assert luminance(np.eye(3)) == pytest.approx([0.2126, 0.7152, 0.0722])
+    assert luminance(np.full((4, 2, 3), 0.5)) == pytest.approx(np.full((4, 2), 0.5))
+
+
+def test_tone_map_scales_encodes_and_clips() -> None:
+    image = np.array([[[0.0, 0.107020570, 0.5], [-1.0, 40000.0, 0.0015654]]], dtype=np.float32)
+    picture = tone_map(image, exposure=2.0)
+    assert picture.dtype == np.uint8
+    assert picture.tolist() == [[[0, 128, 255], [0, 255, 10]]]

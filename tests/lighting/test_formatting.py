@@ -1,0 +1,35 @@
+"""Angles in words."""
+
+import pytest
+
+from lighting.formatting import aside, azimuth_in_words, tilt_in_words
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "digits", "words"),
+    [
+        (-41.2, 0, "41° left"),
+        (33.04, 1, "33.0° right"),
+        (0.3, 0, "straight ahead"),
+        (0.3, 1, "0.3° right"),
+        (-0.04, 1, "straight ahead"),
+        (179.8, 0, "straight behind"),
+        (-179.8, 1, "179.8° left (behind)"),
+        (90.0, 0, "90° right"),
+        (120.0, 0, "120° right (behind)"),
+    ],
+)
+def test_an_azimuth_is_told_by_its_side(azimuth: float, digits: int, words: str) -> None:
+    assert azimuth_in_words(azimuth, digits) == words
+
+
+def test_the_side_of_anything_is_told_without_what_lies_behind() -> None:
+    assert (aside(-170.0), aside(0.0, 1)) == ("170° left", "0.0° right")
+
+
+@pytest.mark.parametrize(
+    ("elevation", "digits", "words"),
+    [(-7.31, 1, "7.3° down"), (-0.04, 1, "0.0° up"), (-0.4, 0, "0° up"), (4.1, 0, "4° up")],
+)
+def test_a_tilt_is_told_by_its_direction(elevation: float, digits: int, words: str) -> None:
+    assert tilt_in_words(elevation, digits) == words

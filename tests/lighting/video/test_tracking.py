@@ -1,0 +1,143 @@
+"""Tests of tracking."""
+
+import numpy as np
+import pytest
+
+from lighting.geometry import Floats
+from lighting.registration.features import Matches
+from lighting.registration.rotations import focal_of, own_axes, project, rotation_vector
+from lighting.registration.two_view import Turn
+from lighting.video.intrinsics import tells_lens
+from lighting.video.tracking import Follower, gains_of, turning
+from tests.helpers.clips import FOV, SIZE, Pixels, frames, look, orientation, pan, seen
+
+
+def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> None:
+    count, reach = 45, 40.0
+    follower = Follower()
+    guess: Floats = np.eye(3)
+    known: dict[int, Floats] = {}
+    share = np.linspace(0, 1, count)
+    start = orientation(0.0, 0.0, 0.0)
+    for frame, s in zip(frames(pan(count, reach)), share.tolist(), strict=True):
+        step = follower.follow(frame)
+        if step.begins:
+            known[step.key] = np.eye(3)
+        found = turning(step.matches, focal_of(FOV, *SIZE), guess)
+        guess = found.rotation if step.makes is None else np.eye(3)
+        own = found.rotation @ known[step.key]
+        if step.makes is not None:
+            known[step.makes] = own
+        true = orientation(reach * s, 3 * np.sin(3 * s), 2 * s) @ start.T
+        assert np.degrees(np.linalg.norm(rotation_vector(own @ true.T))) < 0.15  # a pixel is 0.25 deg
+    assert len(known) > 2
+    assert step.stretch == 0
+
+
+def test_gains_are_followed_and_do_not_disturb() -> None:
+    follower = Follower()
+    pictures = [look(0.3 * i, gain=1.0 - 0.02 * i) for i in range(12)]
+    steps = [follower.follow(frame) for frame in frames(pictures)]
+    assert {step.stretch for step in steps} == {0}
+    assert steps[-1].gain == pytest.approx([0.78**2.3] * 3, rel=0.08)  # sRGB's curve is near a power of 2.3 there
+
+
+def test_a_turn_is_no_gain() -> None:
+    dots = np.full((512, 1024, 3), 150, np.uint8)  # dark dots look larger towards the picture's edge
+    for x, y in np.random.default_rng(0).integers((0, 0), (1024, 512), (1500, 2)).tolist():
+        dots[y : y + 3, x : x + 3] = 40
+    follower = Follower()
+    wide = [seen(dots, 0.0, 1.5 * i, fov=70.0) for i in range(15)]
+    steps = [follower.follow(frame) for frame in frames(wide)]
+    assert {step.stretch for step in steps} == {0}
+    assert gains_of(steps)[-1] == pytest.approx([1.0] * 3, rel=0.02)
+
+
+def cuts(pictures: list[Pixels]) -> list[int]:
+    follower = Follower()
+    return [step.frame for frame in frames(pictures) if (step := follower.follow(frame)).begins]
+
+
+def test_a_cut_begins_a_new_stretch() -> None:
+    assert cuts([*pan(8, 5.0), *pan(8, 5.0, seed=5)]) == [0, 8]
+
+
+def test_black_frames_have_nothing_to_follow() -> None:
+    black = np.zeros((180, 320, 3), np.uint8)
+    assert cuts([black] * 4) == [0, 1, 2, 3]
+
+
+def test_another_size_is_another_stretch() -> None:
+    assert cuts([look(0.0), look(0.1), look(0.2)[:160], look(0.3)[:160]]) == [0, 2]
+
+
+def test_a_still_picture_does_not_turn() -> None:
+    follower = Follower()
+    steps = [follower.follow(frame) for frame in frames([look(0.0)] * 10)]
+    found = turning(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    assert np.degrees(np.linalg.norm(rotation_vector(found.rotation))) < 0.01
+    assert {step.key for step in steps} == {0}
+
+
+def test_a_thing_that_moves_is_outvoted() -> None:
+    follower, thing = Follower(), np.random.default_rng(1).integers(0, 255, (10, 12, 3), dtype=np.uint8)
+    pictures = []
+    for i in range(12):
+        picture = look(0.8 * i)
+        picture[60:140, 20 + 9 * i : 116 + 9 * i] = thing.repeat(8, axis=0).repeat(8, axis=1)
+        pictures.append(picture)
+    steps = [follower.follow(frame) for frame in frames(pictures)]
+    found = turning(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    true = orientation(8.8) @ orientation(0.0).T
+    assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ true.T))) < 0.2
+
+
+TURNING_SIZE = (640, 360)
+PIXEL = 2.0 / float(np.hypot(*TURNING_SIZE))
+FOCAL = focal_of(45.0, *TURNING_SIZE)
+TURN = own_axes(4.0, 1.0, 0.5)
+
+
+def matches(step: tuple[float, float, float], moving: float = 0.0, blur: float = 0.1) -> Matches:
+    """120 points 3 to 30 m away, before and after a TURN and a step [m]; a share of them `moving`, noise in pixels."""
+    rng = np.random.default_rng(0)
+    distance = np.exp(rng.uniform(np.log(3), np.log(30), 120))[:, None]
+    ahead = np.column_stack([rng.uniform(-0.45, 0.45, 120), rng.uniform(-0.25, 0.25, 120), -np.ones(120)]) * distance
+    a, b = project(ahead, FOCAL), project((ahead - step) @ TURN.T, FOCAL)
+    b[: round(120 * moving)] += PIXEL * np.array([25.0, 4.0])
+    return Matches(a, b + rng.normal(0, blur * PIXEL, b.shape), PIXEL)
+
+
+def error(found: Floats) -> float:
+    """Deg."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(found @ TURN.T) - 1) / 2, -1, 1))))
+
+
+@pytest.mark.parametrize("step", [(0.6, 0.0, 0.0), (0.1, 0.0, -0.8)])
+def test_a_walk_does_not_turn_the_camera(step: tuple[float, float, float]) -> None:
+    found = turning(matches(step), FOCAL, np.eye(3))
+    assert error(found.rotation) < 0.15
+    assert found.share > 0.9
+
+
+def test_what_moves_is_outvoted() -> None:
+    found = turning(matches((0.0, 0.0, 0.0), moving=0.4), FOCAL, np.eye(3))
+    assert error(found.rotation) < 0.05
+    assert found.share >= 0.58
+
+
+def test_blur_is_no_walk() -> None:
+    assert error(turning(matches((0.0, 0.0, 0.0), blur=2.0), FOCAL, np.eye(3)).rotation) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("fov", "inliers", "translates", "told"),
+    [(40.0, 90, False, True), (40.0, 20, False, False), (40.0, 90, True, True), (110.0, 90, True, False)],
+)
+def test_a_lens_is_told_by_clear_turns_only(fov: float, inliers: int, translates: bool, told: bool) -> None:
+    turn = Turn(np.eye(3), np.eye(3), (fov, fov), 2.0, inliers, 100, translates)
+    assert tells_lens(turn, 50.0) == told
+
+
+def test_a_lens_is_not_told_by_a_zoom() -> None:
+    assert not tells_lens(Turn(np.eye(3), np.eye(3), (40.0, 30.0), 1.0, 90, 100, zoomed=True), 50.0)

@@ -1,0 +1,246 @@
+"""Tests of dependencies."""
+
+import re
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import anyio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from starlette.testclient import TestClient
+
+from lighting.errors import MissingExtraError, ModelError, PhotoTooLargeError
+from lighting.estimator import Estimator
+from lighting.photo.reader import TARGET
+from lighting.registration import features, photo_set
+from server.app import create_app
+from server.dependencies import INFERRED, NO_OPENCV, Matching, Service
+from server.problems import ProblemError
+from server.query_params import LightingQuery
+from server.settings import Settings
+from tests.conftest import encode, scene
+from tests.helpers.cameras import picture, texture
+from tests.helpers.pages import ROOT
+from tests.server.conftest import client_of, together
+from tests.server.test_limits import Client, until
+
+pytest.importorskip("cv2")
+FOV = 50.0
+ALONE = "Nothing in it was found in the other photos"
+
+
+def view(azimuth: float, seed: int = 0) -> bytes:
+    return encode(picture(texture(seed), (azimuth, 2.0, 0.0), FOV), quality=95)
+
+
+def noise(seed: int) -> NDArray[np.uint8]:
+    """As many features as are kept, in a picture as large as is kept."""
+    cells = np.random.default_rng(seed).integers(0, 256, (256, 256), dtype=np.uint8)
+    return np.repeat(np.kron(cells, np.ones((4, 4), np.uint8))[..., None], 3, axis=2)
+
+
+FIRST, SECOND, STRANGER = view(0.0), view(25.0), view(0.0, seed=1)
+
+
+def records(client: TestClient, *files: bytes, **query: Any) -> list[dict[str, Any]]:
+    answer = together(client, *files, **query)
+    assert answer.status_code == 200, answer.text
+    found: list[dict[str, Any]] = answer.json()["lightings"]
+    return found
+
+
+def never(*_: Any) -> None:
+    raise AssertionError("nothing is to be matched")
+
+
+def test_overlapping_photos_are_turned_as_they_show(client: TestClient) -> None:
+    first, second = records(client, FIRST, SECOND)
+    assert second["camera"]["relative_heading"] == pytest.approx(25.0, abs=0.5)
+    assert (first["sun"]["azimuth"] - second["sun"]["azimuth"]) % 360.0 == pytest.approx(25.0, abs=0.5)
+    for record in (first, second):
+        assert record["evidence"] == ["pixels", "turns", "other photos"]
+        assert record["warnings"] == []
+        assert record["camera"]["vertical_fov"] == pytest.approx(FOV, abs=1.0)
+
+
+def test_a_photo_in_which_nothing_was_found_is_told(client: TestClient) -> None:
+    *joined, stranger = records(client, FIRST, SECOND, STRANGER)
+    assert ["turns" in record["evidence"] for record in (*joined, stranger)] == [True, True, False]
+    assert [len(record["warnings"]) for record in joined] == [0, 0]
+    assert stranger["warnings"][0].startswith(ALONE)
+
+
+def test_photos_without_overlap_are_answered_as_before_and_told_so(client: TestClient) -> None:
+    matched, inferred = (records(client, FIRST, STRANGER, match=match) for match in ("true", "false"))
+    for one, other in zip(matched, inferred, strict=True):
+        assert one["warnings"].pop().startswith(ALONE)
+        assert one.pop("warning_codes") == ["turn-inferred"]
+        assert one == other
+
+
+@pytest.mark.parametrize("query", [{"headings": "0,40"}, {"headings": "0,40", "match": "true"}, {"match": "false"}])
+def test_headings_that_are_given_win_and_matching_can_be_left_out(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, query: dict[str, str]
+) -> None:
+    monkeypatch.setattr(photo_set, "register_views_isolated", never)
+    first, second = records(client, FIRST, SECOND, **query)
+    assert "turns" not in first["evidence"]
+    assert first["warnings"] == []
+    if "headings" in query:
+        assert (first["sun"]["azimuth"] - second["sun"]["azimuth"]) % 360.0 == pytest.approx(40.0, abs=0.01)
+
+
+def test_one_photo_is_matched_with_nothing(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(photo_set, "register_views_isolated", never)
+    assert together(client, FIRST).json() == together(client, FIRST, match="false").json()
+    assert together(client, FIRST, match="yes").json()["errors"][0]["field"] == "match"
+
+
+def test_without_opencv_the_answer_is_as_before_and_says_so(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = records(client, FIRST, SECOND, match="false")
+    monkeypatch.setattr(features, "has_opencv", lambda: False)
+    for record, before in zip(records(client, FIRST, SECOND), expected, strict=True):
+        assert record["warnings"].pop() == f"{NO_OPENCV} {INFERRED}"
+        assert record.pop("warning_codes") == ["turn-inferred"]
+        assert record == before
+    assert Matching(1.0).target == TARGET
+
+
+def test_opencv_that_cannot_be_imported_is_told_in_words_for_clients(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_opencv(*_: Any) -> None:
+        raise MissingExtraError("OpenCV is not installed: pip install 'outdoor-lighting[video]'.")
+
+    monkeypatch.setattr(photo_set, "register_views_isolated", without_opencv)
+    for record in records(client, FIRST, SECOND):
+        assert record["warnings"][-1] == f"{NO_OPENCV} {INFERRED}"
+
+
+def test_what_takes_too_long_is_answered_without(estimator: Estimator) -> None:
+    hurried = client_of(estimator, match_seconds=0.001)
+    for record in records(hurried, *[encode(noise(seed), "PNG") for seed in range(3)]):
+        assert record["warnings"] == [
+            f"Matching the photos with each other takes longer than 0.001 seconds. {INFERRED}"
+        ]
+        assert "turns" not in record["evidence"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "pictures",
+    [
+        [noise(0), noise(1)],
+        [noise(0)] * 3,
+        [np.roll(np.tile(noise(0)[:32, :32], (32, 32, 1)), 7 * shift, axis=1) for shift in range(3)],
+        [np.full((64, 64, 3), 128, np.uint8)] * 2,
+        [noise(0)[:32, :256], noise(0)[:256, :32]],
+    ],
+    ids=["noise", "identical", "repeated", "flat", "slim"],
+)
+def test_hostile_photos_are_answered(client: TestClient, pictures: Sequence[NDArray[np.uint8]]) -> None:
+    found = records(client, *(encode(pixels, "PNG") for pixels in pictures))
+    assert len(found) == len(pictures)
+    assert not any("memory" in warning for record in found for warning in record["warnings"])
+
+
+def test_the_service_answers_others_while_it_matches(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    began, release = threading.Event(), threading.Event()
+
+    def held(*_: Any) -> None:
+        began.set()
+        assert release.wait(60)
+
+    monkeypatch.setattr(photo_set, "register_views_isolated", held)
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(together, client, FIRST, SECOND)
+        assert began.wait(60)
+        assert client.get("/livez").status_code == 200
+        assert not answer.done()
+        release.set()
+        assert answer.result().status_code == 200
+
+
+def test_the_page_knows_the_words_that_a_turn_is_inferred(client: TestClient) -> None:
+    page = (ROOT / "server" / "web" / "src" / "pure" / "turns.ts").read_text(encoding="utf-8")
+    inferred = re.compile(re.search(r"INFERRED = /(.*)/i;", page)[1], re.IGNORECASE)  # type: ignore[index]
+    assert inferred.search(INFERRED)
+    first, _ = records(client, FIRST, STRANGER)
+    assert inferred.search(first["warnings"][0])
+
+
+def test_several_photos_are_matched_unless_their_headings_are_given() -> None:
+    assert LightingQuery.model_validate({}).matched(2)
+    assert not LightingQuery.model_validate({}).matched(1)
+    assert not LightingQuery.model_validate({"match": "false"}).matched(2)
+    assert not LightingQuery.model_validate({"headings": "0,45"}).matched(2)
+
+
+def test_it_stops_when_the_client_goes_away(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its photos would be matched for minutes."""
+    endless = "import time, lighting.registration.photo_set as a; a.register_views = lambda _: time.sleep(600); "
+    monkeypatch.setattr(photo_set, "CODE", endless + photo_set.CODE)
+    began = threading.Event()
+
+    def observed(*arguments: Any) -> Any:
+        began.set()
+        return photo_set.register_views_isolated(*arguments)
+
+    monkeypatch.setattr(photo_set, "register_views_isolated", observed)
+    boundary = "photos"
+    part = f'--{boundary}\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n'.encode()
+    body = b"".join(part + data + b"\r\n" for data in (FIRST, SECOND)) + f"--{boundary}--\r\n".encode()
+    app = create_app(Settings(match_seconds=300), estimator)
+    service: Service = app.state.service
+
+    async def scenario() -> None:
+        client = Client(app, body, kind=f"multipart/form-data; boundary={boundary}")
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(client.ask)
+            await until(began.is_set)
+            client.gone.set()
+        assert client.status == 499
+        assert service.limiter.running == 0
+
+    since = time.monotonic()
+    anyio.run(scenario)
+    assert time.monotonic() - since < 100
+
+
+def test_a_service_without_a_network_is_not_ready_and_says_so() -> None:
+    service = Service(Settings())
+    assert (service.ready, service.model_name) == (False, "")
+    with pytest.raises(ProblemError, match="not loaded yet"):
+        _ = service.estimator
+
+
+def test_a_service_is_ready_once_its_network_has_answered(estimator: Estimator) -> None:
+    service = Service(Settings(), estimator)
+    assert not service.ready
+    service.answer_once()
+    assert service.ready
+    spec = estimator.model.spec
+    assert service.model_name == f"{spec.name} {spec.version}"
+
+
+def test_a_missing_network_is_a_model_error(tmp_path_factory: pytest.TempPathFactory) -> None:
+    absent = tmp_path_factory.mktemp("none") / "absent.onnx"
+    with pytest.raises(ModelError, match="There is no network at"):
+        Service(Settings(model=absent)).load()
+
+
+def test_photos_are_read_within_the_settings_limits_and_counted(estimator: Estimator) -> None:
+    service = Service(Settings(max_pixels=10_000), estimator)
+    with pytest.raises(PhotoTooLargeError, match="million pixels"):
+        service.read(encode(scene(640, 480)))
+    data = encode(scene(96, 64))
+    assert service.read(data).pixels.shape == (64, 96, 3)
+    counted = service.metrics.registry.get_sample_value
+    assert counted("lighting_photo_bytes_total") == len(data)
+    assert counted("lighting_photo_pixels_total") == 96 * 64

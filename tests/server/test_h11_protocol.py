@@ -1,0 +1,296 @@
+"""What ends a connection, on a real socket: heads, bodies in crumbs, answers that are not taken."""
+
+import json
+import logging
+import socket
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from http.client import HTTPResponse
+from typing import Any
+
+import pytest
+from starlette.types import Receive, Scope, Send
+
+from server import h11_protocol
+from server.h11_protocol import _PIECE, HEADER_BYTES, LEAST_CHUNK, MOST_CHUNKS, BoundedProtocol
+from server.limits import PendingResponses
+from server.schemas import Problem
+from tests.helpers.processes import running
+
+SECONDS = 1.0
+LARGE = 50_000_000  # bytes of an answer: more than the sockets of both sides keep
+
+
+async def app(scope: Scope, receive: Receive, send: Send) -> None:
+    """Answers with the number of bytes of the body, after reading it unless the path is /early; or with LARGE ones."""
+    if scope["path"] == "/large":
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"%d" % LARGE)]})
+        await send({"type": "http.response.body", "body": bytes(LARGE)})
+        return
+    size = 0
+    while scope["path"] != "/early":
+        message = await receive()
+        size += len(message.get("body", b""))
+        if not message.get("more_body"):
+            break
+    await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"%d" % len(str(size)))]})
+    await send({"type": "http.response.body", "body": str(size).encode()})
+
+
+@pytest.fixture(scope="module")
+def unsent() -> PendingResponses:
+    return PendingResponses(LARGE)
+
+
+@pytest.fixture(scope="module")
+def port(unsent: PendingResponses) -> Iterator[int]:
+    http: Any = partial(BoundedProtocol, head_seconds=SECONDS, answer_rate=10_000_000, unsent=unsent)
+    with running(app, http) as number:
+        yield number
+
+
+def connected(port: int) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), timeout=30)
+
+
+def rest(connection: socket.socket) -> bytes:
+    """What the service still says until it closes the connection."""
+    with connection, connection.makefile("rb") as said:
+        return said.read()
+
+
+def answered(connection: socket.socket) -> bytes:
+    """The body of the next answer, in however many pieces it comes."""
+    with HTTPResponse(connection) as answer:
+        answer.begin()
+        assert answer.status == 200
+        return answer.read()
+
+
+def drip(connection: socket.socket) -> None:
+    """Send a byte now and then for 20 s, unless the connection ends."""
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        connection.sendall(b"a")
+        time.sleep(0.02)
+
+
+def refused(answer: bytes, status: int, name: str) -> None:
+    head, body = answer.split(b"\r\n\r\n", 1)
+    assert head.startswith(b"HTTP/1.1 %d" % status)
+    assert b"application/problem+json" in head
+    found = Problem.model_validate(json.loads(body))
+    assert (found.status, found.type) == (status, f"tag:outdoor-lighting,2026:{name}")
+
+
+def test_headers_that_are_too_large_are_431(port: int) -> None:
+    for headers in (b"X-A: " + b"a" * HEADER_BYTES + b"\r\n", b"X-A: a\r\n" * 2500):
+        connection = connected(port)
+        connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n" + headers)
+        refused(rest(connection), 431, "headers-too-large")
+
+
+@pytest.mark.parametrize("over", [2, 1000, _PIECE, 2 * _PIECE])
+def test_whole_headers_a_little_too_large_are_431_too(port: int, over: int) -> None:
+    connection = connected(port)
+    frame = b"GET / HTTP/1.1\r\nHost: x\r\nX-A: %s\r\n\r\n"
+    connection.sendall(frame % (b"a" * (HEADER_BYTES + over - len(frame % b""))))
+    refused(rest(connection), 431, "headers-too-large")
+
+
+def test_headers_that_come_at_once_have_no_larger_limit(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-A: " + b"a" * 3 * HEADER_BYTES + b"\r\n\r\n")
+    refused(rest(connection), 431, "headers-too-large")
+
+
+def test_headers_up_to_the_limit_are_taken(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\nX-A: " + b"a" * 15000 + b"\r\n\r\n")
+    assert rest(connection).endswith(b"\r\n\r\n0")
+
+
+def test_what_is_no_http_is_400(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"\x16\x03\x01 hello\r\n\r\n")
+    refused(rest(connection), 400, "malformed-request")
+
+
+@pytest.mark.parametrize(
+    ("headers", "reason"),
+    [
+        (b"", b"Missing mandatory Host: header"),
+        (b"Host: x\r\nContent-Length: 3\r\nContent-Length: 4\r\n", b"conflicting Content-Length headers"),
+        (b"Host: x\r\nAuthor ization: Bearer secret\r\n", b"illegal header line"),
+    ],
+)
+def test_what_is_wrong_with_headers_is_said_and_the_headers_are_not(port: int, headers: bytes, reason: bytes) -> None:
+    connection = connected(port)
+    connection.sendall(b"GET / HTTP/1.1\r\n" + headers + b"\r\n")
+    answer = rest(connection)
+    refused(answer, 400, "malformed-request")
+    assert b"The request cannot be read: " + reason + b"." in answer
+    assert b"secret" not in answer
+
+
+def test_what_never_became_a_request_is_logged(port: int, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", "server.access"):
+        for sent in (b"hello\r\n\r\n", b"GET / HTTP/1.1\r\nHost: x\r\nX-A: "):
+            connection = connected(port)
+            connection.sendall(sent)
+            rest(connection)
+    said = [record.getMessage() for record in caplog.records if record.name == "server.access"]
+    assert said == ["refused 400 malformed-request", "refused 408 too-slow"]
+
+
+@pytest.mark.parametrize("protocol", [b"h2c", b"websocket"])
+def test_an_upgrade_that_is_not_made_is_no_news(
+    port: int, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, protocol: bytes
+) -> None:
+    monkeypatch.setattr(logging.getLogger("uvicorn.error"), "handlers", [caplog.handler])
+    head = b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 3\r\nConnection: Upgrade\r\nUpgrade: %b\r\n\r\n" % protocol
+    with connected(port) as connection, caplog.at_level("WARNING", "uvicorn.error"):
+        connection.sendall(head + b"abc")
+        assert answered(connection) == b"3"
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: x\r\nX-A: "])
+def test_headers_that_do_not_come_end_the_connection(port: int, sent: bytes) -> None:
+    connection = connected(port)
+    connection.sendall(sent)
+    began = time.monotonic()
+    refused(rest(connection), 408, "too-slow")
+    assert time.monotonic() - began < 20
+
+
+def test_headers_that_drip_in_do_not_prolong_it(port: int) -> None:
+    with connected(port) as connection:
+        connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-A: ")
+        with pytest.raises(OSError, match=r"."):
+            drip(connection)
+
+
+def test_a_body_has_its_own_time_and_the_next_request_comes_after_it(port: int) -> None:
+    with connected(port) as connection:
+        for _ in range(2):
+            connection.sendall(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 30000\r\n\r\n" + bytes(10000))
+            time.sleep(1.5 * SECONDS)
+            connection.sendall(bytes(20000))
+            assert answered(connection) == b"30000"
+
+
+def test_a_body_that_drips_in_after_its_answer_ends_the_connection(port: int) -> None:
+    with connected(port) as connection:
+        connection.sendall(b"POST /early HTTP/1.1\r\nHost: x\r\nContent-Length: 30000\r\n\r\n" + bytes(10))
+        assert answered(connection) == b"0"
+        with pytest.raises(OSError, match=r"."):
+            drip(connection)
+
+
+def test_the_silence_after_a_body_that_came_after_its_answer_is_not_answered(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(b"POST /early HTTP/1.1\r\nHost: x\r\nContent-Length: 30000\r\n\r\n" + bytes(10))
+    time.sleep(0.2)
+    connection.sendall(bytes(29990))
+    assert rest(connection).count(b"HTTP/1.1") == 1
+
+
+CHUNKED = b"POST %s HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
+
+
+@pytest.mark.parametrize("method", [b"POST", b"GET"])
+def test_a_body_has_one_end(port: int, method: bytes) -> None:
+    connection = connected(port)
+    ends = b"Content-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+    connection.sendall(method + b" / HTTP/1.1\r\nHost: x\r\n" + ends + b"GET /early HTTP/1.1\r\nHost: x\r\n\r\n")
+    answer = rest(connection)
+    refused(answer, 400, "malformed-request")
+    assert b"both say where the body ends; send one of them." in answer
+    assert answer.count(b"HTTP/1.1 ") == 1
+
+
+def test_a_body_in_crumbs_is_400(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(CHUNKED % b"/" + b"1\r\nx\r\n" * (MOST_CHUNKS + 1))
+    refused(rest(connection), 400, "unreadable-body")
+
+
+def test_crumbs_after_an_answer_end_the_connection(port: int, caplog: pytest.LogCaptureFixture) -> None:
+    connection = connected(port)
+    connection.sendall(CHUNKED % b"/early")
+    time.sleep(0.2)
+    began = time.monotonic()
+    connection.sendall(b"1\r\nx\r\n" * (MOST_CHUNKS + 1))
+    assert rest(connection).count(b"HTTP/1.1") == 1
+    assert time.monotonic() - began < SECONDS / 2
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_many_chunks_that_are_no_crumbs_and_few_that_are_are_taken(port: int) -> None:
+    for size, count in ((LEAST_CHUNK, 3 * MOST_CHUNKS), (1, MOST_CHUNKS)):
+        with connected(port) as connection:
+            connection.sendall(CHUNKED % b"/" + (b"%x\r\n%s\r\n" % (size, bytes(size))) * count + b"0\r\n\r\n")
+            assert answered(connection) == b"%d" % (size * count)
+
+
+def test_chunks_are_read_in_small_pieces_so_that_others_have_their_turn(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pieces: list[int] = []
+    read = BoundedProtocol.data_received
+
+    def noted(self: BoundedProtocol, data: bytes) -> None:
+        pieces.append(len(data))
+        read(self, data)
+
+    monkeypatch.setattr(BoundedProtocol, "data_received", noted)
+    for head in (
+        CHUNKED % b"/" + b"%x\r\n" % 1_000_000,
+        b"POST / HTTP/1.1\r\nContent-Length: 1000000\r\nHost: x\r\n\r\n",
+    ):
+        pieces.clear()
+        with connected(port) as connection:
+            connection.sendall(head + bytes(1_000_000) + (b"\r\n0\r\n\r\n" if b"chunked" in head else b""))
+            assert answered(connection) == b"1000000"
+        assert (max(pieces) <= _PIECE) == (b"chunked" in head)
+
+
+def large(port: int) -> socket.socket:
+    connection = connected(port)
+    connection.sendall(b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n")
+    return connection
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_an_answer_that_is_not_taken_is_dropped(
+    port: int, unsent: PendingResponses, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "server.access")
+    monkeypatch.setattr(h11_protocol, "ANSWER_GRACE", 3.0)
+    with large(port) as connection:
+        until(lambda: unsent.size > 0)
+        assert unsent.size > LARGE // 2
+        until(lambda: unsent.size == 0)
+        assert len(rest(connection)) < LARGE
+    assert "dropped an answer" in caplog.text
+
+
+def test_an_answer_that_is_taken_slowly_but_fast_enough_comes_whole(
+    port: int, unsent: PendingResponses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(h11_protocol, "ANSWER_GRACE", 0.5)
+    taken = 0
+    with large(port) as connection:
+        until(lambda: unsent.size > 0)
+        while taken < LARGE:
+            taken += len(connection.recv(1 << 20))
+            time.sleep(0.02)
+    until(lambda: unsent.size == 0)

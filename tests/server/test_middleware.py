@@ -1,0 +1,172 @@
+"""Tests of middleware."""
+
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import ExitStack, closing
+from http.client import HTTPConnection
+
+import anyio
+import pytest
+from fastapi import FastAPI
+from starlette.testclient import TestClient
+from starlette.types import Message, Receive, Scope, Send
+
+from lighting.errors import ModelError
+from lighting.estimator import Estimator
+from server import middleware
+from server.app import create_app
+from server.middleware import DrainBodyMiddleware
+from server.settings import Settings
+from tests.helpers.processes import running
+from tests.server.conftest import client_of, sample
+from tests.server.test_problems import problem
+
+JPEG = {"Content-Type": "image/jpeg"}
+
+
+def test_it_is_ready_once_the_network_has_answered(app: FastAPI, estimator: Estimator) -> None:
+    before = client_of(estimator)
+    assert (before.get("/livez").status_code, before.get("/readyz").status_code) == (200, 503)
+    with TestClient(app) as client:
+        app.state.service.answer_once()
+        assert client.get("/readyz").json() == {"status": "ok"}
+        assert sample(client, 'lighting_model_info{name="tiny",version="0.0.1"}') == 1
+
+
+def test_readiness_tells_when_the_next_photo_would_be_refused(app: FastAPI) -> None:
+    service = app.state.service
+    with TestClient(app) as client, ExitStack() as taken:
+        service.answer_once()
+        for number in range(service.limiter.capacity):
+            assert client.get("/readyz").status_code == 200, number
+            taken.enter_context(service.limiter.admission())
+        answer = client.get("/readyz")
+        problem(answer, 503, "busy")
+        assert answer.headers["retry-after"] == "1"
+        assert client.get("/livez").status_code == 200
+        taken.close()
+        assert client.get("/readyz").status_code == 200
+        for number in range(service.settings.uploads):
+            taken.enter_context(service.arrivals.one_of(f"client {number}"))
+        problem(client.get("/readyz"), 503, "busy")
+
+
+def test_a_network_that_cannot_answer_is_never_ready(
+    estimator: Estimator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> None:
+        raise ModelError("The network failed.")
+
+    app = create_app(Settings(), estimator)
+    monkeypatch.setattr(app.state.service, "answer_once", fail)
+    with caplog.at_level(logging.ERROR), TestClient(app) as client:
+        assert client.get("/readyz").status_code == 503
+        assert client.get("/livez").status_code == 200
+    assert "cannot answer" in caplog.text
+
+
+def test_health_is_neither_counted_nor_logged(client: TestClient, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, "server.access"):
+        for path in ("/livez", "/readyz", "/metrics"):
+            client.get(path)
+    assert "lighting_requests_total{" not in client.get("/metrics").text
+    assert not caplog.records
+
+
+def test_the_line_of_a_request_says_how_it_ended(
+    client: TestClient, jpeg: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "server.access"):
+        client.post("/v1/lighting?exif=false", content=jpeg, headers=JPEG)
+        client.post("/v1/lighting", content=b"text", headers=JPEG)
+        client.get("/openapi.json")
+        client.head("/openapi.json")
+        client.head("/v1/envmap")
+        client.delete("/secret/path")
+    assert [re.sub(r"\d+ ms id=\w+$", "", record.getMessage()) for record in caplog.records] == [
+        "POST /v1/lighting 200 ",
+        "POST /v1/lighting 400 unreadable-photo ",
+        "GET /openapi.json 200 ",
+        "HEAD /openapi.json 200 ",
+        "HEAD /v1/envmap 422 invalid ",
+        "DELETE unmatched 404 not-found ",
+    ]
+
+
+def test_a_request_id_is_echoed_or_made(client: TestClient) -> None:
+    assert client.get("/livez", headers={"X-Request-ID": "trace-1.2_3"}).headers["x-request-id"] == "trace-1.2_3"
+    made = client.get("/livez").headers["x-request-id"]
+    assert re.fullmatch(r"[0-9a-f]{16}", made)
+    for bad in ("x" * 65, "a b", "<b>", "é", ""):
+        answer = client.get("/livez", headers={b"X-Request-ID": bad.encode("latin-1")})
+        assert re.fullmatch(r"[0-9a-f]{16}", answer.headers["x-request-id"])
+    assert client.get("/livez").headers["x-request-id"] != made
+
+
+LARGE = bytes(20_000_000)  # more than the sockets of both sides keep
+
+
+async def refusing(_scope: Scope, _receive: Receive, send: Send) -> None:
+    """Answers without a look at the body."""
+    await send({"type": "http.response.start", "status": 415, "headers": [(b"content-length", b"2")]})
+    await send({"type": "http.response.body", "body": b"no"})
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    with running(DrainBodyMiddleware(refusing), "h11") as number:
+        yield number
+
+
+@pytest.mark.parametrize("headers", [{}, {"Connection": "close"}])
+def test_a_refusal_of_a_large_body_is_heard(port: int, headers: dict[str, str]) -> None:
+    with closing(HTTPConnection("127.0.0.1", port, timeout=30)) as connection:
+        connection.request("POST", "/", LARGE, headers)
+        with connection.getresponse() as answer:
+            assert (answer.status, answer.read()) == (415, b"no")
+
+
+def answered(scope: Scope, receive: Receive) -> list[Message]:
+    """What is sent to the client of a request."""
+    sent: list[Message] = []
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    anyio.run(DrainBodyMiddleware(refusing), scope, receive, send)
+    return sent
+
+
+@pytest.mark.parametrize(
+    ("headers", "version", "reads"),
+    [
+        ([(b"connection", b"close")], "1.1", True),
+        ([], "1.0", True),
+        ([], "1.1", False),
+        ([(b"connection", b"close"), (b"expect", b"100-continue")], "1.1", False),
+    ],
+)
+def test_only_a_body_on_its_way_over_a_closing_connection_is_read(
+    headers: list[tuple[bytes, bytes]], version: str, reads: bool
+) -> None:
+    parts = [{"type": "http.request", "more_body": more} for more in (True, True, False)]
+
+    async def receive() -> Message:
+        return parts.pop(0)
+
+    sent = answered({"type": "http", "headers": headers, "http_version": version}, receive)
+    assert (not parts) == reads
+    assert b"".join(message.get("body", b"") for message in sent) == b"no"
+    assert not sent[-1].get("more_body")
+
+
+def test_a_body_that_does_not_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(middleware, "SECONDS", 0.05)
+
+    async def receive() -> Message:
+        await anyio.sleep(0.01)
+        return {"type": "http.request", "more_body": True}
+
+    sent = answered({"type": "http", "headers": [], "http_version": "1.0"}, receive)
+    assert not sent[-1].get("more_body")

@@ -1,0 +1,328 @@
+"""Tests of query params."""
+
+import json
+import logging
+from datetime import UTC, datetime
+from io import BytesIO
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from starlette.testclient import TestClient
+
+from lighting.cli.options import _OPTIONS, sun_option
+from lighting.envmap.render import render
+from lighting.estimator import Estimator
+from lighting.files.exr import read_exr
+from lighting.fusion.user_input import UserInput
+from lighting.photo.reader import read_photo
+from lighting.records import record_with_coefficients
+from lighting.registration.features import has_opencv
+from lighting.validation import OPTIONAL_RANGES, RANGES
+from server.problems import ProblemError
+from server.query_params import (
+    BY_DEFAULT,
+    EnvmapQuery,
+    GivenQuery,
+    LightingQuery,
+    MapQuery,
+    PhotoSceneQuery,
+    check_photos,
+    refuse_given,
+)
+from tests.conftest import encode, munich, scene
+from tests.server.conftest import client_of, jpeg_headers, together
+from tests.server.test_problems import problem
+
+
+def error_of(error: ProblemError) -> tuple[str, int]:
+    (found,) = error.more["errors"]
+    return found["field"], error.kind.status
+
+
+@pytest.mark.parametrize(
+    ("photos", "query", "field"),
+    [
+        (1, LightingQuery(headings="0,90"), "headings"),
+        (3, LightingQuery(headings="0,90"), "headings"),
+        (2, LightingQuery(heading=90.0), "heading"),
+    ],
+)
+def test_headings_must_fit_the_number_of_photos(photos: int, query: LightingQuery, field: str) -> None:
+    with pytest.raises(ProblemError) as caught:
+        check_photos(photos, query)
+    assert error_of(caught.value) == (field, 422)
+
+
+def test_headings_that_fit_are_taken() -> None:
+    check_photos(1, LightingQuery(heading=90.0))
+    check_photos(2, LightingQuery(headings="0,90"))
+    check_photos(4, LightingQuery())
+
+
+def test_a_record_takes_nothing_that_describes_a_photo() -> None:
+    refuse_given(EnvmapQuery(sky="perez"))
+    for query, field in ((EnvmapQuery(fov=50.0), "fov"), (EnvmapQuery(surroundings=True), "surroundings")):
+        with pytest.raises(ProblemError) as caught:
+            refuse_given(query)
+        assert error_of(caught.value) == (field, 422)
+
+
+PHONE = encode(scene(320, 240), exif=munich())
+OTHER = encode(scene(320, 240)[:, ::-1].copy(), exif=munich(GPSImgDirection=150.0))
+PLAIN = encode(scene(320, 240))
+NOON: dict[str, Any] = {"time": "2024-06-01T12:00+02:00", "lat": "48.1375", "lon": "11.575"}
+MUNICH = ("48.1375", "11.575")
+
+
+def ask(client: TestClient, data: bytes = PLAIN, path: str = "/v1/lighting", **query: Any) -> Any:
+    return client.post(f"{path}?{urlencode(query)}", content=data, headers=jpeg_headers())
+
+
+def estimate(client: TestClient, data: bytes = PLAIN, **query: Any) -> dict[str, Any]:
+    answer = ask(client, data, **query)
+    assert answer.status_code == 200, answer.text
+    record: dict[str, Any] = answer.json()
+    return {name: value for name, value in record.items() if name != "links"}
+
+
+def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClient, estimator: Estimator) -> None:
+    photo = read_photo(PHONE)
+    assert estimate(client, PHONE) == record_with_coefficients(estimator(photo).lighting)
+    assert "time+place" in estimate(client, PHONE)["evidence"]
+    assert estimate(client, PHONE, exif="false") == record_with_coefficients(
+        estimator(photo, UserInput(use_exif=False)).lighting
+    )
+
+
+@pytest.mark.parametrize(
+    ("query", "given"),
+    [
+        (NOON, {"time": datetime(2024, 6, 1, 10, tzinfo=UTC), "latitude": 48.1375, "longitude": 11.575}),
+        (
+            {**NOON, "time": "2024-06-01T12:00", "utc_offset": "2", "heading": 20, "fov": 40},
+            {
+                "time": datetime(2024, 6, 1, 12), "utc_offset": 2.0, "heading": 20.0, "vertical_fov": 40.0,
+                "latitude": 48.1375, "longitude": 11.575,
+            },
+        ),
+        ({"fov": 40, "exif": "false"}, {"vertical_fov": 40.0, "use_exif": False}),
+    ],
+)  # fmt: skip
+def test_what_the_client_knows_counts_as_for_the_library(
+    client: TestClient, estimator: Estimator, query: dict[str, Any], given: dict[str, Any]
+) -> None:
+    for data in (PLAIN, PHONE):
+        assert estimate(client, data, **query) == record_with_coefficients(
+            estimator(read_photo(data), UserInput(**given)).lighting
+        )
+
+
+def test_a_plus_that_the_url_made_a_space_is_a_plus(client: TestClient) -> None:
+    right = ask(client, **NOON).json()
+    for query in ("time=2024-06-01T12:00+02:00", "time=2024-06-01T12:00&utc_offset=+02:00"):
+        answer = client.post(f"/v1/lighting?{query}&lat=48.1375&lon=11.575", content=PLAIN, headers=jpeg_headers())
+        assert answer.json() == right
+
+
+def test_maps_and_previews_take_the_same_parameters(client: TestClient, estimator: Estimator) -> None:
+    given = UserInput(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.1375, longitude=11.575, heading=100.0)
+    expected = estimator(read_photo(PLAIN), given).lighting
+    image, lighting = read_exr(BytesIO(ask(client, path="/v1/envmap", height=32, heading=100, **NOON).content))
+    assert lighting == expected
+    np.testing.assert_allclose(image, render(expected, 32), rtol=1e-4)
+    assert ask(client, path="/v1/preview", heading=100, **NOON).content != ask(client, path="/v1/preview").content
+
+
+def test_the_probability_is_that_of_all_that_is_known(client: TestClient, estimator: Estimator) -> None:
+    found = estimator(read_photo(PHONE))
+    told = estimate(client, PHONE, probability="true")["probability"]["probability"]
+    assert np.allclose(told, found.distribution.probability, rtol=1e-5)
+    assert not np.allclose(told, estimator.predict(read_photo(PHONE)).sun_probability, rtol=1e-2)
+
+
+def test_when_the_sun_is_painted_is_told_as_on_the_command_line() -> None:
+    command: Any = sun_option(lambda: None)
+    assert BY_DEFAULT in command.__click_params__[0].help
+    assert all(BY_DEFAULT in str(query.model_fields["sun"].description) for query in (MapQuery, PhotoSceneQuery))
+
+
+def test_names_are_those_of_the_command_line() -> None:
+    options: set[str] = set()
+    for option in _OPTIONS.values():
+        command: Any = option(lambda: None)
+        options |= {name.removeprefix("--") for name in command.__click_params__[0].opts}
+    assert {name.replace("_", "-") for name in GivenQuery.model_fields} == options - {"no-exif"} | {"exif"}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "limits"),
+    [
+        ("lat", "90.1", OPTIONAL_RANGES["latitude"]),
+        ("lat", "nan", OPTIONAL_RANGES["latitude"]),
+        ("lon", "-181", OPTIONAL_RANGES["longitude"]),
+        ("lon", "east", OPTIONAL_RANGES["longitude"]),
+        ("heading", "361", (-360, 360)),
+        ("fov", "0", RANGES["vertical_fov"]),
+        ("fov", "", RANGES["vertical_fov"]),
+    ],
+)
+def test_a_number_out_of_range_is_named_with_its_range(
+    client: TestClient, name: str, value: str, limits: tuple[float, float]
+) -> None:
+    (error,) = problem(ask(client, **{**NOON, name: value}), 422, "invalid")["errors"]
+    assert (error["field"], error["minimum"], error["maximum"]) == (name, *limits)
+
+
+SKY = {"sun_azimuth": 0, "sun_elevation": 30, "turbidity": 3, "height": 32}
+
+
+@pytest.mark.parametrize(
+    ("colours", "field", "words"),
+    [
+        ({"sun_irradiance": "1,1,1", "sky_irradiance": "1e30,1,1"}, "sky_irradiance.0", "from 0 to 1e+06"),
+        ({"sun_irradiance": "1,nan,1", "sky_irradiance": "1,1,1"}, "sun_irradiance.1", "from 0 to 1e+06"),
+        ({"ground_color": "0,0,2"}, "ground_color.2", "from 0 to 1"),
+        ({"ground_color": "1,2"}, "ground_color", "'1,2' is not three numbers"),
+        ({"sun_irradiance": "1,1,1"}, "sky_irradiance", "go together"),
+        ({"sky_cover": "0.5"}, "sky_cover", "needs sky_irradiance and sun_irradiance"),
+    ],
+)
+def test_a_wrong_colour_is_named_with_its_range(
+    client: TestClient, colours: dict[str, str], field: str, words: str
+) -> None:
+    of_a_sky = client.get("/v1/envmap", params={**SKY, **colours})
+    for answer in (of_a_sky, ask(client, PLAIN, "/v1/envmap", **colours)):
+        (error,) = problem(answer, 422, "invalid")["errors"]
+        assert error["field"] == field
+        assert words in error["detail"]
+        assert ("maximum" in error) == ("." in field)
+
+
+@pytest.mark.parametrize(
+    ("query", "field", "words"),
+    [
+        ({"time": "noon"}, "time", "is not a time"),
+        ({"time": "2024-02-30T12:00"}, "time", "is not a time"),
+        ({"time": "2024-06-01"}, "time", "without a time"),
+        ({"utc_offset": "20"}, "utc_offset", "-12 to 14"),
+        ({"utc_offset": "CET"}, "utc_offset", "not an offset"),
+        ({"exif": "no"}, "exif", "true or false"),
+        ({"lat": "48"}, "lon", "needs a longitude"),
+        ({**NOON, "time": "1850-06-01T12:00Z"}, "time", "1900 to 2100"),
+        ({**NOON, "utc_offset": "2"}, "utc_offset", "contradicts"),
+        ({"exif": "false", "utc_offset": "2"}, "time", "needs a time"),
+        ({"exif": "false", "time": "2024-06-01T12:00Z"}, "lat", "needs a place"),
+        ({"headings": "0,90"}, "headings", "several photos"),
+        ({"headings": "0;90"}, "headings", "list of degrees"),
+        ({"headings": "0,400"}, "headings", "-360 to 360"),
+        ({"latitude": "48"}, "latitude", "is not known here"),
+        ({"lon": "11"}, "lat", "needs a longitude"),
+        ({"exif": "false", "lat": "48", "lon": "11"}, "time", "needs a place"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(
+    client: TestClient, query: dict[str, Any], field: str, words: str
+) -> None:
+    body = problem(ask(client, **query), 422, "invalid")
+    assert [error["field"] for error in body["errors"]] == [field]
+    assert words in body["detail"]
+    assert "Value error" not in body["detail"]
+
+
+@pytest.mark.parametrize("path", ["/v1/lighting", "/v1/envmap", "/v1/preview"])
+def test_night_is_refused_where_the_client_stated_it(client: TestClient, path: str) -> None:
+    night = {**NOON, "time": "2024-06-01T00:30+02:00"}
+    body = problem(ask(client, path=path, **night), 422, "invalid")
+    assert body["detail"].startswith("At that time and place the sun is")
+    assert body["errors"] == [{"field": "time", "place": "query", "detail": body["detail"], "code": "night"}]
+    polar: dict[str, Any] = {"time": "2024-12-21T12:00Z", "lat": 85, "lon": 0}
+    assert "polar night" in problem(ask(client, path=path, **polar), 422, "invalid")["detail"]
+
+
+def test_a_record_takes_nothing_that_belongs_to_a_photo(client: TestClient) -> None:
+    record = ask(client, PHONE).json()
+    (error,) = problem(client.post("/v1/envmap?height=16&fov=40", json=record), 422, "invalid")["errors"]
+    assert error["field"] == "fov"
+
+
+def test_coordinates_are_told_to_nobody_but_who_asks(client: TestClient, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.DEBUG):
+        silent = [ask(client, PHONE), ask(client, **NOON), ask(client, **{**NOON, "time": "2024-06-01T00:30Z"})]
+        silent.append(ask(client, PHONE, path="/v1/envmap", height=16))
+        kept = estimate(client, PHONE, keep_location="true")
+        assert ask(client, keep_location="true", **NOON).json()["place"] == {"latitude": 48.1375, "longitude": 11.575}
+    for answer in silent:
+        assert not any(part.encode() in answer.content for part in MUNICH)
+    assert kept["place"]["latitude"] == pytest.approx(48.1375)
+    logged = [record.getMessage() for record in caplog.records if record.name.startswith(("server", "lighting"))]
+    assert any("/v1/envmap" in line for line in logged)
+    assert not any(part in line for part in MUNICH for line in logged)
+
+
+@pytest.mark.parametrize("headings", [None, [0.0, 45.0]])
+def test_photos_of_one_form_are_taken_together(
+    client: TestClient, estimator: Estimator, headings: list[float] | None
+) -> None:
+    query = {} if headings is None else {"headings": ",".join(map(str, headings))}
+    found = estimator.together([read_photo(PHONE), read_photo(OTHER)], UserInput(), headings, match=has_opencv())
+    answer = together(client, PHONE, OTHER, **query).json()
+    assert list(answer) == ["lightings"]
+    for record, estimate in zip(answer["lightings"], found, strict=True):
+        assert record.pop("links")["envmap"].startswith("/v1/envmap?")
+        assert record == json.loads(json.dumps(record_with_coefficients(estimate.lighting)))
+
+
+def test_each_of_several_has_its_probability_and_its_relative_heading(client: TestClient) -> None:
+    records = together(client, PLAIN, PLAIN, PLAIN, probability="true").json()["lightings"]
+    assert len(records) == 3
+    assert all(sum(record["probability"]["probability"]) == pytest.approx(1, abs=1e-3) for record in records)
+    assert records[0]["camera"]["relative_heading"] == 0
+
+
+def test_one_photo_in_a_form_is_one_record(client: TestClient) -> None:
+    assert together(client, PHONE).json() == ask(client, PHONE).json()
+
+
+def test_a_bad_photo_among_several_is_named(client: TestClient) -> None:
+    detail = problem(together(client, PLAIN, b"text", PLAIN), 400, "unreadable-photo")["detail"]
+    assert detail.startswith("Photo 2 of 3, 1.jpg: The file is not a ")
+    small = client_of(client.app.state.service.estimator, max_pixels=200_000)  # type: ignore[attr-defined]
+    large = encode(scene(640, 480))
+    assert "Photo 3 of 3, 2.jpg: " in problem(together(small, PLAIN, PLAIN, large), 413, "too-large")["detail"]
+
+
+def test_there_may_be_so_many_photos(client: TestClient, estimator: Estimator) -> None:
+    assert together(client, *[PLAIN] * 8).status_code == 200
+    few = client_of(estimator, max_photos=2)
+    assert together(few, PLAIN, PLAIN).status_code == 200
+    for photos in (3, 17, 40):
+        assert "At most 2 photos are taken" in problem(together(few, *[PLAIN] * photos), 422, "invalid")["detail"]
+
+
+@pytest.mark.parametrize("path", ["/v1/envmap", "/v1/preview"])
+def test_elsewhere_a_form_holds_one_photo(client: TestClient, path: str) -> None:
+    form = [("photo", ("a.jpg", PLAIN, "image/jpeg"))] * 2
+    assert "One photo is taken here" in problem(client.post(path, files=form), 422, "invalid")["detail"]
+
+
+@pytest.mark.parametrize(("query", "field"), [({"headings": "0,45,90"}, "headings"), ({"heading": "45"}, "heading")])
+def test_what_is_said_of_several_photos_must_fit_their_number(
+    client: TestClient, query: dict[str, str], field: str
+) -> None:
+    (error,) = problem(together(client, PLAIN, PLAIN, **query), 422, "invalid")["errors"]
+    assert error["field"] == field
+
+
+def test_a_compression_that_goes_with_no_such_format_is_named(client: TestClient) -> None:
+    answer = client.get("/v1/envmap", params={**SKY, "format": "png", "compression": "none"})
+    assert [error["field"] for error in problem(answer, 422, "invalid")["errors"]] == ["compression"]
+
+
+def test_a_compression_goes_with_exr_alone_and_its_default_with_all() -> None:
+    assert MapQuery(format="png", compression="zip").compression == "zip"
+    assert MapQuery(format="exr", compression="pxr24").compression == "pxr24"
+    with pytest.raises(ValidationError, match="compression goes with format=exr"):
+        MapQuery(format="hdr", compression="pxr24")

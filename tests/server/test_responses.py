@@ -1,0 +1,129 @@
+"""Tests of responses."""
+
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from starlette.requests import Request
+
+from export.evaluation.report import CAMERA_AND_SKY, SUN, write_figures
+from lighting.model import CARD, Model, packaged_model
+from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.sun_grid import grid_directions
+from server.dependencies import PhotoAnswer
+from server.query_params import LightingQuery, SkyQuery
+from server.responses import _envmap_link, _is_fresh, _sun_probability, accuracy, estimates_json
+from server.schemas import Accuracy
+from tests.conftest import TINY
+
+GRID = "fibonacci:64"
+LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
+ANSWERS_SUN = SunDistribution(GRID, np.full(64, 1 / 64, dtype=np.float32))
+ESTIMATE = PhotoAnswer(Estimate(LIGHT, ANSWERS_SUN))
+
+
+def request(if_none_match: str) -> Request:
+    return Request({"type": "http", "headers": [(b"if-none-match", if_none_match.encode())]})
+
+
+def test_the_link_has_the_parameters_of_the_light_under_the_services_root() -> None:
+    link = urlsplit(_envmap_link(LIGHT, "/light"))
+    assert link.path == "/light/v1/envmap"
+    said = {name: values[0] for name, values in parse_qs(link.query).items()}
+    assert said.pop("sun") == "false"
+    assert SkyQuery.model_validate(said).lighting() == Lighting(
+        sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02
+    )
+
+
+def test_the_link_has_the_strength_of_the_light_where_it_is_known() -> None:
+    strong = replace(
+        LIGHT,
+        sky_model="preetham",
+        sun_irradiance=(1.9, 1.5, 0.9),
+        sky_irradiance=(0.4, 0.5, 0.8),
+        sky_cover=0.2,
+        ground_color=(0.12, 0.11, 0.1),
+    )
+    said = {name: values[0] for name, values in parse_qs(urlsplit(_envmap_link(strong, "")).query).items()}
+    assert said["sun"] == "true"
+    query = SkyQuery.model_validate(said)
+    assert query.sky == "preetham"
+    assert replace(query.lighting(), sky_model="preetham", sun_visibility=0.1) == strong
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"sun_irradiance": "1,2"},
+        {"sun_irradiance": "1,2,red", "sky_irradiance": "1,1,1"},
+        {"sky_irradiance": "1,1,1"},
+        {"sky_cover": "0.5"},
+        {"ground_color": "0.1,0.1,2"},
+        {"sky": "blue"},
+    ],
+)
+def test_a_light_that_contradicts_itself_is_refused(wrong: dict[str, str]) -> None:
+    plain = {"sun_azimuth": "9", "sun_elevation": "30", "turbidity": "3", "exposure": "1"}
+    with pytest.raises(ValidationError):
+        SkyQuery.model_validate(plain | wrong)
+
+
+def test_one_estimate_is_a_record_and_several_are_a_list() -> None:
+    query = LightingQuery.model_validate({})
+    assert estimates_json([ESTIMATE], query, "")["sun"]["azimuth"] == -41.2
+    assert [light["sky"]["turbidity"] for light in estimates_json([ESTIMATE] * 2, query, "")["lightings"]] == [3.4, 3.4]
+    assert "probability" not in estimates_json([ESTIMATE], query, "")
+
+
+def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
+    factors = np.random.default_rng(0).uniform(0.05, 4, (2, 4, 3)).astype(np.float32)
+    told = estimates_json([replace(ESTIMATE, factors=factors)], LightingQuery.model_validate({}), "")["surroundings"]
+    assert (told["rows"], told["columns"]) == (2, 4)
+    assert told["factors"] == pytest.approx(factors.reshape(8, 3), rel=5e-3)
+    assert "surroundings" not in estimates_json([ESTIMATE], LightingQuery.model_validate({}), "")
+
+
+def test_the_probability_comes_with_the_angles_of_its_cells() -> None:
+    told = estimates_json([ESTIMATE], LightingQuery.model_validate({"probability": "true"}), "")["probability"]
+    assert told == _sun_probability(ANSWERS_SUN)
+    assert sum(told["probability"]) == pytest.approx(1.0, abs=1e-4)
+    assert np.sin(np.radians(told["elevation"])) == pytest.approx(grid_directions(GRID)[:, 1], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("copy", "fresh"), [('W/"a"', True), ('"a"', True), ('"b", W/"a"', True), ("*", True), ('"b"', False), ("", False)]
+)
+def test_a_clients_copy_is_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> None:
+    assert _is_fresh(request(copy), 'W/"a"') is fresh
+
+
+def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path) -> None:
+    measured = {name: float(i) for i, name in enumerate([*SUN.values(), *CAMERA_AND_SKY.values()])}
+    write_figures(TINY, {"phone": {**measured}, "paper": {**measured, "sun_median": None}}, tmp_path)
+    assert accuracy(TINY, tmp_path) == {"phone": measured}  # nothing is stated of a protocol without suns to score
+    assert set(measured) == set(Accuracy.model_fields)
+
+
+def test_the_packaged_network_s_figures_are_those_of_its_card() -> None:
+    """The row of the network in the card's table of the sun, which the same evaluation wrote."""
+    folder = packaged_model().parent
+    stated = accuracy(Model.load().spec, folder)
+    assert set(stated) == {"paper", "phone"}
+    card = (folder / CARD).read_text(encoding="utf-8")
+    for protocol, numbers in stated.items():
+        assert set(numbers) == set(Accuracy.model_fields)
+        section = card[card.index(f"## Protocol `{protocol}`") :]
+        row = next(line for line in section.splitlines() if line.startswith("| outdoor"))
+        names = ("crops", "sun_median", "sun_quartile_1", "sun_quartile_3", "within_22_5", "within_45")
+        assert row.split("|")[2:8] == [
+            f" {numbers[name]:g} " if name == "crops" else f" {numbers[name]:.1f} " for name in names
+        ]
+
+
+def test_nothing_is_stated_for_a_network_without_figures(tmp_path: Path) -> None:
+    assert accuracy(TINY, packaged_model().parent) == {}
+    assert accuracy(TINY, tmp_path) == {}
