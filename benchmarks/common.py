@@ -90,7 +90,7 @@ def peak_memory(*arguments: object) -> float:
 
 def machine() -> str:
     """One line that describes machine and versions."""
-    from lighting.cpus import available_cpus
+    from lighting.runtime import available_cpus
 
     return (
         f"{time.strftime('%Y-%m-%d')}, {_processor()}, {available_cpus()} CPUs, {platform.system()}, "

@@ -3,7 +3,7 @@
     python -m benchmarks.decoding
 
 Each photo is read in a process of its own, at the size that the network needs; what the process held before does not
-count. Needs Linux. `lighting/photo/memory.py` holds the memory that this printed, rounded up. The last column is the
+count. Needs Linux. `lighting/photo/reader.py` holds the memory that this printed, rounded up. The last column is the
 time of as many megapixels as that table admits of the kind, for `apart.SECONDS`.
 """
 
@@ -19,8 +19,7 @@ import pillow_heif
 from PIL import Image
 
 from benchmarks.common import ROOT
-from lighting.photo import MAX_PIXELS, TARGET
-from lighting.photo.memory import admitted
+from lighting.photo.reader import MAX_PIXELS, TARGET, pixel_limit
 
 SIZES = ((2000, 1500), (4000, 3000))  # pixels
 READ = """
@@ -124,7 +123,7 @@ def measured(kind: str, size: tuple[int, int], target: int = TARGET) -> tuple[fl
         peak, seconds = cost(*paths, target)
         data = paths[0].read_bytes()
         with Image.open(paths[0]) as image:
-            most, _ = admitted(image, data, MAX_PIXELS)
+            most, _ = pixel_limit(image, data, MAX_PIXELS)
     pixels = size[0] * size[1]
     return peak / pixels, 1e6 * seconds / pixels, most
 

@@ -28,10 +28,8 @@ from PIL import ExifTags, Image, ImageCms
 
 from benchmarks.decoding import photo
 from lighting.errors import PhotoError
-from lighting.photo import MAX_BYTES, MAX_PIXELS, TARGET
-from lighting.photo.apart import Decoder
-from lighting.photo.decoder import Request
-from lighting.photo.memory import allowance
+from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, memory_budget
+from lighting.photo.sandbox import Decoder, Request
 
 HANG = 5.0  # seconds of processor time
 PATIENCE = 120.0  # seconds until a reader is killed, for machines with other work
@@ -215,7 +213,7 @@ def _outcome(decoder: Decoder, data: bytes, report: Report) -> str:
         return "error"
     if decoder.pid != pid:
         return "crash"
-    seconds, share = _seconds(pid) - before, (_peak(pid) - held) / allowance(len(data), MAX_PIXELS, TARGET)
+    seconds, share = _seconds(pid) - before, (_peak(pid) - held) / memory_budget(len(data), MAX_PIXELS, TARGET)
     report.slowest, report.largest = max(report.slowest, seconds), max(report.largest, share)
     return "hang" if seconds > HANG else "memory" if share > 1 else outcome
 

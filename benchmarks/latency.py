@@ -46,17 +46,18 @@ from benchmarks.common import (
     processor_seconds,
     run_lighting,
 )
-from export.data import DataError
-from export.towns import find_llvm
-from lighting.envmap import Place, place_of, render, surround
-from lighting.envmap.photo_view import shown_size
-from lighting.evidence.calibration import MOST_SIDE, with_lines
-from lighting.files import write_exr
-from lighting.files.compression import packed_with
+from export.data.panoramas import DataError
+from export.data.path_tracing import find_llvm
+from lighting.calibration import MOST_SIDE, with_lines
+from lighting.envmap.projection import shown_size
+from lighting.envmap.render import render
+from lighting.envmap.surroundings import PhotoContext, photo_context_for_height, render_with_surroundings
+from lighting.estimator import Estimator
+from lighting.files.exr import packed_with, write_exr
 from lighting.geometry import latlong_directions
-from lighting.photo import TARGET, fitted, read_photo, to_tensor
-from lighting.photo.apart import read_apart
-from lighting.pipeline import Estimator
+from lighting.photo.preprocess import preprocess, resize_to_input
+from lighting.photo.reader import TARGET, read_photo
+from lighting.photo.sandbox import read_photo_isolated
 from lighting.records import Lighting
 
 PARTS = ("decode", "network", "lines", "sky and sun", "place", "EXR")
@@ -166,12 +167,12 @@ def measure_parts(
     """Milliseconds of the whole, of each part, of its floor as "PART floor", and Mitsuba's variant."""
     estimator = Estimator()
     photo = read_photo(jpeg)
-    tensor = to_tensor(photo, estimator.model.spec)
+    tensor = preprocess(photo, estimator.model.spec)
     alone = estimator.model.predict(tensor)[0]
     estimate = estimator(photo)
     light = estimate.lighting
-    there = Place(photo.pixels, estimate.around)
-    image = surround(light, there, height, sun=True)
+    there = PhotoContext(photo.pixels, estimate.around)
+    image = render_with_surroundings(light, there, height, sun=True)
     assert estimate.around is not None
     around, size = estimate.around, shown_size(photo.pixels, light.vertical_fov, height)
     exr = (folder / f"{number}.exr" for number in count())
@@ -179,9 +180,11 @@ def measure_parts(
     def whole() -> None:
         seen = read_photo(jpeg)
         found = estimator(seen)
-        place = place_of(found, seen.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, wanted=True)
+        place = photo_context_for_height(
+            found, seen.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, wanted=True
+        )
         assert place is not None
-        write_exr(next(exr), surround(found.lighting, place, height, sun=True), found.lighting)
+        write_exr(next(exr), render_with_surroundings(found.lighting, place, height, sun=True), found.lighting)
 
     directions = latlong_directions(height)
     mitsuba, above = mitsuba_sky(light, directions), mitsuba_sky(light, directions[: height // 2])
@@ -190,17 +193,17 @@ def measure_parts(
         "decode": lambda: read_photo(jpeg),
         "decode floor": lambda: decode_alone(jpeg),
         "decode here": lambda: read_photo(jpeg.read_bytes()),
-        "decode apart": lambda: read_apart(jpeg.read_bytes()),
+        "decode apart": lambda: read_photo_isolated(jpeg.read_bytes()),
         "network": lambda: estimator(photo),
         "network floor": lambda: (
-            fitted(photo, estimator.model.spec),
+            resize_to_input(photo, estimator.model.spec),
             estimator.model.session.run(None, {"photo": tensor}),
         ),
         "lines": lambda: with_lines(alone, photo.pixels),
         "lines floor": lambda: gradient_alone(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,
-        "place": lambda: surround(light, there, height, sun=True),
+        "place": lambda: render_with_surroundings(light, there, height, sun=True),
         "place floor": lambda: enlarge_alone(photo.pixels, size, around, height),
         "EXR": lambda: write_exr(next(exr), image, light),
         "EXR floor": lambda: write_alone(image),

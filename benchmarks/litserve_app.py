@@ -11,11 +11,11 @@ import onnxruntime
 from fastapi import Request, Response
 from numpy.typing import NDArray
 
-from lighting.envmap import place_of, view
+from lighting.envmap.surroundings import photo_context_for_height, render_view
+from lighting.estimator import Estimator
 from lighting.files import encode_envmap
 from lighting.model import Model, packaged_model
-from lighting.photo import read_photo
-from lighting.pipeline import Estimator
+from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
 
 HEIGHT = 512
@@ -46,8 +46,8 @@ class EnvmapAPI(litserve.LitAPI):  # type: ignore[misc]  # known in an environme
 
         photo = read_photo(data)
         estimate = self.estimator(photo)
-        place = place_of(estimate, photo.pixels, HEIGHT, finer)
-        image, light = view(estimate.lighting, HEIGHT, place=place)
+        place = photo_context_for_height(estimate, photo.pixels, HEIGHT, finer)
+        image, light = render_view(estimate.lighting, HEIGHT, place=place)
         return encode_envmap(image, light)
 
     def encode_response(self, output: bytes) -> Response:

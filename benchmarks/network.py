@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from benchmarks.common import ROOT, machine, milliseconds
 from lighting.model import Model, packaged_model
-from lighting.photo import read_photo, to_tensor
+from lighting.photo.preprocess import preprocess
+from lighting.photo.reader import read_photo
 
 Batch = NDArray[np.float32]
 
@@ -106,9 +107,9 @@ def to_int8(target: Path, calibration: Batch) -> Path:
 
 def training_crops(data: Data) -> Batch:
     """Crops of a few training panoramas, as training takes them."""
-    from export.crops import load_sources
-    from export.data import read_index
-    from export.evaluation import cameras
+    from export.crops.crops import load_sources
+    from export.data.panoramas import read_index
+    from export.evaluation.predictions import cameras
 
     panoramas = read_index(data.folder, "train")
     sources = load_sources(panoramas[:: len(panoramas) // CALIBRATION][:CALIBRATION], data.labels)
@@ -118,15 +119,16 @@ def training_crops(data: Data) -> Batch:
 def example_photos() -> Batch:
     """The example photos and their mirror images."""
     spec = Model.load().spec
-    photos = np.concatenate([to_tensor(read_photo(path), spec) for path in sorted(ROOT.glob("examples/*.jpg"))])
+    photos = np.concatenate([preprocess(read_photo(path), spec) for path in sorted(ROOT.glob("examples/*.jpg"))])
     return np.concatenate([photos, photos[..., ::-1]])
 
 
 def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
     """Median sun error [deg] on the scored crops of `val`, taken as in CVPR 2017, of each network."""
-    from export.crops import load_sources
-    from export.data import read_index
-    from export.evaluation import cameras, collect, interpret, median, sun_error
+    from export.crops.crops import load_sources
+    from export.data.panoramas import read_index
+    from export.evaluation.metrics import median, sun_error
+    from export.evaluation.predictions import cameras, collect, interpret
 
     models = {name: Model.load(file) for name, file in files.items()}
     said: dict[str, list[Any]] = {name: [] for name in files}
@@ -143,14 +145,14 @@ def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
 
 def _batches(crops: Any) -> Iterator[tuple[Batch, list[Any]]]:
     """The network's inputs and the crops that they show."""
-    from export.crops import take
-    from lighting.colour import tone_map
-    from lighting.photo import place
+    from export.crops.crops import take
+    from lighting.color import tone_map
+    from lighting.photo.preprocess import pad_to_input
 
     spec = Model.load().spec
     for first in range(0, len(crops), _BATCH):
         part = [take(source, camera, spec) for source, camera in crops[first : first + _BATCH]]
-        yield np.stack([place(tone_map(crop.linear), spec) for crop in part]), part
+        yield np.stack([pad_to_input(tone_map(crop.linear), spec) for crop in part]), part
 
 
 def session(file: Path, threads: int, level: str = "all", spinning: bool = True, provider: str = CPU) -> Any:

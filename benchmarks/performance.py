@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks.clients import Job
 from benchmarks.common import machine, make_photo, many_photos, milliseconds, run_lighting
 from benchmarks.load import RECORD, run, started
-from lighting.envmap import render
-from lighting.files import write_exr
+from lighting.envmap.render import render
+from lighting.files.exr import write_exr
 from lighting.records import Lighting
 
 SIZE = (1600, 1200)  # of the photos, pixels

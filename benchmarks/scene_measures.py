@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.colour import luminance
+from lighting.color import luminance
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, direction, wrap_azimuth
 
 AROUND = 25.0  # deg, to both sides of the direction in which a shadow is looked for

@@ -29,16 +29,9 @@ from benchmarks.scene_measures import (
     sunlit_over_shaded,
     unhidden,
 )
-from benchmarks.scene_renders import (
-    MissingToolError,
-    render_blender,
-    render_import,
-    render_mitsuba,
-    render_threejs,
-)
-from lighting.colour import luminance, srgb_decode, tone_map
-from lighting.drawing import Style, write
-from lighting.envmap import render
+from benchmarks.scene_renders import MissingToolError, render_blender, render_import, render_mitsuba, render_threejs
+from lighting.color import luminance, srgb_decode, tone_map
+from lighting.envmap.render import render
 from lighting.geometry import (
     Floats,
     Pinhole,
@@ -50,11 +43,13 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-from lighting.photo import Photo
+from lighting.photo.reader import Photo
+from lighting.preview.drawing import Style, write
+from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
 from lighting.records import Lighting
-from lighting.scene import EXPORTERS, Scene, make_scene, write_scene
-from lighting.scene.placeholder import placeholder_of
-from lighting.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
+from lighting.scene import EXPORTERS
+from lighting.scene.records import Scene, make_scene, placeholder_of
+from lighting.scene.writer import write_scene
 
 SUN = (-125.0, 33.0)  # deg, azimuth and elevation
 LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camera_roll=2.0, vertical_fov=45.0)

@@ -26,11 +26,14 @@ from export.reports.probe import (
     photograph_sky,
     read_sky_scans,
 )
-from export.stereo.objects import Subject
-from export.stereo.relief import relief
-from export.stereo.trials import SEASONS, Trial, angle, photograph, session
-from lighting.colour import luminance, srgb_encode, tone_map
-from lighting.drawing import (
+from export.stereo.evaluate import SEASONS, Trial, angle, photograph, session
+from export.stereo.renders import Subject
+from export.stereo.surfaces import relief
+from lighting.color import luminance, srgb_encode, tone_map
+from lighting.files.atomic import encode_png
+from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
+from lighting.photo.linear import LinearPhoto
+from lighting.preview.drawing import (
     BACKGROUND,
     MUTED,
     PANEL,
@@ -48,29 +51,19 @@ from lighting.drawing import (
     write,
     write_inside,
 )
-from lighting.files import encode_png
-from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
-from lighting.photo import LinearPhoto
-from lighting.probe import Moment, Probe, Scan, Settings, bracket_of, make_probe, orient, write_probe
-from lighting.probe.align import yaw_rotation
-from lighting.probe.lens import lens_of
+from lighting.probe.alignment import Scan, orient, yaw_rotation
+from lighting.probe.bracket import bracket_of
+from lighting.probe.develop import BracketSettings, Moment, Probe, make_probe, write_probe
+from lighting.probe.fisheye import fisheye_lens
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.cie import general_luminance
 from lighting.sky.hosek_wilkie import sky_radiance
 from lighting.sky.perez import perez_luminance
-from lighting.stereo import (
-    ModelledSkies,
-    Network,
-    Plan,
-    Question,
-    clock,
-    conditions,
-    draw_plan,
-    plan_photos,
-    shown_error,
-    title,
-)
-from lighting.stereo.days import in_grey
+from lighting.stereo.network import Network
+from lighting.stereo.plan_figure import draw_plan, shown_error
+from lighting.stereo.plan_records import Plan, Question, clock
+from lighting.stereo.planner import ModelledSkies, conditions, plan_photos, title
+from lighting.stereo.schedule import in_grey
 
 # axes.png: the frame, the angles and the environment map, all by lighting.geometry itself.
 
@@ -254,7 +247,7 @@ def _probe_exposures() -> list[LinearPhoto]:
     """Seven exposures of a clear June morning through a fisheye, the sun clipped in all."""
     picture = photograph_sky(
         clear_sky_at(Moment(SKY_DAY, *SKY_PLACE)),
-        lens_of("equidistant", PROBE_SIDE, PROBE_SIDE),
+        fisheye_lens("equidistant", PROBE_SIDE, PROBE_SIDE),
         yaw_rotation(PROBE_YAW),
     )
     return expose_bracket(picture, BracketCamera(14, fill=8.0), np.random.default_rng(0), BRACKET_TIMES)
@@ -325,7 +318,7 @@ def _seconds(time: float) -> str:
 
 def _write_exposures(exposures: Sequence[LinearPhoto], folder: Path) -> None:
     """The exposures as 16-bit PNG with their times in EXIF."""
-    from tests.pictures import taken, write_png16
+    from tests.helpers.photos import taken, write_png16
 
     folder.mkdir(parents=True, exist_ok=True)
     for index, photo in enumerate(exposures):
@@ -336,7 +329,7 @@ def _write_exposures(exposures: Sequence[LinearPhoto], folder: Path) -> None:
 def draw_probe(folder: Path) -> None:
     exposures = _probe_exposures()
     _write_exposures(exposures, folder)
-    probe = make_probe(bracket_of(exposures), Moment(SKY_DAY, *SKY_PLACE), Settings(fill=True))
+    probe = make_probe(bracket_of(exposures), Moment(SKY_DAY, *SKY_PLACE), BracketSettings(fill=True))
     write_probe(probe, folder / "probe.exr")
     day = read_sky_scans()[SUNNY]
     _draw_probe_panels(exposures, probe, day[4], orient(day).offset)

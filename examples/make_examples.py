@@ -15,7 +15,7 @@ import numpy as np
 import OpenEXR
 from PIL import Image, ImageFilter
 
-from lighting.colour import luminance, srgb_encode
+from lighting.color import luminance, srgb_encode
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong, wrap_azimuth
 
 HERE = Path(__file__).parent

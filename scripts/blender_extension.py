@@ -12,17 +12,17 @@ from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "blender" / "light_from_photo"
-SCRIPT = "lighting/scene/data/blender.py"
+SCRIPT = "lighting/data/blender_scene.py"
 SKY = (
     "lighting/errors.py",
     "lighting/geometry.py",
-    "lighting/ranges.py",
+    "lighting/validation.py",
     "lighting/records.py",
-    "lighting/sections.py",
-    "lighting/colour.py",
+    "lighting/records.py",
+    "lighting/color.py",
     *(f"lighting/envmap/{name}.py" for name in ("changing", "clear", "disc", "maps", "mixture", "render")),
     *(f"lighting/sky/{path.name}" for path in sorted((ROOT / "lighting" / "sky").glob("*.py"))),
-    "lighting/scene/axes.py",
+    "lighting/scene/records.py",
 )
 ENVMAP = '"""Maps of the sky."""\n\nfrom .changing import change\nfrom .render import render, sun_irradiance\n'
 COEFFICIENTS = "lighting/data/hosek_wilkie.f32"

@@ -27,15 +27,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from scripts.build_image import (
-    NEW_NETWORK,
-    Engine,
-    UnavailableError,
-    build_image,
-    enter_own_mounts,
-    load_base,
-    unshare,
-)
+from scripts.build_image import NEW_NETWORK, Engine, UnavailableError, build_image, enter_own_mounts, load_base, unshare
 
 ROOT = Path(__file__).parent.parent
 PHOTO = ROOT / "examples" / "wide_street.jpg"
