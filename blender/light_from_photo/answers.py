@@ -39,7 +39,7 @@ class AnswerError(Exception):
 
 def from_command(command: str, photo: Path, folder: Path) -> None:
     """Have the command write the scene into a folder; raises AnswerError."""
-    program = shutil.which(os.path.expanduser(command))  # a name on the PATH is no path
+    program = shutil.which(os.path.expanduser(command))  # noqa: PTH111  # a name on the PATH is no path
     if program is None:
         raise AnswerError(f"There is no command {command!r}; give its whole path in the preferences.")
     environment = {name: value for name, value in os.environ.items() if name not in _OF_THIS_PYTHON}

@@ -18,7 +18,7 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
 
     bl_idname = "light_from_photo.estimate"
     bl_label = "Light from Photo"
-    bl_options = {"UNDO"}  # as Blender wants it
+    bl_options = {"UNDO"}  # noqa: RUF012  # as Blender wants it
 
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
         default=";".join(f"*{suffix}" for suffix in PHOTOS), options={"HIDDEN"}
@@ -66,7 +66,7 @@ class LIGHTFROMPHOTO_OT_reset(bpy.types.Operator):
 
     bl_idname = "light_from_photo.reset"
     bl_label = "As Estimated"
-    bl_options = {"UNDO"}
+    bl_options = {"UNDO"}  # noqa: RUF012
 
     @classmethod
     def poll(cls, context: Any) -> bool:
