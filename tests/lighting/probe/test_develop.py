@@ -1,4 +1,4 @@
-"""Tests of develop."""
+"""Probes: aligned by the sun, filled, written."""
 
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -38,13 +38,13 @@ from lighting.probe.fisheye import fisheye_lens
 from lighting.probe.sun_detection import find_spot
 from lighting.records import Lighting
 
-DEVELOP_MOMENT = Moment(SKY_DAY, *SKY_PLACE)
+MORNING = Moment(SKY_DAY, *SKY_PLACE)
 SIDE = 200
 SETTINGS = BracketSettings(height=64)
 TIMES = (1 / 8000, 1 / 90, 1.0)
 
 
-def bracket(moment: Moment = DEVELOP_MOMENT, fill: float = 0.8, tilt: float = 0.0, yaw: float = 40.0) -> Bracket:
+def bracket(moment: Moment = MORNING, fill: float = 0.8, tilt: float = 0.0, yaw: float = 40.0) -> Bracket:
     lens = fisheye_lens("equidistant", SIDE, SIDE)
     picture = photograph_sky(clear_sky_at(moment), lens, rotation(tilt, yaw))
     return bracket_of(expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(0), TIMES))
@@ -55,12 +55,12 @@ def rotation(tilt: float, yaw: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def develop_clipped() -> Probe:
-    return make_probe(bracket(fill=8.0), DEVELOP_MOMENT, SETTINGS)
+def clipped_probe() -> Probe:
+    return make_probe(bracket(fill=8.0), MORNING, SETTINGS)
 
 
 def test_a_sun_that_is_not_clipped_needs_no_warning() -> None:
-    probe = make_probe(bracket(), DEVELOP_MOMENT, SETTINGS)
+    probe = make_probe(bracket(), MORNING, SETTINGS)
     assert not probe.warnings
     assert probe.alignment is not None
     assert _rotation_between(probe.alignment.rotation, yaw_rotation(40.0)) < 0.3
@@ -69,31 +69,31 @@ def test_a_sun_that_is_not_clipped_needs_no_warning() -> None:
     assert probe.image.shape == (64, 128, 3)
 
 
-def test_a_clipped_sun_is_said(develop_clipped: Probe) -> None:
-    assert develop_clipped.spot is not None
-    assert develop_clipped.spot.clipped
-    assert "clipped in every exposure" in develop_clipped.warnings[0]
-    assert not develop_clipped.estimated
+def test_a_clipped_sun_is_said(clipped_probe: Probe) -> None:
+    assert clipped_probe.spot is not None
+    assert clipped_probe.spot.clipped
+    assert "clipped in every exposure" in clipped_probe.warnings[0]
+    assert not clipped_probe.estimated
 
 
-def test_a_filled_sun_is_marked_as_estimated(develop_clipped: Probe) -> None:
-    probe = make_probe(bracket(fill=8.0), DEVELOP_MOMENT, BracketSettings(height=64, fill=True))
+def test_a_filled_sun_is_marked_as_estimated(clipped_probe: Probe) -> None:
+    probe = make_probe(bracket(fill=8.0), MORNING, BracketSettings(height=64, fill=True))
     assert probe.estimated
     assert "estimated by the model" in probe.warnings[0]
     assert probe.fit is not None
     assert probe.fit.turbidity == pytest.approx(3.0, abs=0.3)
     assert probe.spot is not None
-    assert develop_clipped.spot is not None
-    assert (probe.spot.irradiance > 2 * develop_clipped.spot.irradiance).all()
+    assert clipped_probe.spot is not None
+    assert (probe.spot.irradiance > 2 * clipped_probe.spot.irradiance).all()
 
 
-def test_a_filter_makes_everything_brighter_by_its_stops(develop_clipped: Probe) -> None:
-    filtered = make_probe(bracket(fill=8.0), DEVELOP_MOMENT, BracketSettings(height=64, nd=3.0))
-    assert filtered.image == pytest.approx(8 * develop_clipped.image, rel=1e-4)
+def test_a_filter_makes_everything_brighter_by_its_stops(clipped_probe: Probe) -> None:
+    filtered = make_probe(bracket(fill=8.0), MORNING, BracketSettings(height=64, nd=3.0))
+    assert filtered.image == pytest.approx(8 * clipped_probe.image, rel=1e-4)
 
 
 def test_a_tilted_camera_is_said() -> None:
-    probe = make_probe(bracket(tilt=6.0), DEVELOP_MOMENT, SETTINGS)
+    probe = make_probe(bracket(tilt=6.0), MORNING, SETTINGS)
     assert any("off the ephemeris" in warning for warning in probe.warnings)
 
 
@@ -124,8 +124,8 @@ def test_night_and_skies_without_sun_are_refused() -> None:
         expose_bracket(np.full((SIDE, SIDE, 3), 1.0, np.float32), BracketCamera(14), np.random.default_rng(0))
     )
     with pytest.raises(ProbeError, match="No sun is found"):
-        make_probe(grey, DEVELOP_MOMENT, SETTINGS)
-    told = make_probe(grey, DEVELOP_MOMENT, BracketSettings(height=64, yaw=30.0))
+        make_probe(grey, MORNING, SETTINGS)
+    told = make_probe(grey, MORNING, BracketSettings(height=64, yaw=30.0))
     assert told.warnings == ("No sun is seen in this probe.",)
 
 
@@ -188,33 +188,31 @@ def test_night_is_refused() -> None:
         _check_day(Moment(NOON.time + timedelta(hours=12), 0.0, 0.0))
 
 
-def test_the_header_says_when_and_what_the_sun_rests_on(tmp_path: Path, clipped: Probe) -> None:
-    path = write_probe(clipped, tmp_path / "a.exr")
+def test_the_header_says_when_and_what_the_sun_rests_on(tmp_path: Path, clipped_probe: Probe) -> None:
+    path = write_probe(clipped_probe, tmp_path / "a.exr")
     header = read_attributes(path)
     assert header["lighting.time"] == "2024-06-01T09:00:00+00:00"
     assert header["capDate"] == "2024:06:01 09:00:00"
-    assert (header["lighting.sun_azimuth"], header["lighting.sun_elevation"]) == pytest.approx(
-        DEVELOP_MOMENT.sun, abs=1e-3
-    )
+    assert (header["lighting.sun_azimuth"], header["lighting.sun_elevation"]) == pytest.approx(MORNING.sun, abs=1e-3)
     assert (header["lighting.sun_clipped"], header["lighting.sun_estimated"]) == (1, 0)
     assert "clipped" in header["comments"]
     assert not any("latitude" in name for name in header)
-    np.testing.assert_allclose(read_exr(path)[0], clipped.image, rtol=2.0**-14)  # as `zip` rounds
+    np.testing.assert_allclose(read_exr(path)[0], clipped_probe.image, rtol=2.0**-14)  # as `zip` rounds
 
 
-def test_a_folder_is_filled_in_the_layout(tmp_path: Path, clipped: Probe) -> None:
-    path = write_probe(clipped, tmp_path / "sky")
+def test_a_folder_is_filled_in_the_layout(tmp_path: Path, clipped_probe: Probe) -> None:
+    path = write_probe(clipped_probe, tmp_path / "sky")
     assert path == tmp_path / "sky/20240601/090000/envmap.exr"
-    assert probes_in(tmp_path / "sky")[0].time == DEVELOP_MOMENT.time
+    assert probes_in(tmp_path / "sky")[0].time == MORNING.time
 
 
-def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, clipped: Probe) -> None:
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, clipped_probe: Probe) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ProbeError, match="cannot be made"):
-        write_probe(clipped, tmp_path / "file")
+        write_probe(clipped_probe, tmp_path / "file")
 
 
 def test_a_folder_stays_one_whatever_its_name(tmp_path: Path) -> None:
     (tmp_path / "sky.exr").mkdir()
-    assert target_of(tmp_path / "sky.exr", DEVELOP_MOMENT.time) == tmp_path / "sky.exr/20240601/090000/envmap.exr"
-    assert target_of(tmp_path / "probe.exr", DEVELOP_MOMENT.time) == tmp_path / "probe.exr"
+    assert target_of(tmp_path / "sky.exr", MORNING.time) == tmp_path / "sky.exr/20240601/090000/envmap.exr"
+    assert target_of(tmp_path / "probe.exr", MORNING.time) == tmp_path / "probe.exr"
