@@ -4,7 +4,7 @@
 
 Each photo is read in a process of its own, at the size that the network needs; what the process held before does not
 count. Needs Linux. `lighting/photo/reader.py` holds the memory that this printed, rounded up. The last column is the
-time of as many megapixels as that table admits of the kind, for `apart.SECONDS`.
+time of as many megapixels as that table admits of the kind, for `sandbox.SECONDS`.
 """
 
 import subprocess
@@ -25,8 +25,7 @@ SIZES = ((2000, 1500), (4000, 3000))  # pixels
 READ = """
 import sys, time
 from PIL import AvifImagePlugin
-from lighting.photo import read_photo
-from lighting.photo.read import _heif_format
+from lighting.photo.reader import _heif_format, read_photo
 AvifImagePlugin.DEFAULT_MAX_THREADS = 1
 def peak():
     return int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1])

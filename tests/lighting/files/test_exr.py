@@ -128,7 +128,7 @@ def test_the_number_of_threads_that_was_asked_for_stays(image: NDArray[np.float3
 
 def test_the_first_map_does_not_undo_it() -> None:
     code = (
-        "import OpenEXR, numpy as np\nfrom lighting.files import compression as c\nc.pack_in_threads(1)\n"
+        "import OpenEXR, numpy as np\nfrom lighting.files import exr as c\nc.pack_in_threads(1)\n"
         "c.packed_with(np.zeros((2, 4, 3), np.float32), 'zip')\nprint(OpenEXR.global_thread_count())"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
