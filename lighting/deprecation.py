@@ -31,10 +31,17 @@ def replacement(package: str, name: str) -> object:
     new = RENAMED.get(f"{package}.{name}")
     if new is None:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    _warn_of_old_name(f"{package}.{name}", f"{new.module}.{new.name}", new.gone_in)
+    warn_renamed(f"{package}.{name}", f"{new.module}.{new.name}", new.gone_in)
     return getattr(import_module(new.module), new.name)
 
 
-def _warn_of_old_name(old: str, new: str, gone_in: str) -> None:
-    """Warn the caller's caller that a name has another in its place, and when the old one goes."""
-    warnings.warn(f"{old} is now {new}; the old name goes in {gone_in}.", DeprecationWarning, stacklevel=4)
+def warn_renamed(old: str, new: str, gone_in: str, stacklevel: int = 4) -> None:
+    """Warn a caller that a name has another in its place.
+
+    Args:
+        old: the full name that the caller used.
+        new: the full name to use instead.
+        gone_in: the first release without the old name.
+        stacklevel: calls between this warning and the caller, both counted; 3 for a property.
+    """
+    warnings.warn(f"{old} is now {new}; the old name goes in {gone_in}.", DeprecationWarning, stacklevel=stacklevel)

@@ -81,7 +81,7 @@ class Estimator:
         check_heading(len(photos), given.heading)
         if len(photos) < 2:
             return [self(photo, given) for photo in photos]
-        facts = observations_multi([photo.facts for photo in photos], given)
+        facts = observations_multi([photo.metadata for photo in photos], given)
         evidence, said = [fact.evidence for fact in facts], [self.predict(photo, given) for photo in photos]
         placing = None if headings is not None else _placing(match)
         placed = placing and placing(_views(photos, said, evidence))
@@ -96,7 +96,7 @@ def estimate_from_prediction(photo: Photo, said: Prediction, given: UserInput = 
 
     Raises ParameterError where the user's own time and place are of night.
     """
-    facts = observations_single(photo.facts, given)
+    facts = observations_single(photo.metadata, given)
     fused = fuse_single_view(said, facts.evidence, photo.pixels)
     return apply_photo_colors([photo], [build_estimate(fused, facts)])[0]
 

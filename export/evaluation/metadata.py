@@ -61,7 +61,7 @@ class _Sighting:
 class SimulatedMetadata:
     """A photo's metadata, and where its camera really pointed."""
 
-    facts: PhotoMetadata
+    metadata: PhotoMetadata
     heading: float  # deg clockwise from true north
     gross: bool  # whether the compass pointed anywhere
 
@@ -183,7 +183,7 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: 
 
 def _fuse(said: ByLens, taken: SimulatedMetadata, parts: tuple[str, ...]) -> Posterior:
     return fuse_single_view(
-        _own(said, parts), observations_from_metadata(only(taken.facts, parts), NO_USER_INPUT).evidence
+        _own(said, parts), observations_from_metadata(only(taken.metadata, parts), NO_USER_INPUT).evidence
     )
 
 
@@ -275,11 +275,11 @@ def _warning_shares(
 ) -> dict[str, dict[str, float]]:
     """How often the pixels contradict each part of the evidence, true and false."""
     rng = np.random.default_rng(0)
-    true = [t.facts for t in taken]
+    true = [t.metadata for t in taken]
     others = [true[i] for i in _others(angles(truth.sun)[1], rng)]
-    turned = [replace(t.facts, heading=(t.heading + rng.uniform(90, 270)) % 360.0) for t in taken]
+    turned = [replace(t.metadata, heading=(t.heading + rng.uniform(90, 270)) % 360.0) for t in taken]
     cropped = [replace(f, vertical_fov=_half(f.vertical_fov or 0.0)) for f in true]
-    sound = [(p, t.facts) for p, t in zip(said, taken, strict=True) if not t.gross]
+    sound = [(p, t.metadata) for p, t in zip(said, taken, strict=True) if not t.gross]
     return {
         f"sun off by {WRONG_SUN:g}° or more": _shares(said, true, others, (EvidenceKind.TIME_AND_PLACE,)),
         "heading off by 90 to 270°": {

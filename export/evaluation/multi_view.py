@@ -197,7 +197,7 @@ def _compass(taken: SimulatedMetadata, rng: np.random.Generator, shared: float) 
 
 
 def _time(taken: SimulatedMetadata, _: np.random.Generator, __: float) -> Observations:
-    return observations_from_metadata(only(taken.facts, (EvidenceKind.TIME_AND_PLACE,)), NO_USER_INPUT).evidence
+    return observations_from_metadata(only(taken.metadata, (EvidenceKind.TIME_AND_PLACE,)), NO_USER_INPUT).evidence
 
 
 def _time_and_compass(taken: SimulatedMetadata, rng: np.random.Generator, shared: float) -> Observations:

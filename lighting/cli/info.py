@@ -62,7 +62,7 @@ def _describe_picture(file: str) -> dict[str, Any]:
     with prefix_errors(file):
         photo = read_photo(data)
     size = {"format": photo.format, "width": photo.width, "height": photo.height}
-    return {"kind": "photo", **size, "metadata": _metadata(photo.facts)}
+    return {"kind": "photo", **size, "metadata": _metadata(photo.metadata)}
 
 
 def _metadata(facts: "PhotoMetadata") -> dict[str, Any]:

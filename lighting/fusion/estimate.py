@@ -95,7 +95,7 @@ def predict_photo(model: Model, photo: Photo, given: UserInput = NO_USER_INPUT) 
     Where the photo or its user says which lens it has, elevation and roll are those of a camera with it.
     """
     said = model.predict(preprocess(photo, model.spec))[0]
-    return screen_prediction(said, photo.pixels, camera_evidence(photo.facts, given).vertical_fov)
+    return screen_prediction(said, photo.pixels, camera_evidence(photo.metadata, given).vertical_fov)
 
 
 def screen_prediction(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None) -> Prediction:

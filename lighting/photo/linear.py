@@ -39,7 +39,7 @@ class LinearPhoto:
     white: float  # from which on a channel counts as clipped; infinite where nothing is
     step: float  # the least difference that the file can hold, near black
     exposure: float | None = None  # s x ISO / 100 / f-number^2, from EXIF
-    facts: PhotoMetadata = field(default_factory=PhotoMetadata)
+    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
     warnings: tuple[str, ...] = ()
     grey: bool = False  # whether the file holds one channel, which the pixels repeat
     coded: bool = False  # whether a curve was taken off
@@ -103,7 +103,7 @@ def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
         white=float(srgb_decode(_HIGH_END)) if coded else _HIGH_END,
         step=1 / full / 12.92 if coded else 1 / full,
         exposure=read_exposure(stored.told),
-        facts=read_metadata(stored.told, linear.shape[1], linear.shape[0]),
+        metadata=read_metadata(stored.told, linear.shape[1], linear.shape[0]),
         warnings=_warnings(stored.header, full == 255 and curve is None, doubtful),
         grey=samples.shape[2] == 1,
         coded=coded,

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
 
 from lighting.color import checked_pixels
+from lighting.deprecation import warn_renamed
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
 from lighting.photo.containers import (
     RAW_FORMAT,
@@ -107,7 +108,13 @@ class Photo:
     width: int  # of the upright photo in the file, pixels
     height: int
     format: str  # as Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", ...; "RAW", "PIXELS"
-    facts: PhotoMetadata = field(default_factory=PhotoMetadata)  # what its EXIF block and XMP packet say
+    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)  # what its EXIF block and XMP packet say
+
+    @property
+    def facts(self) -> PhotoMetadata:
+        """The old name of `metadata`; warns of it."""
+        warn_renamed("Photo.facts", "Photo.metadata", "0.3.0", stacklevel=3)
+        return self.metadata
 
 
 def check_photo(thing: object) -> None:
@@ -249,15 +256,15 @@ def _no_warnings() -> Iterator[None]:
 PIXELS_FORMAT = "PIXELS"  # the Photo's `format`
 
 
-def photo_from_array(pixels: ArrayLike, facts: PhotoMetadata | None = None) -> Photo:
+def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:
     """The Photo of upright pixels (h, w, 3), 8-bit sRGB in the order red, green, blue.
 
     An array, a PIL image in RGB or a tensor in the CPU's memory will do; the pixels are copied only where their rows
-    are not contiguous. `facts` is what is known of the photo, as its EXIF block would say it.
+    are not contiguous. `metadata` is what is known of the photo, as its EXIF block would say it.
     Raises PhotoError for another type or shape, and PhotoError or PhotoTooLargeError for a size that `read_photo`
     refuses.
     """
     array = checked_pixels(pixels)
     height, width = array.shape[:2]
     _check_size(width, height, MAX_PIXELS, "photo")
-    return Photo(np.ascontiguousarray(array), width, height, PIXELS_FORMAT, facts or PhotoMetadata())
+    return Photo(np.ascontiguousarray(array), width, height, PIXELS_FORMAT, metadata or PhotoMetadata())

@@ -84,7 +84,7 @@ def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, own: int) -
     except Exception as error:
         pickle.dump(_Reply(error=error), answers)
         return
-    said = Photo(photo.pixels[:0], photo.width, photo.height, photo.format, photo.facts)
+    said = Photo(photo.pixels[:0], photo.width, photo.height, photo.format, photo.metadata)
     pickle.dump(_Reply(said, photo.pixels.shape), answers)
     answers.write(photo.pixels.data)
 
@@ -251,7 +251,7 @@ def _asked(process: "Popen[bytes]", request: Request, data: bytes) -> Photo | Ex
     if answers.readinto(pixels.data.cast("B")) < pixels.nbytes:
         raise EOFError
     photo = answer.photo
-    return Photo(pixels, photo.width, photo.height, photo.format, photo.facts)
+    return Photo(pixels, photo.width, photo.height, photo.format, photo.metadata)
 
 
 @contextmanager

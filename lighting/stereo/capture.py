@@ -51,7 +51,7 @@ class _Shot:
     clipped: NDArray[np.bool_]  # (H, W), whether a channel is at white
     coded: bool  # whether a curve was taken off
     shape: tuple[int, int]  # rows and columns of the file, however far the pixels are reduced
-    facts: PhotoMetadata = field(default_factory=PhotoMetadata)
+    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
     exposure: _Exposure = _Exposure()
 
 
@@ -95,7 +95,7 @@ def _read_photo(path: Path, curve: Curve | None) -> _Shot:
     pixels = np.ascontiguousarray(photo.pixels[..., :1] if photo.grey else photo.pixels)
     clipped = np.asarray((pixels >= photo.white).any(axis=-1))
     shape = pixels.shape[0], pixels.shape[1]
-    return _Shot(path.name, pixels, clipped, photo.coded, shape, photo.facts, _exposure(path))
+    return _Shot(path.name, pixels, clipped, photo.coded, shape, photo.metadata, _exposure(path))
 
 
 def _exposure(path: Path) -> _Exposure:
@@ -148,9 +148,9 @@ def _listed_times(file: Path) -> dict[str, datetime]:
 
 def _moment(shot: _Shot, listed: datetime | None, utc_offset: float | None) -> datetime:
     """When a photo was taken, in UTC."""
-    local = listed or shot.facts.local_time
-    if listed is None and shot.facts.utc_time is not None:
-        return shot.facts.utc_time.astimezone(UTC)
+    local = listed or shot.metadata.local_time
+    if listed is None and shot.metadata.utc_time is not None:
+        return shot.metadata.utc_time.astimezone(UTC)
     if local is None:
         raise PhotoError(f"{shot.name} does not say when it was taken; list the times in {TIMES}.")
     if local.tzinfo is not None:
@@ -346,7 +346,7 @@ def read_shots(
     images = np.stack([shot.pixels for shot in shots])
     _check_still(images.mean(axis=-1), [shot.name for shot in shots])
     kept, lost = _unclipped(area, shots)
-    facts = [shot.facts for shot in shots]
+    facts = [shot.metadata for shot in shots]
     return Shots(
         names=tuple(shot.name for shot in shots),
         images=images,

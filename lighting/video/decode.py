@@ -164,7 +164,7 @@ class _ClipInfo:
     frame_rate: float  # mean, 1/s; 0 unknown
     duration: float  # s, of the pictures; 0 unknown
     curve: str  # "srgb", "hlg" or "pq"
-    facts: PhotoMetadata = field(default_factory=PhotoMetadata)
+    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
     gimbal: Gimbal = field(default_factory=Gimbal)
 
 

@@ -50,7 +50,7 @@ def _lens_by(
 
 def said_lens(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
     """The field of view, and its standard deviation, that metadata or else the network say."""
-    if around.given.use_exif and (stated := around.facts.vertical_fov):
+    if around.given.use_exif and (stated := around.metadata.vertical_fov):
         return stated, STATED_LENS_SPREAD
     return math.exp(float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()]))), LENS_SPREAD
 

@@ -401,7 +401,7 @@ def clip_metadata(clip: Clip, given: UserInput) -> ClipMetadata:
     """What is known of an open clip beside its pixels."""
     if not given.use_exif:
         return ClipMetadata(given=given)
-    return ClipMetadata(clip.info.facts, clip.info.gimbal, given)
+    return ClipMetadata(clip.info.metadata, clip.info.gimbal, given)
 
 
 def analyze_shots(

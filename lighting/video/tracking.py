@@ -313,7 +313,7 @@ class ShotObservations:
 class ClipMetadata:
     """What is known of a clip beside its pixels."""
 
-    facts: PhotoMetadata = field(default_factory=PhotoMetadata)  # of the clip's first moment
+    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)  # of the clip's first moment
     gimbal: Gimbal = field(default_factory=Gimbal)
     given: UserInput = field(default_factory=UserInput)
     subject: str = "clip"  # what warnings call it
@@ -321,7 +321,7 @@ class ClipMetadata:
     @property
     def vertical_fov(self) -> float | None:
         """Of the lens [deg] by the user or the metadata."""
-        return camera_evidence(self.facts, self.given).vertical_fov
+        return camera_evidence(self.metadata, self.given).vertical_fov
 
     def known_at(self, seconds: float, heading: float | None = None) -> Known:
         """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
@@ -332,9 +332,9 @@ class ClipMetadata:
         moved = {
             name: moment + later
             for name in ("local_time", "utc_time")
-            if (moment := getattr(self.facts, name)) is not None
+            if (moment := getattr(self.metadata, name)) is not None
         }
-        facts = replace(self.facts, **moved)
+        facts = replace(self.metadata, **moved)
         given = self.given if self.given.time is None else replace(self.given, time=self.given.time + later)
         if heading is not None:
             facts = replace(facts, heading=heading, heading_reference=HeadingReference.TRUE)

@@ -100,7 +100,7 @@ def test_evidence_of_the_metadata_is_the_panoramas_sun() -> None:
     truth = truth_of(2)
     for i, taken in enumerate(take_metadata(truth, EACH)):
         ((elevation, compass),) = observations_from_metadata(
-            only(taken.facts, ("time+place",)), UserInput()
+            only(taken.metadata, ("time+place",)), UserInput()
         ).evidence.candidates
         assert elevation == pytest.approx(40.0, abs=0.01)
         relative = -np.arange(0, 360, 45.0)[i % EACH]
@@ -114,7 +114,7 @@ def test_metadata_are_decided_by_name_and_index() -> None:
 def test_one_of_the_zones_without_offset_is_the_true_one() -> None:
     for taken in take_metadata(truth_of(3), EACH)[::5]:
         candidates = observations_from_metadata(
-            only(taken.facts, ("local time+place",)), UserInput()
+            only(taken.metadata, ("local time+place",)), UserInput()
         ).evidence.candidates
         assert len(candidates) > 1
         assert min(abs(elevation - 40.0) for elevation, _ in candidates) < 0.01
@@ -123,17 +123,17 @@ def test_one_of_the_zones_without_offset_is_the_true_one() -> None:
 @pytest.mark.slow
 def test_compasses_err_as_measured() -> None:
     taken = take_metadata(truth_of(25), EACH)
-    error = [abs(float(wrap_azimuth((t.facts.heading or 0.0) - t.heading))) for t in taken if not t.gross]
+    error = [abs(float(wrap_azimuth((t.metadata.heading or 0.0) - t.heading))) for t in taken if not t.gross]
     assert np.median(error) == pytest.approx(17.0, abs=3.0)
     assert np.mean([t.gross for t in taken]) == pytest.approx(GROSS, abs=0.04)
 
 
 def test_crops_without_a_sun_get_no_metadata() -> None:
-    assert {t.facts for t in take_metadata(truth_of(1, scored=False), EACH)} == {PhotoMetadata()}
+    assert {t.metadata for t in take_metadata(truth_of(1, scored=False), EACH)} == {PhotoMetadata()}
 
 
 def test_only_keeps_what_is_named() -> None:
-    facts = take_metadata(truth_of(1), EACH)[0].facts
+    facts = take_metadata(truth_of(1), EACH)[0].metadata
     assert only(facts, ()) == PhotoMetadata()
     assert only(facts, ("time+place", "heading", "focal length")) == facts
     assert only(facts, ("heading",)).heading == facts.heading

@@ -166,7 +166,7 @@ def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> N
     """The user's counts where both are known, and the file's not where it is not to be used."""
     model = Model.load(network)
     plain = photo_from_array(poles(20.0, 0.0, 60.0, SIZE))
-    stated = replace(plain, facts=PhotoMetadata(vertical_fov=60.0))
+    stated = replace(plain, metadata=PhotoMetadata(vertical_fov=60.0))
     alone = model.predict(preprocess(plain, model.spec))[0]
     by_lens = {fov: refine_camera(alone, plain.pixels, fov).camera_elevation for fov in (None, 60.0, 45.0)}
     assert len(set(by_lens.values())) == 3

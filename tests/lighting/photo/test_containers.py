@@ -231,19 +231,19 @@ def test_the_thumbnail_s_exif_block_counts() -> None:
     photo = read_photo(tiff((THUMBNAIL, phone()), (WHOLE, {})))
     assert (photo.width, photo.height) == (240, 320)
     assert np.array_equal(photo.pixels, np.rot90(WHOLE, 3))
-    assert photo.facts.latitude == pytest.approx(48.1375)
+    assert photo.metadata.latitude == pytest.approx(48.1375)
 
 
 def test_the_picture_s_own_orientation_counts_before_the_thumbnail_s() -> None:
     photo = read_photo(tiff((THUMBNAIL, phone()), (WHOLE, {ExifTags.Base.Orientation: 3})))
     assert np.array_equal(photo.pixels, np.rot90(WHOLE, 2))
-    assert photo.facts.latitude == pytest.approx(48.1375)
+    assert photo.metadata.latitude == pytest.approx(48.1375)
 
 
 def test_the_picture_s_own_exif_block_counts_before_the_thumbnail_s() -> None:
     photo = read_photo(with_own_exif())
     assert np.array_equal(photo.pixels, np.rot90(WHOLE, 3))
-    assert photo.facts.latitude == pytest.approx(48.1375)
+    assert photo.metadata.latitude == pytest.approx(48.1375)
 
 
 def test_the_picture_s_size_is_what_is_limited() -> None:
@@ -377,7 +377,7 @@ def test_the_raw_file_says_what_the_preview_does_not() -> None:
     exif[ExifTags.Base.Orientation] = 6
     photo = read_photo(dng(JPEG, exif=exif))
     assert (photo.width, photo.height) == (240, 320)
-    assert photo.facts.latitude == pytest.approx(48.1375)
+    assert photo.metadata.latitude == pytest.approx(48.1375)
 
 
 def test_a_lossless_jpeg_is_the_sensor_s_and_no_preview() -> None:

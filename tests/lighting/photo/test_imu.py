@@ -31,7 +31,7 @@ def facts_of(
     block: Image.Exif | None = None, xmp: bytes = b"", picture: Any = LYING, kind: str = "JPEG"
 ) -> PhotoMetadata:
     options = {} if block is None else {"exif": block.tobytes()}
-    return read_photo(encode(picture, kind, **options, **(with_xmp(xmp, kind) if xmp else {}))).facts
+    return read_photo(encode(picture, kind, **options, **(with_xmp(xmp, kind) if xmp else {}))).metadata
 
 
 def tilt(facts: PhotoMetadata) -> Any:

@@ -75,13 +75,13 @@ def test_the_picture_behind_a_tiff_s_thumbnail_is_read(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_bytes(tiff((scene(80, 60), munich()), (whole, {})))
     photo = read_linear(tmp_path / "a.tif", "linear")
     assert photo.pixels == pytest.approx(whole / 255.0, abs=1e-6)
-    assert photo.facts.latitude is not None
+    assert photo.metadata.latitude is not None
 
 
 def test_its_own_exif_block_counts_before_the_thumbnail_s(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_bytes(with_own_exif())
     photo = read_linear(tmp_path / "a.tif", "linear", turned=True)
-    assert photo.facts.latitude == pytest.approx(48.1375)
+    assert photo.metadata.latitude == pytest.approx(48.1375)
     assert photo.pixels == pytest.approx(np.rot90(scene(320, 240), 3) / 255.0, abs=1e-6)
 
 

@@ -112,7 +112,7 @@ BASE, GPS = ExifTags.Base, ExifTags.GPS
 
 
 def facts_of(block: Image.Exif, picture: Any = SCENE, file_format: str = "JPEG") -> PhotoMetadata:
-    return read_photo(encode(picture, file_format, exif=block.tobytes())).facts
+    return read_photo(encode(picture, file_format, exif=block.tobytes())).metadata
 
 
 @pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP", "HEIF"])
@@ -128,13 +128,13 @@ def test_what_a_phone_notes(file_format: str) -> None:
 
 
 def test_a_photo_without_exif_has_no_facts() -> None:
-    assert read_photo(encode(SCENE)).facts == PhotoMetadata()
+    assert read_photo(encode(SCENE)).metadata == PhotoMetadata()
 
 
 def test_the_repr_does_not_tell_the_place() -> None:
     photo = read_photo(encode(SCENE, exif=munich().tobytes()))
-    assert photo.facts.latitude is not None
-    for text in (repr(photo.facts), repr(photo)):
+    assert photo.metadata.latitude is not None
+    for text in (repr(photo.metadata), repr(photo)):
         assert "48." not in text
         assert "itude" not in text
 
@@ -283,7 +283,7 @@ def test_field_of_view_is_that_of_the_upright_photo(orientation: int) -> None:
     block = munich()
     block[BASE.Orientation] = orientation
     photo = read_photo(encode(SCENE, exif=block.tobytes()))
-    assert photo.facts.vertical_fov == pytest.approx(vertical_fov(26.0, photo.width, photo.height))
+    assert photo.metadata.vertical_fov == pytest.approx(vertical_fov(26.0, photo.width, photo.height))
     assert (photo.width, photo.height) == ((120, 160) if orientation > 4 else (160, 120))
 
 
@@ -349,7 +349,7 @@ def test_a_damaged_block_never_rejects_a_photo(changes: list[tuple[int, int]]) -
 @given(st.binary(max_size=200))
 def test_nor_does_a_block_of_noise(noise: bytes) -> None:
     photo = read_photo(encode(SCENE, exif=b"Exif\0\0" + struct.pack("<2sHI", b"II", 42, 8) + noise))
-    assert photo.facts.utc_time is None or isinstance(photo.facts.utc_time, datetime)
+    assert photo.metadata.utc_time is None or isinstance(photo.metadata.utc_time, datetime)
 
 
 PITCH = "http://www.dji.com/drone-dji/1.0 GimbalPitchDegree"
@@ -413,7 +413,7 @@ def test_no_packet_takes_long(data: bytes) -> None:
 def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
     packet = b"<x>" + b"a" * 4_000_000
     plain, heavy = (read_photo(encode(scene(160, 120), "WEBP", **options)) for options in ({}, {"xmp": packet}))
-    assert heavy.facts == plain.facts
+    assert heavy.metadata == plain.metadata
     assert (heavy.pixels == plain.pixels).all()
 
 

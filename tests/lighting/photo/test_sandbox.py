@@ -42,7 +42,7 @@ def test_the_photo_is_the_same(tmp_path: Path) -> None:
     for source in (GOOD, tmp_path / "a.jpg", str(tmp_path / "a.jpg")):
         photo = read_photo_isolated(source, target=200)
         assert np.array_equal(photo.pixels, expected.pixels)
-        assert (photo.width, photo.height, photo.format, photo.facts) == (640, 480, "JPEG", expected.facts)
+        assert (photo.width, photo.height, photo.format, photo.metadata) == (640, 480, "JPEG", expected.metadata)
 
 
 def test_errors_are_the_same(tmp_path: Path) -> None:

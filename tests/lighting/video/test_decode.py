@@ -87,7 +87,7 @@ def test_large_pictures_come_smaller(tmp_path: Path) -> None:
 def test_metadata_are_facts(tmp_path: Path) -> None:
     path = write_clip(tmp_path / "a.mov", pan(2), metadata={"com.apple.quicktime.location.ISO6709": "+48.1+011.5/"})
     with Clip(path) as clip:
-        assert clip.info.facts.latitude == 48.1
+        assert clip.info.metadata.latitude == 48.1
 
 
 def test_half_of_a_fragmented_clip_is_read_and_told(tmp_path: Path) -> None:
