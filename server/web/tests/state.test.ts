@@ -215,9 +215,9 @@ describe("the light on show as text", () => {
 
   it("is a Python program", () => {
     expect(writePython(subject)).toContain(
-      'Given(time=datetime.fromisoformat("2024-06-01T14:30+02:00"), latitude=48.14, longitude=11.58)',
+      'UserInput(time=datetime.fromisoformat("2024-06-01T14:30+02:00"), latitude=48.14, longitude=11.58)',
     );
-    expect(writePython({ ...subject, userInput: NO_USER_INPUT })).not.toContain("Given");
+    expect(writePython({ ...subject, userInput: NO_USER_INPUT })).not.toContain("UserInput");
   });
 
   it("writes every offset as ISO 8601 does, in the Python program", () => {
@@ -226,12 +226,12 @@ describe("the light on show as text", () => {
     const offsets = { 2: "+02:00", "5.5": "+05:30", "-3": "-03:00", "-0330": "-03:30", Z: "+00:00" };
     for (const [offset, iso] of Object.entries(offsets)) expect(program(offset)).toContain(`"2024-06-01T14:30${iso}"`);
     const alone = { ...NO_USER_INPUT, utc_offset: "-0330" };
-    expect(writePython({ ...subject, userInput: alone })).toContain("Given(utc_offset=-3.5)");
+    expect(writePython({ ...subject, userInput: alone })).toContain("UserInput(utc_offset=-3.5)");
   });
 
   it("replaces the light in the Python program", () => {
-    expect(writePython(subject)).not.toContain("change");
-    expect(writePython(movedInput)).toContain("place_of(estimate, photo.pixels, 512, finer)");
+    expect(writePython(subject)).not.toContain("edit_lighting");
+    expect(writePython(movedInput)).toContain("photo_context_for_height(estimate, photo.pixels, 512, finer)");
     expect(writePython(movedInput)).toContain('    "sun_azimuth": -41.2,\n');
     expect(writePython(movedInput)).toContain("sun=False, place=place");
     expect(writePython(movedInput)).not.toContain("irradiance");

@@ -36,9 +36,9 @@ export function writePython({ photo, userInput, overrides, height }: SnippetInpu
   const exposure = photoExposure === undefined ? "" : `, exposure=${formatValue(photoExposure)}`;
   const lines = [
     ...(userInput.time ? ["from datetime import datetime", ""] : []),
-    `from lighting import Estimator, ${input ? "Given, " : ""}write_exr`,
-    `from lighting.envmap import ${overrides ? "change, " : ""}place_of, view`,
-    "from lighting.photo import read_photo",
+    `from lighting import Estimator, ${input ? "UserInput, " : ""}read_photo, write_exr`,
+    ...(overrides ? ["from lighting.envmap.relighting import edit_lighting"] : []),
+    "from lighting.envmap.surroundings import photo_context_for_height, render_view",
     "",
     `name = ${quotePython(photo)}`,
     "",
@@ -48,11 +48,11 @@ export function writePython({ photo, userInput, overrides, height }: SnippetInpu
     "",
     "",
     "photo = read_photo(name)",
-    `estimate = Estimator()(photo${input && `, Given(${input})`})`,
+    `estimate = Estimator()(photo${input && `, UserInput(${input})`})`,
     ...(overrides ? ["changes = {", ...overrideEntries(overrides), "}"] : []),
-    `lighting = ${overrides ? "change(estimate.lighting, changes)" : "estimate.lighting"}`,
-    `place = place_of(estimate, photo.pixels, ${height}, finer${exposure})`,
-    `image, lighting = view(lighting, ${height}, ${overrides ? `sun=${overrides.sun ? "True" : "False"}, ` : ""}place=place)`,
+    `lighting = ${overrides ? "edit_lighting(estimate.lighting, changes)" : "estimate.lighting"}`,
+    `place = photo_context_for_height(estimate, photo.pixels, ${height}, finer${exposure})`,
+    `image, lighting = render_view(lighting, ${height}, ${overrides ? `sun=${overrides.sun ? "True" : "False"}, ` : ""}place=place)`,
     `write_exr(${quotePython(`${fileStem(photo)}.exr`)}, image, lighting)`,
   ];
   return `${lines.join("\n")}\n`;
@@ -72,7 +72,7 @@ function overrideEntries(light: LightOverrides): string[] {
   });
 }
 
-/** The arguments of `Given` for the user's input; empty where there is none. */
+/** The arguments of `UserInput` for the user's input; empty where there is none. */
 function userInputArguments(userInput: UserInput): string {
   const parts = userInput.exif ? [] : ["use_exif=False"];
   const hours = parseUtcOffset(userInput.utc_offset);
