@@ -11,25 +11,29 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-import uvicorn
-
 from lighting.errors import LightingError, MissingExtraError
 from lighting.runtime import keep_memory
 from lighting.version import __version__
 
 if TYPE_CHECKING:
+    from uvicorn import Config
+
     from server.dependencies import Service
 
 # What signals do to the service: the first lets it finish, a second SIGINT does not.
 
 
-class _Server(uvicorn.Server):
-    """uvicorn's server, which ends at once at a SIGINT while it finishes what runs."""
+def _run_until_signal(config: "Config") -> None:
+    """Serve; running requests finish after a signal, but a SIGINT meanwhile ends the process at once."""
+    from uvicorn import Server
 
-    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        if self.should_exit and sig == signal.SIGINT:
-            _end(sig, frame)
-        super().handle_exit(sig, frame)
+    class InterruptibleServer(Server):
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            if self.should_exit and sig == signal.SIGINT:
+                _end(sig, frame)
+            super().handle_exit(sig, frame)
+
+    InterruptibleServer(config).run()
 
 
 def _end_at_signals() -> None:
@@ -137,7 +141,7 @@ def _serve() -> None:
         ws="none",
         http=_protocol(app.state.service),
     )
-    _Server(config).run()
+    _run_until_signal(config)
 
 
 def _fault_of_setting(found: Mapping[str, Any]) -> str:

@@ -1,6 +1,5 @@
 """Tests of dependencies."""
 
-import re
 import threading
 import time
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from starlette.testclient import TestClient
 from lighting.errors import MissingExtraError, ModelError, PhotoTooLargeError
 from lighting.estimator import Estimator
 from lighting.photo.reader import TARGET
+from lighting.records import WarningCode
 from lighting.registration import features, photo_set
 from server.app import create_app
 from server.dependencies import INFERRED, NO_OPENCV, Matching, Service
@@ -167,12 +167,12 @@ def test_the_service_answers_others_while_it_matches(client: TestClient, monkeyp
         assert answer.result().status_code == 200
 
 
-def test_the_page_knows_the_words_that_a_turn_is_inferred(client: TestClient) -> None:
-    page = (ROOT / "server" / "web" / "src" / "pure" / "turns.ts").read_text(encoding="utf-8")
-    inferred = re.compile(re.search(r"INFERRED = /(.*)/i;", page)[1], re.IGNORECASE)  # type: ignore[index]
-    assert inferred.search(INFERRED)
+def test_the_page_knows_the_code_of_an_inferred_rotation(client: TestClient) -> None:
+    page = (ROOT / "server" / "web" / "src" / "text" / "format.ts").read_text(encoding="utf-8")
+    assert f'"{WarningCode.TURN_INFERRED.value}"' in page
     first, _ = records(client, FIRST, STRANGER)
-    assert inferred.search(first["warnings"][0])
+    assert first["warnings"][0].startswith(ALONE)
+    assert first["warning_codes"][0] == WarningCode.TURN_INFERRED.value
 
 
 def test_several_photos_are_matched_unless_their_headings_are_given() -> None:
@@ -186,11 +186,11 @@ def test_it_stops_when_the_client_goes_away(estimator: Estimator, monkeypatch: p
     """Its photos would be matched for minutes."""
     endless = "import time, lighting.registration.photo_set as a; a.register_views = lambda _: time.sleep(600); "
     monkeypatch.setattr(photo_set, "CODE", endless + photo_set.CODE)
-    began = threading.Event()
+    began, register = threading.Event(), photo_set.register_views_isolated
 
     def observed(*arguments: Any) -> Any:
         began.set()
-        return photo_set.register_views_isolated(*arguments)
+        return register(*arguments)
 
     monkeypatch.setattr(photo_set, "register_views_isolated", observed)
     boundary = "photos"
