@@ -1,6 +1,6 @@
 """Local time -> UTC: user, EXIF, GPS, other photos, IANA zone of the place; ONE precedence."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -42,7 +42,10 @@ def merge_user_input(facts: PhotoMetadata, given: UserInput) -> PhotoMetadata:
         merged = replace(merged, latitude=given.latitude, longitude=given.longitude)
     if given.heading is not None:
         merged = replace(merged, heading=given.heading, heading_reference=HeadingReference.TRUE)
-    return replace(merged, vertical_fov=given.vertical_fov) if given.vertical_fov is not None else merged
+    if given.vertical_fov is not None:
+        merged = replace(merged, vertical_fov=given.vertical_fov)
+    offset = known_utc_offset(merged)
+    return merged if offset is None else _in_zone(merged, offset)
 
 
 def _taken_at(facts: PhotoMetadata, time: datetime) -> PhotoMetadata:
@@ -55,7 +58,7 @@ def share_location(facts: Sequence[PhotoMetadata]) -> list[PhotoMetadata]:
     """The facts of photos taken together; all get the place, and the time zone, of the first photo that has one."""
     place = next((f for f in facts if f.latitude is not None), PhotoMetadata())
     there = [replace(f, latitude=place.latitude, longitude=place.longitude) for f in facts]
-    offset = next((hours for f in facts if (hours := _zone_of(f)) is not None), None)
+    offset = next((hours for f in facts if (hours := known_utc_offset(f)) is not None), None)
     return there if offset is None else [_in_zone(f, offset) for f in there]
 
 
@@ -65,13 +68,37 @@ def drop_unzoned(facts: list[PhotoMetadata]) -> list[PhotoMetadata]:
     return [replace(f, local_time=None) if surer and f.utc_time is None else f for f in facts]
 
 
-def _zone_of(facts: PhotoMetadata) -> float | None:
-    """Hours from UTC, as stated or by the difference of clock and GPS time; None where that is not a zone's offset."""
-    if facts.utc_offset is not None or facts.local_time is None or facts.utc_time is None:
-        return facts.utc_offset
-    ahead = (facts.local_time - facts.utc_time.replace(tzinfo=None)).total_seconds() / 3600
+def _stated_offset(metadata: PhotoMetadata) -> float | None:
+    """The offset from UTC [h] that the file states."""
+    return metadata.utc_offset
+
+
+def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
+    """The difference of clock and GPS time [h], where some zone's clocks have it."""
+    if metadata.local_time is None or metadata.utc_time is None:
+        return None
+    ahead = (metadata.local_time - metadata.utc_time.replace(tzinfo=None)).total_seconds() / 3600
     nearest = round(4 * ahead) / 4
     return nearest if nearest in (*ZONES, *FORMER_ZONES) and abs(ahead - nearest) < CLOCK_ERROR else None
+
+
+OffsetRule = Callable[[PhotoMetadata], float | None]
+OFFSET_RULES: dict[str, OffsetRule] = {  # how a photo tells its clock's offset from UTC; the first that answers counts
+    "stated in the file": _stated_offset,
+    "clock against GPS": _offset_by_gps,
+}
+
+
+def known_utc_offset(metadata: PhotoMetadata) -> float | None:
+    """How far a photo's clock is ahead of UTC, by the first of OFFSET_RULES that knows it.
+
+    Args:
+        metadata: what the photo's file says.
+
+    Returns:
+        h, positive east; None where no rule answers.
+    """
+    return next((hours for rule in OFFSET_RULES.values() if (hours := rule(metadata)) is not None), None)
 
 
 def _in_zone(facts: PhotoMetadata, utc_offset: float) -> PhotoMetadata:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lighting.errors import ParameterError
 from lighting.fusion.metadata_prior import observations_from_metadata, observations_multi
-from lighting.fusion.timezones import candidate_utc_offsets, share_location
+from lighting.fusion.timezones import OFFSET_RULES, candidate_utc_offsets, share_location
 from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import PhotoMetadata
 from tests.helpers.predictions import FACTS, MORNING, ZONELESS, evidence_of, sun_at
@@ -135,3 +135,20 @@ def test_zones_in_the_night_keep_their_turn() -> None:
     assert min(elevation for elevation, _ in suns) < -6.0
     assert not any(-6.0 <= elevation < 0.0 for elevation, _ in suns)
     assert max(elevation for elevation, _ in suns) > 5.0
+
+
+def test_a_rule_for_the_offset_is_one_function_and_one_entry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CONTRIBUTING's recipe: ships keep the zone of their longitude; a toy rule says so of every photo."""
+
+    def nautical_offset(metadata: PhotoMetadata) -> float | None:
+        return None if metadata.longitude is None else float(round(metadata.longitude / 15.0))
+
+    before = observations_from_metadata(ZONELESS, UserInput()).evidence.candidates
+    monkeypatch.setitem(OFFSET_RULES, "zone of the longitude", nautical_offset)
+    (sun,) = observations_from_metadata(ZONELESS, UserInput()).evidence.candidates
+    assert len(before) > 1
+    assert ZONELESS.local_time is not None
+    assert sun in before
+    assert sun == pytest.approx(sun_at((ZONELESS.local_time - timedelta(hours=1)).replace(tzinfo=UTC)), abs=1e-6)
+    stated = observations_from_metadata(FACTS, UserInput()).evidence.candidates
+    assert stated == (pytest.approx(sun_at(MORNING), abs=1e-6),)  # what the file states goes first
