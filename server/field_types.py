@@ -19,7 +19,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, c
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
 from lighting.fusion.multi_view import read_headings
-from lighting.photo.metadata import read_offset, read_time
+from lighting.photo.metadata import parse_time, parse_utc_offset
 from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
 from lighting.sky import SKY_MODELS
 from lighting.validation import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
@@ -162,7 +162,7 @@ def in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
 
 def _time(text: str) -> datetime:
     """Read a time; the plus sign of its offset may have become a space in the URL."""
-    return read_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
+    return parse_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
 
 
 def _headings(text: str) -> str:
@@ -182,7 +182,7 @@ Time = Annotated[
 ]
 Offset = Annotated[
     float | None,
-    BeforeValidator(in_words(read_offset)),
+    BeforeValidator(in_words(parse_utc_offset)),
     _text(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
 ]
 Headings = Annotated[

@@ -33,7 +33,7 @@ from lighting.fusion.single_view import MOST_APART, Gravity, Observations, Poste
 from lighting.fusion.timezones import candidate_utc_offsets
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.photo.imu import SENSOR_SPREAD
+from lighting.photo.imu import TILT_STD
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import EvidenceKind, Prediction, WarningCode, warning_code
 from lighting.solar_position import sun_position
@@ -224,9 +224,9 @@ def in_view_evidence(truth: Truth, said: Sequence[ByLens], pictures: Sequence[ND
 
 def _gravity(truth: Truth, off: float = 0.0) -> list[Observations]:
     """What phones note of gravity, and `off` [deg] that their elevation is wrong besides."""
-    noise = np.random.default_rng(0).normal(0.0, SENSOR_SPREAD, (len(truth.camera), 2))
+    noise = np.random.default_rng(0).normal(0.0, TILT_STD, (len(truth.camera), 2))
     held = (truth.camera[:, :2] + noise + [off, 0.0]).tolist()
-    return [Observations(gravity=Gravity(elevation, roll, SENSOR_SPREAD)) for elevation, roll in held]
+    return [Observations(gravity=Gravity(elevation, roll, TILT_STD)) for elevation, roll in held]
 
 
 def _name(parts: tuple[str, ...]) -> str:

@@ -216,15 +216,15 @@ unwarned_option = click.option("-q", "--quiet", is_flag=True, help="No progress,
 
 
 def read_moment(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
-    from lighting.photo.metadata import read_time
+    from lighting.photo.metadata import parse_time
 
-    return None if text is None else _parsed(read_time, text)
+    return None if text is None else _parsed(parse_time, text)
 
 
 def read_zone(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
-    from lighting.photo.metadata import read_offset
+    from lighting.photo.metadata import parse_utc_offset
 
-    return None if text is None else _parsed(read_offset, text)
+    return None if text is None else _parsed(parse_utc_offset, text)
 
 
 def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:

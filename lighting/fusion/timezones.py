@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import SUN_RADIUS
-from lighting.photo.metadata import HeadingReference, PhotoMetadata, in_utc
+from lighting.photo.metadata import HeadingReference, PhotoMetadata, to_utc
 from lighting.solar_position import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
 
 # Merge a photo's facts with those of its user and of the photos taken with it: time, place and time zone.
@@ -36,7 +36,7 @@ def merge_user_input(facts: PhotoMetadata, given: UserInput) -> PhotoMetadata:
     if given.time is not None:
         merged = _taken_at(merged, given.time)
     if given.utc_offset is not None and merged.local_time is not None:
-        in_zone = in_utc(merged.local_time, given.utc_offset)
+        in_zone = to_utc(merged.local_time, given.utc_offset)
         merged = replace(merged, utc_offset=given.utc_offset, utc_time=in_zone)
     if given.latitude is not None:
         merged = replace(merged, latitude=given.latitude, longitude=given.longitude)
@@ -104,7 +104,7 @@ def known_utc_offset(metadata: PhotoMetadata) -> float | None:
 def _in_zone(facts: PhotoMetadata, utc_offset: float) -> PhotoMetadata:
     if facts.local_time is None or facts.utc_time is not None:
         return facts
-    return replace(facts, utc_offset=utc_offset, utc_time=in_utc(facts.local_time, utc_offset))
+    return replace(facts, utc_offset=utc_offset, utc_time=to_utc(facts.local_time, utc_offset))
 
 
 def location_of(facts: PhotoMetadata) -> tuple[float, float] | None:

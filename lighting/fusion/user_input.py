@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.metadata import OFFSETS, YEARS
+from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.validation import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
 
 
@@ -32,7 +32,7 @@ class UserInput:
                 predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
                 raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
         plain_numbers(self, "utc_offset", "latitude", "longitude", "heading", "vertical_fov")
-        ranges = {"utc_offset": OFFSETS, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
+        ranges = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
         for name, (low, high) in {**ranges, **{key: OPTIONAL_RANGES[key] for key in ("latitude", "longitude")}}.items():
             if (value := getattr(self, name)) is not None:
                 check_range(name, value, low, high)
@@ -49,8 +49,8 @@ class UserInput:
                 f"must be a datetime, not {reprlib.repr(self.time)}; lighting.photo.read_time makes one of a text."
             )
             raise ParameterError.about("time", predicate, ErrorCode.WRONG_TYPE)
-        if self.time is not None and not YEARS[0] <= self.time.year <= YEARS[1]:
-            sentence = f"The time must lie in the years {YEARS[0]} to {YEARS[1]}."
+        if self.time is not None and not YEAR_RANGE[0] <= self.time.year <= YEAR_RANGE[1]:
+            sentence = f"The time must lie in the years {YEAR_RANGE[0]} to {YEAR_RANGE[1]}."
             raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
         if self.time is not None and self.time.tzinfo is not None and self.utc_offset is not None:
             sentence = "The time already has its offset from UTC; another one contradicts it."

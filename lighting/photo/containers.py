@@ -27,10 +27,10 @@ from lighting.errors import PhotoError
 
 # A TIFF's pages: which of them is the photo, where the first is a thumbnail of it.
 
-MOST_PAGES = 16  # that are looked at
-MOST_TAGS = 1000  # of a page that are looked at; they are in ascending order, and the highest one wanted is 34665
-SENSOR = (32803, 34892)  # photometric: colour filter array, linear RAW
-MAKERS = (32767, 32769, 34713, 65000, 65535)  # compressions of Sony, Epson, Nikon, Kodak, Pentax
+_MAX_PAGES = 16  # that are looked at
+_MAX_TAGS = 1000  # of a page that are looked at; they are in ascending order, and the highest one wanted is 34665
+_SENSOR_PHOTOMETRICS = (32803, 34892)  # photometric: colour filter array, linear RAW
+_RAW_COMPRESSIONS = (32767, 32769, 34713, 65000, 65535)  # compressions of Sony, Epson, Nikon, Kodak, Pentax
 
 _SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC = 0xFE, 0x100, 0x101, 0x103, 0x106
 _ORIENTATION, _BELOW, _EXIF = 0x112, 0x14A, 0x8769
@@ -113,7 +113,7 @@ def _layout(data: bytes) -> _Layout | None:
 def _pages(data: bytes, layout: _Layout) -> Iterator[tuple[int, _Tags]]:
     """Place and tags of the first MOST_PAGES directories, those below others too."""
     waiting, seen = deque(layout.place.unpack_from(data, layout.first)), set[int]()
-    while waiting and len(seen) < MOST_PAGES:
+    while waiting and len(seen) < _MAX_PAGES:
         place = waiting.popleft()
         if place == 0 or place in seen:
             continue
@@ -133,7 +133,7 @@ def _directory(data: bytes, place: int, layout: _Layout) -> tuple[_Tags, int]:
     (following,) = layout.place.unpack_from(data, begin + count * layout.tag.size)
     wanted = (_SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC, _ORIENTATION, _BELOW, _EXIF)
     tags = dict[int, tuple[int, ...]]()
-    for entry in layout.tag.iter_unpack(data[begin : begin + min(count, MOST_TAGS) * layout.tag.size]):
+    for entry in layout.tag.iter_unpack(data[begin : begin + min(count, _MAX_TAGS) * layout.tag.size]):
         if entry[0] in wanted and entry[1] in _NUMBERS:
             tags[entry[0]] = _values(data, layout, *entry[1:])
     return tags, following
@@ -141,7 +141,7 @@ def _directory(data: bytes, place: int, layout: _Layout) -> tuple[_Tags, int]:
 
 def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) -> tuple[int, ...]:
     """The first MOST_PAGES values of a tag, which stand inside it if they have room."""
-    numbers = struct.Struct(f"{layout.order}{min(count, MOST_PAGES)}{_NUMBERS[kind]}")
+    numbers = struct.Struct(f"{layout.order}{min(count, _MAX_PAGES)}{_NUMBERS[kind]}")
     if count * struct.calcsize(layout.order + _NUMBERS[kind]) <= len(inside):
         return numbers.unpack_from(inside)
     return numbers.unpack_from(data, layout.place.unpack(inside)[0])
@@ -149,7 +149,9 @@ def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) 
 
 def _is_photo(tags: _Tags) -> bool:
     """Whether a page is a whole picture in colours, not a sensor's, and no mask of another one."""
-    finished = _one(tags, _PHOTOMETRIC) not in SENSOR and _one(tags, _COMPRESSION) not in MAKERS
+    finished = (
+        _one(tags, _PHOTOMETRIC) not in _SENSOR_PHOTOMETRICS and _one(tags, _COMPRESSION) not in _RAW_COMPRESSIONS
+    )
     return finished and not _one(tags, _SUBFILE) & (_REDUCED | _MASK) and _pixels(tags) > 0
 
 
@@ -178,8 +180,8 @@ def _one(tags: _Tags, tag: int) -> int:
 
 # The scans of a JPEG, counted before it is decoded.
 
-MOST_SCANS = 40  # libjpeg writes 10 of a colour picture and 18 of a CMYK one, mozjpeg's search ends at about as many
-MOST_SEGMENTS = 4096  # 64 MB need 1,000 of full length; Pillow takes microseconds for each
+_MAX_SCANS = 40  # libjpeg writes 10 of a colour picture and 18 of a CMYK one, mozjpeg's search ends at about as many
+_MAX_SEGMENTS = 4096  # 64 MB need 1,000 of full length; Pillow takes microseconds for each
 
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
@@ -197,19 +199,19 @@ def check_scans(data: bytes) -> None:
         return
     scans, frame = 0, None
     for number, (marker, at) in enumerate(_segments(data), 1):
-        if number > MOST_SEGMENTS:
-            raise PhotoError(f"The JPEG has more than {MOST_SEGMENTS} segments, which no camera or editor writes.")
+        if number > _MAX_SEGMENTS:
+            raise PhotoError(f"The JPEG has more than {_MAX_SEGMENTS} segments, which no camera or editor writes.")
         frame = at if marker in _FRAMES else frame
         if marker != _SOS:
             continue
         if scans == 0 and _is_by_rows(data, frame, at):
             return
         scans += 1
-        if scans > MOST_SCANS:
-            raise PhotoError(f"The JPEG has more than {MOST_SCANS} scans, which no camera or editor writes.")
+        if scans > _MAX_SCANS:
+            raise PhotoError(f"The JPEG has more than {_MAX_SCANS} scans, which no camera or editor writes.")
 
 
-def coefficients(data: bytes) -> float:
+def dct_coefficients_per_pixel(data: bytes) -> float:
     """The DCT coefficients per pixel that a decoder holds in memory; 0 for a JPEG that it decodes row by row.
 
     It holds all of a progressive picture and of any whose first scan lacks a component (T.81, A.2). Chroma at half the
@@ -280,7 +282,7 @@ def _is_code(values: NDArray[np.uint8]) -> NDArray[np.bool_]:
 # RAW files: which bytes are one, and the JPEG preview that cameras put into it.
 
 RAW_FORMAT = "RAW"
-MOST_PICTURES = 64  # beginnings of a JPEG that are looked at
+_MAX_JPEGS = 64  # beginnings of a JPEG that are looked at
 
 _BEGINNINGS = (  # CR2, Olympus, Panasonic, Fujifilm, Sigma
     b"II*\0\x10\0\0\0CR", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILMCCD-RAW", b"FOVb",
@@ -302,7 +304,7 @@ def is_raw(data: bytes) -> bool:
     except Exception:  # a TIFF that cannot be opened is refused as such
         return False
     reduced = tags.get(_SUBFILE) == 1 and photo_page(data) is None  # a thumbnail, as RAW files begin, of no other page
-    sensor = tags.get(_PHOTOMETRIC) in SENSOR or tags.get(_COMPRESSION) in MAKERS
+    sensor = tags.get(_PHOTOMETRIC) in _SENSOR_PHOTOMETRICS or tags.get(_COMPRESSION) in _RAW_COMPRESSIONS
     return _DNG_VERSION in tags or reduced or sensor
 
 
@@ -310,7 +312,7 @@ def embedded_preview(data: bytes) -> bytes:
     """The bytes from the largest JPEG in a RAW file on; raises PhotoError where there is none."""
     found = (-1, 0)  # pixels, place
     at = -1
-    for _ in range(MOST_PICTURES):
+    for _ in range(_MAX_JPEGS):
         at = data.find(_JPEG, at + 1)
         if at < 0:
             break
@@ -323,7 +325,7 @@ def embedded_preview(data: bytes) -> bytes:
     return data[found[1] :]
 
 
-def described(data: bytes, shown: Image.Image) -> Image.Image:
+def open_exif_source(data: bytes, shown: Image.Image) -> Image.Image:
     """The picture whose EXIF block counts: the RAW file where Pillow reads its tags, else the preview."""
     try:
         return Image.open(BytesIO(data), formats=["TIFF"])
@@ -333,10 +335,10 @@ def described(data: bytes, shown: Image.Image) -> Image.Image:
 
 # The chunks of a PNG, counted before it is decoded.
 
-MOST_CHUNKS = 20_000  # libpng writes 8 KiB each: 64 MB make 7,800
+_MAX_CHUNKS = 20_000  # libpng writes 8 KiB each: 64 MB make 7,800
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_AROUND = 12  # bytes of a chunk beside its data: length, name, checksum
+_CHUNK_OVERHEAD = 12  # bytes of a chunk beside its data: length, name, checksum
 
 
 def check_chunks(data: bytes) -> None:
@@ -344,12 +346,12 @@ def check_chunks(data: bytes) -> None:
     if not data.startswith(_SIGNATURE):
         return
     at = len(_SIGNATURE)
-    for _ in range(MOST_CHUNKS):
+    for _ in range(_MAX_CHUNKS):
         if at >= len(data):
             return
-        at += _AROUND + int.from_bytes(data[at : at + 4])
+        at += _CHUNK_OVERHEAD + int.from_bytes(data[at : at + 4])
     if at < len(data):
-        raise PhotoError(f"The PNG has more than {MOST_CHUNKS} chunks, which no camera or editor writes.")
+        raise PhotoError(f"The PNG has more than {_MAX_CHUNKS} chunks, which no camera or editor writes.")
 
 
 # The size of a WebP, read before Pillow opens it.

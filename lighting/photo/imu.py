@@ -17,9 +17,9 @@ from PIL import ExifTags
 
 from lighting.geometry import STEEP
 
-Vector = tuple[float, float, float]
+_Vector = tuple[float, float, float]
 
-SENSOR_SPREAD = 1.0  # deg, one standard deviation of the angles of phones at rest and of gimbals
+TILT_STD = 1.0  # deg, one standard deviation of the angles of phones at rest and of gimbals
 
 _APPLE = b"Apple iOS\0"
 _APPLE_TAGS = 14  # bytes before the number of its tags
@@ -32,7 +32,7 @@ _LYING, _STANDING = (1, 3), (6, 8)  # orientations that keep the sensor's longer
 
 
 @dataclass(frozen=True)
-class Held:
+class CameraTilt:
     """How a camera was held."""
 
     elevation: float  # deg, positive looks up
@@ -41,7 +41,9 @@ class Held:
     source: str  # "accelerometer", "gimbal" or "elevation angle"
 
 
-def by_accelerometer(tags: Mapping[int, Any], orientation: int | None, size: tuple[int, int]) -> Held | None:
+def tilt_from_accelerometer(
+    tags: Mapping[int, Any], orientation: int | None, size: tuple[int, int]
+) -> CameraTilt | None:
     """By the maker note of an iPhone or iPad in the EXIF `tags`; None for front cameras, whose pictures are mirrored.
 
     `size` is the upright photo's. Raises what arithmetic, indexing and struct raise where the note is damaged.
@@ -54,42 +56,42 @@ def by_accelerometer(tags: Mapping[int, Any], orientation: int | None, size: tup
     if not _AT_REST[0] <= norm <= _AT_REST[1]:
         return None
     in_sensor = (y / norm, -x / norm, z / norm)
-    spread = math.hypot(SENSOR_SPREAD, math.degrees(abs(norm - 1.0)))  # an acceleration aside is about as large
+    spread = math.hypot(TILT_STD, math.degrees(abs(norm - 1.0)))  # an acceleration aside is about as large
     return _held(_most_upright(in_sensor, orientation, size), spread, "accelerometer")
 
 
-def by_gimbal(said: Mapping[str, str], orientation: int | None) -> Held | None:
+def tilt_from_gimbal(said: Mapping[str, str], orientation: int | None) -> CameraTilt | None:
     """By the XMP properties of DJI's drones, or of Pix4D's tags, as others write them."""
     for up_by, names in ((_up_by_dji, _names(_DJI)), (_up_by_pix4d, _names(_PIX4D))):
         angles = _angles(said, names)
         if angles is not None and (up := up_by(*angles)) is not None:
-            return _held(_turned(up, orientation or 1), SENSOR_SPREAD, "gimbal")
+            return _held(_turned(up, orientation or 1), TILT_STD, "gimbal")
     return None
 
 
-def gimbal_heading(said: Mapping[str, str]) -> float | None:
+def heading_from_xmp(said: Mapping[str, str]) -> float | None:
     """Degrees clockwise from north of where such a camera points, of its picture's upper edge where that is down."""
     for names in (_names(_DJI), _names(_PIX4D)):
         if (angles := _angles(said, names)) is not None:
-            return heading_by_gimbal(*angles)
+            return heading_from_gimbal(*angles)
     return None
 
 
-def heading_by_gimbal(pitch: float, roll: float, yaw: float) -> float:
+def heading_from_gimbal(pitch: float, roll: float, yaw: float) -> float:
     """The same by a gimbal's own angles [deg]."""
     on_its_head = abs(abs(pitch) - 90.0) < 90.0 - STEEP and abs(roll) > 90.0  # straight down, as DJI's may say
     return (yaw + 180.0 * on_its_head) % 360.0
 
 
-def by_elevation_angle(tags: Mapping[int, Any]) -> Held | None:
+def tilt_from_elevation_angle(tags: Mapping[int, Any]) -> CameraTilt | None:
     """By EXIF's CameraElevationAngle, which says nothing of the roll."""
     angle = tags[ExifTags.Base.CameraElevationAngle]
     elevation = float(angle)
     known = getattr(angle, "denominator", 1) not in _UNKNOWN and abs(elevation) <= 90.0  # False for what is no number
-    return Held(elevation, None, SENSOR_SPREAD, "elevation angle") if known else None
+    return CameraTilt(elevation, None, TILT_STD, "elevation angle") if known else None
 
 
-def _turned(up: Vector, orientation: int) -> Vector:
+def _turned(up: _Vector, orientation: int) -> _Vector:
     """The vector in the upright picture, of the one in the picture as it is stored."""
     right, top, into = up
     across, above = {
@@ -105,7 +107,7 @@ def _turned(up: Vector, orientation: int) -> Vector:
     return across, above, into
 
 
-def _most_upright(up: Vector, orientation: int | None, size: tuple[int, int]) -> Vector:
+def _most_upright(up: _Vector, orientation: int | None, size: tuple[int, int]) -> _Vector:
     """The vector in the upright picture, of the one in the sensor's, whose longer side lies across.
 
     Programs that turn the pixels keep the maker note and write orientation 1. Of the turns that give the picture its
@@ -118,11 +120,11 @@ def _most_upright(up: Vector, orientation: int | None, size: tuple[int, int]) ->
     return max((_turned(up, way) for way in ways), key=lambda vector: vector[1])
 
 
-def _held(up: Vector, spread: float, source: str) -> Held:
+def _held(up: _Vector, spread: float, source: str) -> CameraTilt:
     right, top, into = up
     elevation = math.degrees(math.asin(max(-1.0, min(1.0, into))))
     roll = None if abs(elevation) > STEEP else math.degrees(math.atan2(-right, top)) + 0.0
-    return Held(elevation + 0.0, roll, spread, source)
+    return CameraTilt(elevation + 0.0, roll, spread, source)
 
 
 def _apple_note(note: Any) -> dict[int, Any]:
@@ -164,13 +166,13 @@ def _angles(said: Mapping[str, str], names: Iterable[str]) -> tuple[float, float
     return (pitch, roll, yaw) if whole and (pitch or roll or yaw) else None
 
 
-def _up_by_dji(pitch: float, roll: float, _: float) -> Vector | None:
+def _up_by_dji(pitch: float, roll: float, _: float) -> _Vector | None:
     """Pitch is the elevation, positive up; the camera rolls clockwise about its own axis."""
     p, r = math.radians(pitch), math.radians(roll)
     return (-math.cos(p) * math.sin(r), math.cos(p) * math.cos(r), math.sin(p))
 
 
-def _up_by_pix4d(pitch: float, roll: float, _: float) -> Vector | None:
+def _up_by_pix4d(pitch: float, roll: float, _: float) -> _Vector | None:
     """Angles of a drone whose camera looks down, the picture's upper edge ahead: 90 deg of pitch look ahead."""
     p, r = math.radians(pitch), math.radians(roll)
     if not 0.0 <= pitch <= 180.0:

@@ -19,13 +19,21 @@ from lighting.color import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError, require_extra
 from lighting.photo.containers import photo_page
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
-from lighting.photo.pixels import as_stored, check_bits, profile_to_rec709, says_gamma, tags_of, upright, wide_grey
+from lighting.photo.pixels import (
+    check_bit_depth,
+    gray_16_bit,
+    is_gamma_encoded,
+    make_upright,
+    profile_to_rec709,
+    tiff_tags,
+    undo_upright,
+)
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
 
 RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl")
-_HIGH_END = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
+_CLIPPED_FROM = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
 _GREY_ALPHA = "LA;16B"  # Pillow's name for grey of 16 bits with transparency in a PNG, of which it keeps half the bits
 _GREYS = ("1", "L", "LA")
 _PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
@@ -86,21 +94,21 @@ def linear_from_array(pixels: Pixels) -> LinearPhoto:
         raise PhotoError("The picture holds values that are not finite numbers.")
     largest = float(pixels.max())
     clipped = int((pixels == largest).sum()) >= _PLATEAU and largest > 0
-    return LinearPhoto(pixels, _HIGH_END * largest if clipped else float("inf"), 2.0**-14)
+    return LinearPhoto(pixels, _CLIPPED_FROM * largest if clipped else float("inf"), 2.0**-14)
 
 
 def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
     stored = _stored(file.read_bytes())
-    samples = upright(stored.samples, stored.orientation) if turned else stored.samples
+    samples = make_upright(stored.samples, stored.orientation) if turned else stored.samples
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
     linear = _linear(samples, coded)
     if (matrix := profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
-    doubtful = full > 255 and curve is None and says_gamma(stored.header)
+    doubtful = full > 255 and curve is None and is_gamma_encoded(stored.header)
     return LinearPhoto(
         linear,
-        white=float(srgb_decode(_HIGH_END)) if coded else _HIGH_END,
+        white=float(srgb_decode(_CLIPPED_FROM)) if coded else _CLIPPED_FROM,
         step=1 / full / 12.92 if coded else 1 / full,
         exposure=read_exposure(stored.told),
         metadata=read_metadata(stored.told, linear.shape[1], linear.shape[0]),
@@ -115,11 +123,11 @@ def _stored(data: bytes) -> _Stored:
     page = photo_page(data)
     shown = page.as_first(data) if page else data
     image = _opened(shown)
-    check_bits(image, all_bits=True)
+    check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # asked for EXIF once it is decoded, for Pillow decodes a PNG to find that
         return _Stored(_samples(image, shown), image, image, read_orientation(image))
     told, own = _opened(shown if page and page.has_exif else data), read_orientation(image)
-    samples = as_stored(_samples(image, shown), own)  # Pillow has turned it
+    samples = undo_upright(_samples(image, shown), own)  # Pillow has turned it
     return _Stored(samples, image, told, own if page is None or page.has_orientation else read_orientation(told))
 
 
@@ -151,7 +159,7 @@ def _samples(image: Any, data: bytes) -> NDArray[Any]:
     """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for grey, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
     if image.mode.startswith("I;16") or image.mode == "I":
-        return wide_grey(image, tags_of(image))[..., None]
+        return gray_16_bit(image, tiff_tags(image))[..., None]
     if modes == {_GREY_ALPHA}:
         image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
         high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]
@@ -187,8 +195,8 @@ def _raw_mode(tile: Any) -> str:
 
 def _read_raw(file: Path, turned: bool) -> LinearPhoto:
     pixels, levels = _develop_raw(file.read_bytes(), str(file), turned)
-    facts, exposure = facts_of(file)
-    return LinearPhoto(np.asarray(pixels / np.float32(65535)), _HIGH_END, 1 / levels, exposure, facts)
+    facts, exposure = read_metadata_and_exposure(file)
+    return LinearPhoto(np.asarray(pixels / np.float32(65535)), _CLIPPED_FROM, 1 / levels, exposure, facts)
 
 
 def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint16], int]:
@@ -217,7 +225,7 @@ def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint1
     return np.asarray(pixels), levels
 
 
-def facts_of(file: str | Path) -> tuple[PhotoMetadata, float | None]:
+def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float | None]:
     """What the EXIF block of a photo says, and its exposure, without its pixels; nothing where none can be read.
 
     Most RAW files are TIFF files inside, of which Pillow reads the tags.

@@ -18,19 +18,25 @@ from xml.parsers import expat
 from PIL import ExifTags, Image
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.imu import Held, by_accelerometer, by_elevation_angle, by_gimbal, gimbal_heading
+from lighting.photo.imu import (
+    CameraTilt,
+    heading_from_xmp,
+    tilt_from_accelerometer,
+    tilt_from_elevation_angle,
+    tilt_from_gimbal,
+)
 
 # Times and offsets from UTC as people and cameras write them.
 
-YEARS = (1900, 2100)  # outside them no ephemeris is asked
-OFFSETS = (-12.0, 14.0)  # h from UTC of all zones
+YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is asked
+UTC_OFFSET_RANGE = (-12.0, 14.0)  # h from UTC of all zones
 
 _TIME = re.compile(r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?")  # Python's reader takes any character for T and space
 
 _OFFSET = re.compile(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", re.ASCII)
 
 
-def read_time(text: str) -> datetime:
+def parse_time(text: str) -> datetime:
     """A moment in ISO 8601, "2024-06-01T14:30", with the offset from UTC if it has one; ParameterError otherwise."""
     if not isinstance(text, str):
         raise _no_time(text)
@@ -53,7 +59,7 @@ def _no_time(text: object) -> ParameterError:
     return ParameterError(sentence, "time", ErrorCode.MALFORMED)
 
 
-def read_offset(text: str) -> float:
+def parse_utc_offset(text: str) -> float:
     """Hours from UTC in "+02:00", "-0330", "5.5" or "Z"; ParameterError otherwise."""
     parts = _OFFSET.fullmatch(text.strip()) if isinstance(text, str) else None
     if not parts:
@@ -69,25 +75,27 @@ def read_offset(text: str) -> float:
 
 def _check_offset(hours: float) -> None:
     """Raise ParameterError where no zone is so far from UTC."""
-    if not OFFSETS[0] <= hours <= OFFSETS[1]:
-        sentence = f"The offset from UTC is {hours:g} h; it must lie in {OFFSETS[0]:g} to {OFFSETS[1]:g}."
+    if not UTC_OFFSET_RANGE[0] <= hours <= UTC_OFFSET_RANGE[1]:
+        sentence = (
+            f"The offset from UTC is {hours:g} h; it must lie in {UTC_OFFSET_RANGE[0]:g} to {UTC_OFFSET_RANGE[1]:g}."
+        )
         raise ParameterError(sentence, "utc_offset", ErrorCode.OUT_OF_RANGE)
 
 
-def in_utc(local_time: datetime, utc_offset: float) -> datetime:
+def to_utc(local_time: datetime, utc_offset: float) -> datetime:
     """A naive local time as an aware one in UTC; the offset is in h."""
     return local_time.replace(tzinfo=timezone(timedelta(hours=utc_offset))).astimezone(UTC)
 
 
 # What a photo's EXIF block and XMP packet say of when, where, which way, how held and through which lens.
 
-Tags = Mapping[int, Any]
-Fact = TypeVar("Fact")
+_Tags = Mapping[int, Any]
+_Value = TypeVar("_Value")
 
-FULL_FRAME = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
+FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
 
 _VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; values outside are clamped
-_TIMES = (  # local times, the better one first, with their offsets from UTC
+_TIME_TAGS = (  # local times, the better one first, with their offsets from UTC
     (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
     (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
 )
@@ -127,30 +135,32 @@ def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     camera, position = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
     xmp = _xmp(image.info.get("xmp"))
     local_time, utc_offset = _clock(camera)
-    place = _fact(_place, position)
-    focal_length = _fact(_focal_length, camera)
-    whole = _fact(lambda tags: _is_whole(tags, width / height), camera)
-    compass, gimbal = _fact(_heading, position), gimbal_heading(xmp)
-    held = _held(camera, xmp, read_orientation(image), (width, height)) if whole else None
+    place = _read_or_none(_gps_location, position)
+    focal_length = _read_or_none(_focal_length, camera)
+    whole = _read_or_none(lambda tags: _is_uncropped(tags, width / height), camera)
+    compass, gimbal = _read_or_none(_heading, position), heading_from_xmp(xmp)
+    held = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if whole else None
     return PhotoMetadata(
         local_time=local_time,
         utc_offset=utc_offset,
-        utc_time=_fact(_gps_time, position)
+        utc_time=_read_or_none(_gps_time, position)
         if local_time is None or utc_offset is None
-        else in_utc(local_time, utc_offset),
+        else to_utc(local_time, utc_offset),
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
         heading=gimbal if compass is None else compass,
         heading_reference=HeadingReference.TRUE
         if compass is None and gimbal is not None
-        else _fact(_heading_reference, position),
+        else _read_or_none(_heading_reference, position),
         focal_length=focal_length,
-        vertical_fov=None if focal_length is None or not whole else vertical_fov(focal_length, width, height),
+        vertical_fov=None
+        if focal_length is None or not whole
+        else vertical_fov_from_focal_length(focal_length, width, height),
         camera_elevation=None if held is None else held.elevation,
         camera_roll=None if held is None else held.roll,
         gravity_source=None if held is None else held.source,
         gravity_spread=None if held is None else held.spread,
-        exposure_value=_fact(_exposure_value, camera),
+        exposure_value=_read_or_none(_exposure_value, camera),
     )
 
 
@@ -160,7 +170,7 @@ def read_exposure(image: Image.Image) -> float | None:
     Two photos by one lens differ in this as their pixels do. A sensitivity or an f-number that is absent counts as
     ISO 100 and f/1, for lenses without contacts note none.
     """
-    return _fact(_exposure, _directory(image, ExifTags.IFD.Exif))
+    return _read_or_none(_exposure, _directory(image, ExifTags.IFD.Exif))
 
 
 def read_orientation(image: Image.Image) -> int | None:
@@ -172,17 +182,17 @@ def read_orientation(image: Image.Image) -> int | None:
     return value if isinstance(value, int) else None
 
 
-def vertical_fov(focal_length: float, width: int, height: int) -> float:
+def vertical_fov_from_focal_length(focal_length: float, width: int, height: int) -> float:
     """Vertical field of view [deg] of an upright photo from its focal length [mm] in 35 mm terms, clamped to 5 to 120.
 
     By the diagonal: the lens covers the photo's diagonal as one of that focal length covers that of 36 x 24 mm.
     """
-    half_height = 0.5 * FULL_FRAME * height / math.hypot(width, height)
+    half_height = 0.5 * FULL_FRAME_DIAGONAL * height / math.hypot(width, height)
     low, high = _VERTICAL_FOV
     return min(max(math.degrees(2 * math.atan2(half_height, focal_length)), low), high)
 
 
-def _directory(image: Image.Image, ifd: int) -> Tags:
+def _directory(image: Image.Image, ifd: int) -> _Tags:
     try:
         return dict(image.getexif().get_ifd(ifd))
     except Exception:  # Pillow raises nearly anything on hostile bytes
@@ -197,44 +207,46 @@ def _xmp(packet: Any) -> dict[str, str]:
     return _properties(packet)
 
 
-def _held(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> Held | None:
+def _camera_tilt(
+    tags: _Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]
+) -> CameraTilt | None:
     """How the camera was held, by the first source that says it."""
     return (
-        _fact(lambda t: by_accelerometer(t, orientation, size), tags)
-        or by_gimbal(xmp, orientation)
-        or _fact(by_elevation_angle, tags)
+        _read_or_none(lambda t: tilt_from_accelerometer(t, orientation, size), tags)
+        or tilt_from_gimbal(xmp, orientation)
+        or _read_or_none(tilt_from_elevation_angle, tags)
     )
 
 
-def _fact(read: Callable[[Tags], Fact | None], tags: Tags) -> Fact | None:
+def _read_or_none(read: Callable[[_Tags], _Value | None], tags: _Tags) -> _Value | None:
     try:
         return read(tags)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error):
         return None
 
 
-def _clock(tags: Tags) -> tuple[datetime | None, float | None]:
+def _clock(tags: _Tags) -> tuple[datetime | None, float | None]:
     """The first local time that can be read, and the offset of that time: of the picture's, or of its scan's."""
-    times = [(_fact(partial(_local_time, time), tags), offset) for time, offset in _TIMES]
+    times = [(_read_or_none(partial(_local_time, time), tags), offset) for time, offset in _TIME_TAGS]
     first = next((time for time, _ in times if time is not None), None)
-    offsets = (_fact(partial(_utc_offset, offset), tags) for time, offset in times if time == first)
+    offsets = (_read_or_none(partial(_utc_offset, offset), tags) for time, offset in times if time == first)
     return first, next((offset for offset in offsets if offset is not None), None)
 
 
-def _local_time(tag: int, tags: Tags) -> datetime | None:
+def _local_time(tag: int, tags: _Tags) -> datetime | None:
     year, month, day, hour, minute, second = map(int, re.findall(r"\d+", _text(tags[tag]))[:6])
     return _datable(datetime(year, month, day, hour, minute, second))
 
 
 def _datable(time: datetime) -> datetime | None:
-    return time if YEARS[0] <= time.year <= YEARS[1] else None
+    return time if YEAR_RANGE[0] <= time.year <= YEAR_RANGE[1] else None
 
 
-def _utc_offset(tag: int, tags: Tags) -> float:
-    return read_offset(_text(tags[tag]))
+def _utc_offset(tag: int, tags: _Tags) -> float:
+    return parse_utc_offset(_text(tags[tag]))
 
 
-def _gps_time(tags: Tags) -> datetime | None:
+def _gps_time(tags: _Tags) -> datetime | None:
     year, month, day = map(int, re.findall(r"\d+", _text(tags[ExifTags.GPS.GPSDateStamp])))
     hours, minutes, seconds = map(_number, tags[ExifTags.GPS.GPSTimeStamp])
     known = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
@@ -244,7 +256,7 @@ def _gps_time(tags: Tags) -> datetime | None:
     return _datable(time)
 
 
-def _place(tags: Tags) -> tuple[float, float] | None:
+def _gps_location(tags: _Tags) -> tuple[float, float] | None:
     gps = ExifTags.GPS
     latitude = _angle(tags[gps.GPSLatitude], _text(tags[gps.GPSLatitudeRef]), "NS")
     longitude = _angle(tags[gps.GPSLongitude], _text(tags[gps.GPSLongitudeRef]), "EW")
@@ -260,44 +272,44 @@ def _angle(parts: Any, reference: str, signs: str) -> float:
     return (1 - 2 * signs.index(reference[:1].upper() or "?")) * size
 
 
-def _heading(tags: Tags) -> float | None:
+def _heading(tags: _Tags) -> float | None:
     heading = _number(tags[ExifTags.GPS.GPSImgDirection])
     return heading % 360.0 if 0 <= heading <= 360 else None
 
 
-def _heading_reference(tags: Tags) -> HeadingReference | None:
+def _heading_reference(tags: _Tags) -> HeadingReference | None:
     reference = _text(tags[ExifTags.GPS.GPSImgDirectionRef])[:1].upper()
     return {"T": HeadingReference.TRUE, "M": HeadingReference.MAGNETIC}.get(reference)
 
 
-def _focal_length(tags: Tags) -> float | None:
+def _focal_length(tags: _Tags) -> float | None:
     length = _number(tags[ExifTags.Base.FocalLengthIn35mmFilm])
     return length if length > 0 else None
 
 
-def _exposure(tags: Tags) -> float | None:
+def _exposure(tags: _Tags) -> float | None:
     base = ExifTags.Base
-    iso = _sensitivity(tags.get(base.ISOSpeedRatings, 100)) or 100.0
+    iso = _iso(tags.get(base.ISOSpeedRatings, 100)) or 100.0
     aperture = _number(tags.get(base.FNumber, 1)) or 1.0
     exposure = _number(tags[base.ExposureTime]) * iso / 100.0 / aperture**2
     return exposure if exposure > 0 else None
 
 
-def _exposure_value(tags: Tags) -> float | None:
+def _exposure_value(tags: _Tags) -> float | None:
     """log2(f-number^2 / time x 100 / ISO); absent unless all three are noted."""
     base = ExifTags.Base
     time, aperture = _number(tags[base.ExposureTime]), _number(tags[base.FNumber])
-    value = math.log2(aperture**2 / time * 100.0 / _sensitivity(tags[base.ISOSpeedRatings]))
+    value = math.log2(aperture**2 / time * 100.0 / _iso(tags[base.ISOSpeedRatings]))
     low, high = _EXPOSURE_VALUES
     return value if low <= value <= high else None
 
 
-def _sensitivity(noted: Any) -> float:
+def _iso(noted: Any) -> float:
     """ISO from a number, or from the first of several."""
     return _number(noted[0] if isinstance(noted, tuple) else noted)
 
 
-def _is_whole(tags: Tags, aspect: float) -> bool:
+def _is_uncropped(tags: _Tags, aspect: float) -> bool:
     """Whether the photo has the aspect ratio, either way up, that the camera noted; a crop has another lens."""
     width, height = (tags.get(tag) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight))
     if not width or not height:
@@ -319,7 +331,7 @@ def _text(value: Any) -> str:
     return text.strip("\0 ")
 
 
-MOST_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
+_MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
 
 
 def _properties(packet: Any) -> dict[str, str]:
@@ -327,7 +339,7 @@ def _properties(packet: Any) -> dict[str, str]:
 
     A namespace stands without the slash at its end, since writers disagree about it. Never raises.
     """
-    if not isinstance(packet, bytes) or len(packet) > MOST_BYTES:
+    if not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
         return {}
     reader = _Reader()
     try:

@@ -36,7 +36,7 @@ def _to_xyz(profile: Any) -> NDArray[np.float64]:
     return np.array([profile.red_colorant[0], profile.green_colorant[0], profile.blue_colorant[0]]).T
 
 
-def says_gamma(header: Image.Image) -> bool:
+def is_gamma_encoded(header: Image.Image) -> bool:
     """Whether an opened picture says that its values are coded by a curve."""
     gamma = header.info.get("gamma")
     if "srgb" in header.info or (gamma is not None and not _GAMMA_TAG[0] <= float(gamma) <= _GAMMA_TAG[1]):
@@ -55,9 +55,11 @@ def _is_linear(name: str) -> bool:
 
 Pixels = NDArray[np.uint8]
 
-MOST_KEPT = 32_000_000  # pixels of what is returned, so that photos kept large, as a scene's plate, are bounded too
+MAX_KEPT_PIXELS = (
+    32_000_000  # pixels of what is returned, so that photos kept large, as a scene's plate, are bounded too
+)
 
-_FLOATS = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
+_32_BIT_MODES = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
 _STRIP = 1 << 22  # pixels converted at once
 _BITS, _PHOTOMETRIC, _PLANAR = 0x102, 0x106, 0x11C  # tags of a TIFF
 _WHITE_IS_ZERO, _PLANES = 0, 2  # what the latter two may say: the order of greys, colours one after another
@@ -73,11 +75,11 @@ _UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright,
 }
 
 
-def check_bits(image: Image.Image, *, all_bits: bool = False) -> None:
+def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
     """Raise PhotoError for a TIFF whose colours Pillow does not read: not with `all_bits`, or not at all."""
     if image.format != "TIFF":
         return
-    if image.mode in _FLOATS:
+    if image.mode in _32_BIT_MODES:
         raise PhotoError(
             "The TIFF holds 32 bits per colour, or signed ones, whose white is unknown; convert it to 8 or 16 bits."
         )
@@ -87,7 +89,7 @@ def check_bits(image: Image.Image, *, all_bits: bool = False) -> None:
 
 def _are_misread(image: Any, all_bits: bool) -> bool:
     """Whether a TIFF stores its colours of over 8 bits in planes, of which Pillow reads the high bits if packed."""
-    tags = tags_of(image)
+    tags = tiff_tags(image)
     wide = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8
     return bool(wide and (all_bits or image.tile[0].codec_name == "raw"))
 
@@ -106,24 +108,24 @@ def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> 
     """
     pixels = _converted(image, _factor(*image.size, target))
     image.im = None  # type: ignore[assignment]
-    return np.ascontiguousarray(upright(pixels, orientation))
+    return np.ascontiguousarray(make_upright(pixels, orientation))
 
 
-def upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+def make_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
     """A view of pixels (h, w, C) that is turned as their EXIF orientation says."""
     turn = _UPRIGHT.get(orientation or 1)
     return pixels if turn is None else turn(pixels)
 
 
-def as_stored(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+def undo_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
     """The view that `upright` turns into these pixels."""
-    return upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))
+    return make_upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))
 
 
 def _factor(width: int, height: int, target: int) -> int:
     """By how much each side is divided."""
     factor = max(1, max(width, height) // target)
-    while ceil(width / factor) * ceil(height / factor) > MOST_KEPT:
+    while ceil(width / factor) * ceil(height / factor) > MAX_KEPT_PIXELS:
         factor += 1
     return factor
 
@@ -134,7 +136,7 @@ def _converted(image: Image.Image, factor: int) -> Pixels:
     edges = range(0, image.height, rows)
     seen = False  # whether a pixel is not fully transparent
     out = np.empty((ceil(image.height / factor), ceil(image.width / factor), 3), dtype=np.uint8)
-    profile, tags = image.info.get("icc_profile"), tags_of(image)
+    profile, tags = image.info.get("icc_profile"), tiff_tags(image)
     for top in edges:
         whole = len(edges) == 1
         part = image if whole else image.crop((0, top, image.width, min(top + rows, image.height)))
@@ -154,18 +156,18 @@ def _converted(image: Image.Image, factor: int) -> Pixels:
 def _eight_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
     """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `tags_of`."""
     if image.mode.startswith("I"):
-        return Image.fromarray((wide_grey(image, tags) >> 8).astype(np.uint8))
+        return Image.fromarray((gray_16_bit(image, tags) >> 8).astype(np.uint8))
     if image.has_transparency_data:
         return image if image.mode == "RGBA" else image.convert("RGBA")
     return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
 
 
-def tags_of(image: Image.Image) -> Mapping[int, Any]:
+def tiff_tags(image: Image.Image) -> Mapping[int, Any]:
     """A TIFF's tags; none of other pictures."""
     return getattr(image, "tag_v2", {})
 
 
-def wide_grey(image: Image.Image, tags: Mapping[int, Any]) -> NDArray[np.uint16]:
+def gray_16_bit(image: Image.Image, tags: Mapping[int, Any]) -> NDArray[np.uint16]:
     """Grey values (h, w) of over 8 bits, black at 0 and white at 65535.
 
     Pillow would clip them to 8 bits, and passes over a TIFF's 12 bits and over white at 0, as its tags tell them.

@@ -29,15 +29,15 @@ from lighting.photo.containers import (
     RAW_FORMAT,
     check_chunks,
     check_scans,
-    coefficients,
-    described,
+    dct_coefficients_per_pixel,
     embedded_preview,
     is_raw,
+    open_exif_source,
     photo_page,
     webp_size,
 )
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
-from lighting.photo.pixels import MOST_KEPT, check_bits, decode_image, upright_pixels
+from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
 
 # How many pixels of each kind of picture may be decoded, so that one photo takes a stated amount of memory.
 
@@ -59,7 +59,7 @@ NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "
 def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
     """How many pixels a picture of this kind may have, and the kind's name for people."""
     kind = "JPEG" if image.format == "MPO" else str(image.format)
-    held = coefficients(data) if kind == "JPEG" else 0.0
+    held = dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
     if not held:
         return _most(kind, max_pixels), NAMES[kind]
     return min(max_pixels, int(max_pixels * BYTES / (held * COEFFICIENT))), f"progressive {NAMES[kind]}"
@@ -75,7 +75,7 @@ def memory_budget(size: int, max_pixels: int, target: int | None) -> int:
 
     `max_pixels` and `target` are those of `read_photo`.
     """
-    kept = MOST_KEPT if target is None else min(4 * target * target, MOST_KEPT)
+    kept = MAX_KEPT_PIXELS if target is None else min(4 * target * target, MAX_KEPT_PIXELS)
     return BYTES * max_pixels + FIXED + 2 * size + 6 * kept
 
 
@@ -146,7 +146,7 @@ def read_photo(
         page = None if raw else photo_page(data)
         image = _open(page.as_first(data) if page else embedded_preview(data) if raw else data, max_pixels)
         width, height = image.size
-        told = described(data, image) if raw or (page and not page.has_exif) else image
+        told = open_exif_source(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
         decode_image(image, side)
         with _no_warnings():
@@ -208,7 +208,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
         raise PhotoError(_UNREAD_TIFF if data.startswith(_TIFF) else _UNREAD) from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
-    check_bits(image)
+    check_bit_depth(image)
     _check_size(*image.size, *pixel_limit(image, data, max_pixels))
     return image
 

@@ -14,8 +14,15 @@ from numpy.typing import NDArray
 from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import read_attributes
-from lighting.photo.linear import RAW_SUFFIXES, Curve, LinearPhoto, facts_of, linear_from_array, read_linear
-from lighting.photo.metadata import PhotoMetadata, in_utc
+from lighting.photo.linear import (
+    RAW_SUFFIXES,
+    Curve,
+    LinearPhoto,
+    linear_from_array,
+    read_linear,
+    read_metadata_and_exposure,
+)
+from lighting.photo.metadata import PhotoMetadata, to_utc
 
 # The exposures of one bracket, as files and as arrays.
 
@@ -123,12 +130,12 @@ class BracketFiles:
                 "utc_offset",
                 ErrorCode.MISSING,
             )
-        return self.time if self.time.tzinfo else in_utc(self.time, utc_offset or 0.0)
+        return self.time if self.time.tzinfo else to_utc(self.time, utc_offset or 0.0)
 
 
 def shot_of(files: Sequence[Path]) -> BracketFiles:
     """A bracket's files, with the first time and place that one of them or their folder's name says."""
-    facts = [facts_of(file)[0] for file in files]
+    facts = [read_metadata_and_exposure(file)[0] for file in files]
     times = [time for fact in facts if (time := _time(fact)) is not None]
     named = _named(files[0].parent)
     placed = next((fact for fact in facts if fact.latitude is not None), PhotoMetadata())
@@ -156,7 +163,7 @@ def pictures_in(folder: Path) -> list[Path]:
 def _by_time(files: Sequence[Path]) -> list[list[Path]]:
     timed = []
     for file in files:
-        time = _time(facts_of(file)[0])
+        time = _time(read_metadata_and_exposure(file)[0])
         if time is None:
             raise ProbeError(f"{file} has no time in EXIF; give each bracket of a series as a folder of its own.")
         timed.append((time, file))

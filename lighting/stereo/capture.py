@@ -21,7 +21,7 @@ from lighting.errors import EnvironmentMapError, PhotoError
 from lighting.files.exr import read_exr
 from lighting.fusion.timezones import location_of
 from lighting.photo.linear import RAW_SUFFIXES, Curve, read_linear
-from lighting.photo.metadata import HeadingReference, PhotoMetadata, in_utc, read_time
+from lighting.photo.metadata import HeadingReference, PhotoMetadata, parse_time, to_utc
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.planner import LONGEST_GAP, files_of, read_skies
 
@@ -143,7 +143,7 @@ def _listed_times(file: Path) -> dict[str, datetime]:
         raise PhotoError(f"{file} is not a CSV file in UTF-8.") from error
     if rows and not {"file", "time"} <= rows[0].keys():
         raise PhotoError(f"{file} needs the columns file and time.")
-    return {row["file"]: read_time(row["time"] or "") for row in rows}
+    return {row["file"]: parse_time(row["time"] or "") for row in rows}
 
 
 def _moment(shot: _Shot, listed: datetime | None, utc_offset: float | None) -> datetime:
@@ -157,7 +157,7 @@ def _moment(shot: _Shot, listed: datetime | None, utc_offset: float | None) -> d
         return local.astimezone(UTC)
     if utc_offset is None:
         raise PhotoError(f"The clock of {shot.name} does not say its offset from UTC; give --utc-offset.")
-    return in_utc(local, utc_offset)
+    return to_utc(local, utc_offset)
 
 
 def _check_times(times: NDArray[np.datetime64]) -> None:

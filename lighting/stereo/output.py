@@ -26,7 +26,7 @@ from lighting.files.atomic import atomic_write, output_folder_error
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.photo.linear import Curve
-from lighting.photo.metadata import FULL_FRAME
+from lighting.photo.metadata import FULL_FRAME_DIAGONAL
 from lighting.records import GROUND_ALBEDO
 from lighting.stereo.capture import SIZE, Shots, nearest_skies, read_shots
 from lighting.stereo.grid_search import Pose, SearchProgress, quiet, to_world
@@ -351,7 +351,7 @@ def _suns(shots: Shots, told: NormalsOptions) -> Floats:
 
 def _focal(length: float, height: int, width: int) -> float:
     """Focal length [pixels] of one in 35 mm terms [mm], by the diagonal."""
-    return length / FULL_FRAME * float(np.hypot(height, width))
+    return length / FULL_FRAME_DIAGONAL * float(np.hypot(height, width))
 
 
 def _record(found: NormalMap, names: Sequence[str]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from lighting.envmap.latlong import shrink
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files.exr import read_map
 from lighting.geometry import Floats, latlong_directions
-from lighting.photo.metadata import OFFSETS, YEARS
+from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.probe.bracket import probes_in
 from lighting.stereo.light_vectors import HEIGHT, Skies, skies_of_maps
 from lighting.stereo.plan_records import Plan, Question
@@ -113,9 +113,9 @@ class ModelledSkies:
                 f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY)}.", "sky", ErrorCode.UNKNOWN
             )
         if self.utc_offset is not None:
-            check_range("utc_offset", self.utc_offset, *OFFSETS)
+            check_range("utc_offset", self.utc_offset, *UTC_OFFSET_RANGE)
         for name, day in (("first", self.first), ("last", self.last)):
-            check_range(name, day.year, YEARS[0] + 1, YEARS[1] - 1, "The year")
+            check_range(name, day.year, YEAR_RANGE[0] + 1, YEAR_RANGE[1] - 1, "The year")
         days_between(self.first, self.last)
 
     @property

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.photo.imu import heading_by_gimbal
-from lighting.photo.metadata import YEARS, PhotoMetadata, vertical_fov
+from lighting.photo.imu import heading_from_gimbal
+from lighting.photo.metadata import YEAR_RANGE, PhotoMetadata, vertical_fov_from_focal_length
 
 APPLE = "com.apple.quicktime."
 PLACES = (f"{APPLE}location.ISO6709", "location", "location-eng", "\xa9xyz")
@@ -61,7 +61,7 @@ def container_facts(metadata: Mapping[str, str], width: int, height: int) -> Pho
         heading=heading,
         heading_reference=None,
         focal_length=lens,
-        vertical_fov=None if lens is None else vertical_fov(lens, width, height),
+        vertical_fov=None if lens is None else vertical_fov_from_focal_length(lens, width, height),
     )
     return _recorded_at(facts, metadata)
 
@@ -116,7 +116,9 @@ def _recorded_at(facts: PhotoMetadata, metadata: Mapping[str, str]) -> PhotoMeta
 def _moment(text: str) -> datetime | None:
     moment = datetime.fromisoformat(text.strip())
     aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return aware if YEARS[0] < aware.year < YEARS[1] and aware.year > 1904 else None  # QuickTime counts from 1904
+    return (
+        aware if YEAR_RANGE[0] < aware.year < YEAR_RANGE[1] and aware.year > 1904 else None
+    )  # QuickTime counts from 1904
 
 
 def subtitles_beside(clip: Path) -> str:
@@ -192,7 +194,7 @@ def _entry_facts(entries: list[_Entry], width: int, height: int) -> PhotoMetadat
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
         focal_length=lens,
-        vertical_fov=None if lens is None else vertical_fov(lens, width, height),
+        vertical_fov=None if lens is None else vertical_fov_from_focal_length(lens, width, height),
     )
 
 
@@ -210,7 +212,7 @@ def _gimbal(entries: list[_Entry]) -> Gimbal:
     if not len(table) or np.any(np.diff(table[:, 0]) <= 0) or np.any(np.abs(table[:, 1:]) > 360.0):
         return Gimbal()
     time, yaw, pitch, roll = table.T
-    heading = np.array([heading_by_gimbal(*angles) for angles in zip(pitch, roll, yaw, strict=True)])
+    heading = np.array([heading_from_gimbal(*angles) for angles in zip(pitch, roll, yaw, strict=True)])
     return Gimbal(time, heading, pitch, roll)
 
 

@@ -33,7 +33,7 @@ from lighting.errors import (
 from lighting.files import write_envmap
 from lighting.files.exr import write_exr
 from lighting.model import Model
-from lighting.photo.metadata import read_offset, read_time
+from lighting.photo.metadata import parse_time, parse_utc_offset
 from lighting.photo.reader import photo_from_array
 from lighting.preview.picture import _draw_preview, preview_png
 from lighting.records import Lighting
@@ -75,8 +75,8 @@ TAKERS: dict[str, Callable[[Any], object]] = {
     "preview_png: estimate": lambda thing: preview_png(PIXELS, thing),
     "draw_preview: photo": lambda thing: _draw_preview(thing, ESTIMATE, MAP),
     "draw_preview: map": lambda thing: _draw_preview(PIXELS, ESTIMATE, thing),
-    "read_time: text": read_time,
-    "read_offset: text": read_offset,
+    "read_time: text": parse_time,
+    "read_offset: text": parse_utc_offset,
     "make_scene: photo": lambda thing: make_scene(thing, LIGHT, map_height=16),
     "write_scene: scene": lambda thing: write_scene(thing, "usd", "never"),
     "zip_scene: scene": lambda thing: zip_scene(thing, "usd"),

@@ -14,13 +14,13 @@ from PIL import ExifTags, Image
 
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.containers import (
-    MOST_CHUNKS,
-    MOST_PAGES,
-    MOST_SCANS,
-    MOST_SEGMENTS,
+    _MAX_CHUNKS,
+    _MAX_PAGES,
+    _MAX_SCANS,
+    _MAX_SEGMENTS,
     check_chunks,
     check_scans,
-    coefficients,
+    dct_coefficients_per_pixel,
     embedded_preview,
     is_raw,
     photo_page,
@@ -56,9 +56,9 @@ def test_real_files_pass() -> None:
 
 
 def test_one_scan_many_times_is_refused_in_a_sentence() -> None:
-    most = MOST_SCANS - len(scans(repeated(1))) + 1
+    most = _MAX_SCANS - len(scans(repeated(1))) + 1
     assert read_photo(repeated(most)).width == 160
-    with pytest.raises(PhotoError, match=rf"^The JPEG has more than {MOST_SCANS} scans, .*\.$"):
+    with pytest.raises(PhotoError, match=rf"^The JPEG has more than {_MAX_SCANS} scans, .*\.$"):
         read_photo(repeated(most + 1))
     with pytest.raises(PhotoError, match="scans"):
         read_photo(repeated(5000))
@@ -103,14 +103,14 @@ def test_pictures_inside_and_behind_do_not_count() -> None:
     pictures = [Image.fromarray(SCENE)] * 12
     stream = BytesIO()
     pictures[0].save(stream, "MPO", save_all=True, append_images=pictures[1:], progressive=True)
-    assert stream.getvalue().count(SOS) > MOST_SCANS
+    assert stream.getvalue().count(SOS) > _MAX_SCANS
     assert read_photo(stream.getvalue()).format == "MPO"
 
 
 def test_too_many_segments_are_refused() -> None:
     plain = encode(SCENE)
-    with pytest.raises(PhotoError, match=rf"more than {MOST_SEGMENTS} segments"):
-        read_photo(plain[:2] + b"\xff\xfe\x00\x02" * MOST_SEGMENTS + plain[2:])
+    with pytest.raises(PhotoError, match=rf"more than {_MAX_SEGMENTS} segments"):
+        read_photo(plain[:2] + b"\xff\xfe\x00\x02" * _MAX_SEGMENTS + plain[2:])
 
 
 @pytest.mark.parametrize("data", [b"", b"\xff", b"\xff\xd8", b"\xff\xd8\xff", b"\xff\xd8\xff\xe1\xff", b"\x89PNG"])
@@ -132,13 +132,13 @@ def test_what_is_no_whole_jpeg_passes(data: bytes) -> None:
 )
 def test_held_coefficients_are_those_of_the_components(mode: str, options: dict[str, Any], expected: float) -> None:
     data = encode(Image.fromarray(SCENE).convert(mode), **options)
-    assert coefficients(data) == expected
+    assert dct_coefficients_per_pixel(data) == expected
 
 
 def test_a_sequential_picture_in_several_scans_is_held_whole() -> None:
     data = bytearray(encode(SCENE))
     data[data.index(SOS) + 4] = 1
-    assert coefficients(bytes(data)) == 1.5
+    assert dct_coefficients_per_pixel(bytes(data)) == 1.5
 
 
 SUBFILE, BELOW, PHOTOMETRIC = 0xFE, 0x14A, 0x106
@@ -258,7 +258,7 @@ def directory(order: str, *entries: tuple[int, int, int, int], following: int) -
 
 
 @pytest.mark.parametrize("following", [8, 0xFFFFFFFF, 1, 0])
-@pytest.mark.parametrize("values", [1, MOST_PAGES, 0xFFFFFFFF])
+@pytest.mark.parametrize("values", [1, _MAX_PAGES, 0xFFFFFFFF])
 def test_pages_that_lead_nowhere_end(following: int, values: int) -> None:
     entries = (SUBFILE, 4, 1, 1), (BELOW, 4, values, 8)
     assert photo_page(b"II*\0\x08\0\0\0" + directory("<", *entries, following=following)) is None
@@ -318,9 +318,9 @@ def test_other_bytes_pass(data: bytes) -> None:
 
 def test_chunks_are_counted_to_the_last() -> None:
     count = flooded(0).count(b"IDAT") + 2  # IHDR, IEND
-    check_chunks(flooded(MOST_CHUNKS - count))
+    check_chunks(flooded(_MAX_CHUNKS - count))
     with pytest.raises(PhotoError):
-        check_chunks(flooded(MOST_CHUNKS - count + 1))
+        check_chunks(flooded(_MAX_CHUNKS - count + 1))
 
 
 DNG_VERSION, RAW_SUBFILE = 0xC612, 0xFE

@@ -16,14 +16,14 @@ from PIL.TiffImagePlugin import IFDRational
 
 from lighting.errors import ParameterError
 from lighting.photo.metadata import (
-    MOST_BYTES,
+    _MAX_XMP_BYTES,
     PhotoMetadata,
     _properties,
-    in_utc,
+    parse_time,
+    parse_utc_offset,
     read_metadata,
-    read_offset,
-    read_time,
-    vertical_fov,
+    to_utc,
+    vertical_fov_from_focal_length,
 )
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, exif, munich, scene
@@ -43,7 +43,7 @@ from tests.helpers.photos import DJI, drone, packet
     ],
 )
 def test_times(text: str, time: datetime) -> None:
-    found = read_time(text)
+    found = parse_time(text)
     assert found == time
     assert found.utcoffset() == time.utcoffset()
 
@@ -54,7 +54,7 @@ def test_times(text: str, time: datetime) -> None:
 )
 def test_impossible_times_are_refused_in_one_sentence(text: str) -> None:
     with pytest.raises(ParameterError, match=r" is (not )?a .*\.$"):
-        read_time(text)
+        parse_time(text)
 
 
 @pytest.mark.parametrize(
@@ -62,13 +62,13 @@ def test_impossible_times_are_refused_in_one_sentence(text: str) -> None:
 )
 def test_what_python_reads_as_a_time_and_people_do_not_write_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="is not a time such as"):
-        read_time(text)
+        parse_time(text)
 
 
 @pytest.mark.parametrize("text", ["2024-06-01T12:00+23:00", "2024-06-01T12:00-12:30"])
 def test_times_of_no_zone_are_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="offset from UTC"):
-        read_time(text)
+        parse_time(text)
 
 
 @pytest.mark.parametrize(
@@ -85,24 +85,24 @@ def test_times_of_no_zone_are_refused(text: str) -> None:
     ],
 )
 def test_offsets(text: str, hours: float) -> None:
-    assert read_offset(text) == hours
+    assert parse_utc_offset(text) == hours
 
 
 @pytest.mark.parametrize("text", ["", "CET", "+2:75", "14:30", "-13", "1e1", "nan", "+02:00:00", "٣"])
 def test_offsets_of_no_zone_are_refused(text: str) -> None:
     with pytest.raises(ParameterError, match=r"offset from UTC"):
-        read_offset(text)
+        parse_utc_offset(text)
 
 
 @given(st.text())
 def test_any_text_is_read_or_refused(text: str) -> None:
-    for read in (read_time, read_offset):
+    for read in (parse_time, parse_utc_offset):
         with suppress(ParameterError):
             assert read(text) is not None
 
 
 def test_local_time_in_utc() -> None:
-    assert in_utc(datetime(2024, 1, 1, 1, 0), 2.0) == datetime(2023, 12, 31, 23, 0, tzinfo=UTC)
+    assert to_utc(datetime(2024, 1, 1, 1, 0), 2.0) == datetime(2023, 12, 31, 23, 0, tzinfo=UTC)
 
 
 pillow_heif.register_heif_opener()
@@ -270,12 +270,12 @@ def test_zero_north_zero_east_is_nowhere() -> None:
     ],
 )
 def test_field_of_view_by_the_diagonal(focal_length: float, size: tuple[int, int], degrees: float) -> None:
-    assert vertical_fov(focal_length, *size) == pytest.approx(degrees, abs=0.01)
+    assert vertical_fov_from_focal_length(focal_length, *size) == pytest.approx(degrees, abs=0.01)
 
 
 @pytest.mark.parametrize(("focal_length", "degrees"), [(1.0, 120.0), (65535.0, 5.0)])
 def test_field_of_view_is_clamped(focal_length: float, degrees: float) -> None:
-    assert vertical_fov(focal_length, 400, 300) == degrees
+    assert vertical_fov_from_focal_length(focal_length, 400, 300) == degrees
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -283,7 +283,7 @@ def test_field_of_view_is_that_of_the_upright_photo(orientation: int) -> None:
     block = munich()
     block[BASE.Orientation] = orientation
     photo = read_photo(encode(SCENE, exif=block.tobytes()))
-    assert photo.metadata.vertical_fov == pytest.approx(vertical_fov(26.0, photo.width, photo.height))
+    assert photo.metadata.vertical_fov == pytest.approx(vertical_fov_from_focal_length(26.0, photo.width, photo.height))
     assert (photo.width, photo.height) == ((120, 160) if orientation > 4 else (160, 120))
 
 
@@ -387,7 +387,7 @@ def test_the_first_of_two_counts() -> None:
         BOMB,
         b'<!DOCTYPE x SYSTEM "file:///etc/passwd"><x/>',
         b'<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]><x>&e;</x>',
-        drone("-1").replace(b"<rdf:RDF", b"<!--" + b"x" * MOST_BYTES + b"--><rdf:RDF"),
+        drone("-1").replace(b"<rdf:RDF", b"<!--" + b"x" * _MAX_XMP_BYTES + b"--><rdf:RDF"),
     ],
 )
 def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
@@ -398,9 +398,9 @@ def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
     "data",
     [
         BOMB,
-        b"<x>" * (MOST_BYTES // 3),
+        b"<x>" * (_MAX_XMP_BYTES // 3),
         b"<x " + b" ".join(f'a{i}="1"'.encode() for i in range(20_000)) + b"/>",
-        b"<x>" + b"&amp;" * (MOST_BYTES // 5 - 10) + b"</x>",
+        b"<x>" + b"&amp;" * (_MAX_XMP_BYTES // 5 - 10) + b"</x>",
         b"<x>" + b"\0" * 60_000_000,
     ],
 )

@@ -10,7 +10,7 @@ from PIL import Image, ImageCms, ImageOps
 from lighting.errors import PhotoError
 from lighting.photo import pixels
 from lighting.photo.linear import read_linear
-from lighting.photo.pixels import profile_to_rec709, says_gamma
+from lighting.photo.pixels import is_gamma_encoded, profile_to_rec709
 from tests.conftest import scene
 
 SCENE = scene(90, 60)
@@ -95,7 +95,7 @@ def test_a_profile_that_says_a_curve_is_told_and_not_believed(tmp_path: Path, na
     values = np.array([[100, 40000]], dtype=np.uint16)
     Image.fromarray(values).save(tmp_path / "a.png", icc_profile=profile(name, WIDE))
     with Image.open(tmp_path / "a.png") as header:
-        assert says_gamma(header) is coded
+        assert is_gamma_encoded(header) is coded
     photo = read_linear(tmp_path / "a.png")
     assert photo.pixels[..., 0] == pytest.approx(values / 65535, abs=1e-3)
     assert any("a curve coded them" in warning for warning in photo.warnings) is coded

@@ -22,7 +22,7 @@ from lighting.errors import ParameterError, PhotoError, PhotoTooLargeError
 from lighting.photo import pixels as pixels_module
 from lighting.photo import reader as photo_module
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.pixels import MOST_KEPT
+from lighting.photo.pixels import MAX_KEPT_PIXELS
 from lighting.photo.reader import (
     BYTES,
     COEFFICIENT,
@@ -165,7 +165,9 @@ def test_reading_apart_may_take_what_is_stated() -> None:
     stated = BYTES * MAX_PIXELS + FIXED
     assert memory_budget(0, MAX_PIXELS, 448) - stated < 5_000_000
     assert (
-        memory_budget(1000, MAX_PIXELS, None) == memory_budget(1000, MAX_PIXELS, 3840) == stated + 2000 + 6 * MOST_KEPT
+        memory_budget(1000, MAX_PIXELS, None)
+        == memory_budget(1000, MAX_PIXELS, 3840)
+        == stated + 2000 + 6 * MAX_KEPT_PIXELS
     )
 
 
@@ -327,7 +329,7 @@ def test_no_target_keeps_every_pixel() -> None:
 
 @pytest.mark.parametrize("target", [None, 300])
 def test_what_is_kept_is_bounded(target: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pixels_module, "MOST_KEPT", 20_000)
+    monkeypatch.setattr(pixels_module, "MAX_KEPT_PIXELS", 20_000)
     photo = read_photo(encode(scene(400, 300), "PNG"), target=target)
     assert (photo.width, photo.height, photo.pixels.shape) == (400, 300, (100, 134, 3))
 
