@@ -37,7 +37,7 @@ class Gimbal:
     """Where a drone says its camera points; all (N,), N may be 0, times rising."""
 
     time: Floats = field(default_factory=lambda: np.empty(0))  # s from the clip's start
-    heading: Floats = field(default_factory=lambda: np.empty(0))  # deg clockwise from north, as `heading_by_gimbal`
+    heading: Floats = field(default_factory=lambda: np.empty(0))  # deg clockwise from north, as `heading_from_gimbal`
     elevation: Floats = field(default_factory=lambda: np.empty(0))  # deg
     roll: Floats = field(default_factory=lambda: np.empty(0))  # deg
 
