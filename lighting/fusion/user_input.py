@@ -45,7 +45,8 @@ class UserInput:
 
     def _check_time(self) -> None:
         if not isinstance(self.time, datetime | None):
-            predicate = f"must be a datetime, not {reprlib.repr(self.time)}; lighting.photo.metadata.parse_time makes one of a text."
+            kind = reprlib.repr(self.time)
+            predicate = f"must be a datetime, not {kind}; lighting.photo.metadata.parse_time makes one of a text."
             raise ParameterError.about("time", predicate, ErrorCode.WRONG_TYPE)
         if self.time is not None and not YEAR_RANGE[0] <= self.time.year <= YEAR_RANGE[1]:
             sentence = f"The time must lie in the years {YEAR_RANGE[0]} to {YEAR_RANGE[1]}."

@@ -104,7 +104,7 @@ def decode_image(image: Image.Image, target: int) -> None:
 def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> Pixels:
     """Pixels (h, w, 3) of the upright picture; the decoded one is given up, for both would take more memory.
 
-    The longer side keeps at least `target` pixels if it has them, unless those would be more than MAX_KEPT_PIXELS in all.
+    The longer side keeps at least `target` pixels if it has them, up to MAX_KEPT_PIXELS in all.
     """
     pixels = _converted(image, _factor(*image.size, target))
     image.im = None  # type: ignore[assignment]
