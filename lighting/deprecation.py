@@ -10,39 +10,46 @@ class _RenamedName:
     """Where a public name is now, and the first release without the old one."""
 
     module: str
-    name: str
-    gone_in: str
+    name: str  # of an attribute of a class: Class.attribute
+    gone_in: str  # release
 
 
-RENAMED = {  # by the old module and name
-    "lighting.Given": _RenamedName("lighting.fusion.user_input", "UserInput", "0.3.0"),
+RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_old_name` itself
+    "lighting.Estimator.together": _RenamedName("lighting", "Estimator.estimate_views", "0.3.0"),
+    "lighting.Given": _RenamedName("lighting", "UserInput", "0.3.0"),
     "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.3.0"),
-    "lighting.photo.read_photo": _RenamedName("lighting.photo.reader", "read_photo", "0.3.0"),
+    "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.3.0"),
     "lighting.photo.read_time": _RenamedName("lighting.photo.metadata", "parse_time", "0.3.0"),
+    "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.3.0"),
     "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.3.0"),
     "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.3.0"),
 }
 
 
 def replacement(package: str, name: str) -> object:
-    """What an old public name of a package means now; warns of it.
-
-    Raises AttributeError for a name that has never been public.
-    """
-    new = RENAMED.get(f"{package}.{name}")
-    if new is None:
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    warn_renamed(f"{package}.{name}", f"{new.module}.{new.name}", new.gone_in)
-    return getattr(import_module(new.module), new.name)
-
-
-def warn_renamed(old: str, new: str, gone_in: str, stacklevel: int = 4) -> None:
-    """Warn a caller that a name has another in its place.
+    """Warn of an old public name of a package, and return what it means now.
 
     Args:
-        old: the full name that the caller used.
-        new: the full name to use instead.
-        gone_in: the first release without the old name.
-        stacklevel: calls between this warning and the caller, both counted; 3 for a property.
+        package: full name, such as lighting.photo; its `__getattr__` calls this.
+        name: the old name in it.
+
+    Raises:
+        AttributeError: the name has never been public.
     """
-    warnings.warn(f"{old} is now {new}; the old name goes in {gone_in}.", DeprecationWarning, stacklevel=stacklevel)
+    old = f"{package}.{name}"
+    if old not in RENAMED:
+        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+    warn_of_old_name(old, stacklevel=4)
+    return getattr(import_module(RENAMED[old].module), RENAMED[old].name)
+
+
+def warn_of_old_name(old: str, stacklevel: int = 3) -> None:
+    """Warn that a name has another in its place, and when the old one goes.
+
+    Args:
+        old: a key of RENAMED.
+        stacklevel: whose line the warning names; 3 is the caller of the function that calls this.
+    """
+    new = RENAMED[old]
+    sentence = f"{old} is now {new.module}.{new.name}; the old name goes in {new.gone_in}."
+    warnings.warn(sentence, DeprecationWarning, stacklevel)

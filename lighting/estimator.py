@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.decoding import with_ground
+from lighting.deprecation import warn_of_old_name
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
 from lighting.envmap.render import sky_irradiance
 from lighting.errors import ErrorCode, ParameterError, PhotoError
@@ -23,7 +24,7 @@ from lighting.records import Estimate, Prediction, clipped_colour
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView, View
 
-# As `registration.photo_set.register_views_isolated`; None is no answer.
+# As `registration.photo_set.register_views_isolated`; it returns None where nothing says how the photos are rotated.
 RegisterFn = Callable[[Sequence["View"]], "Sequence[RegisteredView] | None"]
 
 
@@ -34,28 +35,88 @@ class Estimator:
     """
 
     def __init__(self, model: Model | None = None) -> None:
-        """Uses the network in this package unless given another.
+        """Take a network.
 
-        Raises ModelError, and ParameterError for what is no Model.
+        Args:
+            model: the network; None is the one in this package.
+
+        Raises:
+            ModelError: the network cannot be read.
+            ParameterError: `model` is no Model.
         """
         self.model = model_or_packaged(model)
 
-    def predict(self, photo: Photo, given: UserInput = NO_USER_INPUT) -> Prediction:
-        """What the pixels say: the sun's probability on the network's grid, and raw parameters.
+    def predict(self, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Prediction:
+        """Run the network: the sun's probability on its grid, and raw parameters.
 
-        Of the metadata and of what the user says, the lens alone enters, for how the camera was held.
-        Raises ModelError, PhotoError for what is no Photo, and ParameterError for what is no Given.
+        Of the metadata and of the user's input the lens alone enters, for the camera's tilt.
+
+        Args:
+            photo: as `lighting.read_photo` returns it.
+            user_input: what the user states of the photo.
+
+        Raises:
+            ModelError: the network fails.
+            PhotoError: `photo` is no Photo.
+            ParameterError: `user_input` is no UserInput.
         """
-        _check_asked([photo], given)
-        return predict_photo(self.model, photo, given)
+        _check_arguments([photo], user_input)
+        return predict_photo(self.model, photo, user_input)
 
-    def __call__(self, photo: Photo, given: UserInput = NO_USER_INPUT) -> Estimate:
-        """The photo's light by its pixels, its metadata and what the user says of it.
+    def __call__(self, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Estimate:
+        """Estimate the photo's light from its pixels, its metadata and what the user states.
 
-        Raises ModelError, PhotoError for what is no Photo, and ParameterError where the user's own time and place are
-        of night.
+        Args:
+            photo: as `lighting.read_photo` returns it.
+            user_input: what the user states of the photo.
+
+        Raises:
+            ModelError: the network fails.
+            PhotoError: `photo` is no Photo.
+            ParameterError: the user's time and place are of night.
         """
-        return estimate_from_prediction(photo, self.predict(photo, given), given)
+        return estimate_from_prediction(photo, self.predict(photo, user_input), user_input)
+
+    def estimate_views(
+        self,
+        photos: Sequence[Photo],
+        user_input: UserInput = NO_USER_INPUT,
+        headings: Sequence[float] | None = None,
+        *,
+        register: bool | RegisterFn = False,
+    ) -> list[Estimate]:
+        """Estimate the light of photos of one place and time; one Estimate each, in its own camera's frame.
+
+        Args:
+            photos: one or more, as `lighting.read_photo` returns them.
+            user_input: what the user states of all photos.
+            headings: deg, clockwise from any common direction: where each camera points. None where unknown.
+            register: True finds the headings from what the photos show in common, by OpenCV (extra `turns`).
+                A function does the same elsewhere, such as `registration.photo_set.register_views_isolated`.
+
+        Raises:
+            ModelError: the network fails.
+            PhotoError: `photos` is no list of Photos.
+            ParameterError: there is not one heading a photo, or the time and place are of night.
+            MissingExtraError: `register` is True, and OpenCV is not installed.
+        """
+        _check_arguments(photos, user_input)
+        if not callable(register) and not isinstance(register, bool):
+            sentence = f"register must be True, False or a function, not {register!r}."
+            raise ParameterError(sentence, "register", ErrorCode.WRONG_TYPE)
+        check_headings(len(photos), headings)
+        check_heading(len(photos), user_input.heading)
+        if len(photos) < 2:
+            return [self(photo, user_input) for photo in photos]
+        observed = observations_multi([photo.metadata for photo in photos], user_input)
+        observations = [one.evidence for one in observed]
+        predictions = [self.predict(photo, user_input) for photo in photos]
+        views = None
+        if headings is None and register:
+            register_views = register if callable(register) else _register_here
+            views = register_views(list(map(_view, photos, predictions, observations)))
+        posteriors = fuse_views(predictions, observations, headings, views)
+        return apply_photo_colors(photos, list(map(build_estimate, posteriors, observed)))
 
     def together(
         self,
@@ -65,59 +126,60 @@ class Estimator:
         *,
         match: bool | RegisterFn = False,
     ) -> list[Estimate]:
-        """The light of photos of one place and time; one Estimate each, in its own camera's frame.
-
-        `headings` [deg, clockwise from any common direction] say where each camera points; without them `match` finds
-        it from what the photos show in common, by OpenCV of the extra `turns`: here, or by a function that does it
-        elsewhere, such as `registration.photo_set.register_views_isolated`. Raises as a call does, ParameterError
-        unless there is one heading for each of several photos, and MissingExtraError without OpenCV.
-        """
-        _check_asked(photos, given)
-        if not callable(match) and not isinstance(match, bool):
-            raise ParameterError(
-                f"match must be True, False or a function, not {match!r}.", "match", ErrorCode.WRONG_TYPE
-            )
-        check_headings(len(photos), headings)
-        check_heading(len(photos), given.heading)
-        if len(photos) < 2:
-            return [self(photo, given) for photo in photos]
-        facts = observations_multi([photo.metadata for photo in photos], given)
-        evidence, said = [fact.evidence for fact in facts], [self.predict(photo, given) for photo in photos]
-        placing = None if headings is not None else _placing(match)
-        placed = placing and placing(_views(photos, said, evidence))
-        fused = fuse_views(said, evidence, headings, placed)
-        return apply_photo_colors(
-            photos, [build_estimate(answer, fact) for answer, fact in zip(fused, facts, strict=True)]
-        )
+        """Call `estimate_views`, of which this is the old name."""
+        warn_of_old_name("lighting.Estimator.together")
+        return self.estimate_views(photos, given, headings, register=match)
 
 
-def estimate_from_prediction(photo: Photo, said: Prediction, given: UserInput = NO_USER_INPUT) -> Estimate:
-    """A photo's light by what a network says of its pixels, by its metadata and by what the user says of it.
+def estimate(source: Source, user_input: UserInput = NO_USER_INPUT) -> Estimate:
+    """Estimate the light of a photo by the network in this package.
 
-    Raises ParameterError where the user's own time and place are of night.
+    Args:
+        source: a path, bytes or a binary stream.
+        user_input: what the user states of the photo.
+
+    Raises:
+        PhotoError: it is no photo that can be read.
+        ModelError: the network fails.
+        ParameterError: the user's time and place are of night.
+        OSError: the file cannot be read.
     """
-    facts = observations_single(photo.metadata, given)
-    fused = fuse_single_view(said, facts.evidence, photo.pixels)
-    return apply_photo_colors([photo], [build_estimate(fused, facts)])[0]
+    return _packaged_estimator()(read_photo(source), user_input)
 
 
-def _check_asked(photos: object, given: object) -> None:
-    """Raise PhotoError for what is no Photo or no list of them, ParameterError for what is no Given."""
-    if not isinstance(photos, Sequence):
-        raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
-    for photo in photos:
-        check_photo(photo)
-    check_given(given)
+@lru_cache(maxsize=1)
+def _packaged_estimator() -> Estimator:
+    return Estimator()
+
+
+def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: UserInput = NO_USER_INPUT) -> Estimate:
+    """Estimate a photo's light from the network's prediction, its metadata and what the user states.
+
+    Args:
+        photo: as `lighting.read_photo` returns it.
+        prediction: as `Estimator.predict` returns it.
+        user_input: what the user states of the photo.
+
+    Raises:
+        ParameterError: the user's time and place are of night.
+    """
+    observed = observations_single(photo.metadata, user_input)
+    posterior = fuse_single_view(prediction, observed.evidence, photo.pixels)
+    return apply_photo_colors([photo], [build_estimate(posterior, observed)])[0]
 
 
 def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:
-    """The estimates of photos under one sky, with the colours that they show where irradiances are known.
+    """Give estimates of photos under one sky the colors that the photos show, where irradiances are known.
 
-    The sky has one colour in all of them, the geometric mean of those that are seen; each photo shows its own ground.
+    The sky has one color in all of them, the geometric mean; each photo shows its own ground.
+
+    Args:
+        photos: one or more.
+        estimates: one a photo.
     """
     lights = [estimate.lighting for estimate in estimates]
-    found = [sky_white_balance(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
-    if tints := [tint for tint in found if tint is not None]:
+    balances = [sky_white_balance(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
+    if tints := [tint for tint in balances if tint is not None]:
         tint = np.exp(np.mean(np.log(tints), axis=0))
         skies = (clipped_colour(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
@@ -127,49 +189,32 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
     ]
 
 
-def _placing(match: bool | RegisterFn) -> RegisterFn | None:
-    """What finds where photos look, if anything is to."""
-    if isinstance(match, bool):
-        return _place if match else None
-    return match
+def _check_arguments(photos: object, user_input: object) -> None:
+    """Raise PhotoError for what is no list of Photos, ParameterError for what is no UserInput."""
+    if not isinstance(photos, Sequence):
+        raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
+    for photo in photos:
+        check_photo(photo)
+    check_given(user_input)
 
 
-def _views(photos: Sequence[Photo], said: Sequence[Prediction], evidence: Sequence[Observations]) -> "list[View]":
-    """The photos as they are matched with each other."""
-    return [_view(*photo) for photo in zip(photos, said, evidence, strict=True)]
-
-
-def _view(photo: Photo, said: Prediction, evidence: Observations) -> "View":
+def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "View":
+    """The photo as it is registered with the others."""
     from lighting.registration.photo_set import UP_SIGMA, View
 
-    stood = fuse_gravity(said, evidence)
-    camera, gravity = stood.prediction, stood.evidence.gravity
-    sigma = UP_SIGMA if gravity is None else min(UP_SIGMA, tilt_spread(gravity))
+    fused = fuse_gravity(prediction, observations)
+    camera, gravity = fused.prediction, fused.evidence.gravity
     return View(
         photo.pixels,
         camera.camera_elevation,
         camera.camera_roll,
-        said.vertical_fov,
-        evidence.vertical_fov,
-        sigma,
+        prediction.vertical_fov,
+        observations.vertical_fov,
+        UP_SIGMA if gravity is None else min(UP_SIGMA, tilt_spread(gravity)),
     )
 
 
-def _place(views: "Sequence[View]") -> "tuple[RegisteredView, ...]":
-    """Where the photos look, by what they show in common."""
+def _register_here(views: "Sequence[View]") -> "Sequence[RegisteredView]":
     from lighting.registration.photo_set import register_views
 
     return register_views([view.shot() for view in views])
-
-
-def estimate(source: Source, given: UserInput = NO_USER_INPUT) -> Estimate:
-    """The light of the photo in a file, in bytes or in a binary stream, by the network in this package.
-
-    Raises PhotoError, ModelError, ParameterError or OSError.
-    """
-    return _packaged()(read_photo(source), given)
-
-
-@lru_cache(maxsize=1)
-def _packaged() -> Estimator:
-    return Estimator()

@@ -173,7 +173,7 @@ class Service:
     ) -> list[Estimate]:
         """What pixels, metadata and client say about photos of one place and light; raises ParameterError."""
         with self.metrics.inference.time():
-            found = self.estimator.together(photos, given, headings, match=matching or False)
+            found = self.estimator.estimate_views(photos, given, headings, register=matching or False)
         return matching.explained(found) if matching else found
 
 

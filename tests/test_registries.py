@@ -144,7 +144,7 @@ def test_help_and_the_options_of_requests_know_what_was_there_at_the_start() -> 
     assert "--unit [m|cm] With --for toy; m by default." in said
     assert "cie-overcast, eastern or cie-1 to cie-15" in " ".join(in_new_process(code, "render", "--help").split())
     code = """
-from server.queries import SkySceneQuery
+from server.query_params import SkySceneQuery
 print(SkySceneQuery.model_validate(dict(tool="toy", unit="cm", sun_azimuth=1, sun_elevation=2, turbidity=3)).options())
 """
     assert in_new_process(code) == "{'unit': 'cm'}\n"

@@ -98,7 +98,7 @@ def _together(
     if not read:
         return
     turns = None if headings is None or len(read) == 1 else [headings[i] for i in read]
-    found = estimator.together([photo for _, photo in read.values()], given, turns, match=match)
+    found = estimator.estimate_views([photo for _, photo in read.values()], given, turns, register=match)
     yield from zip((name for name, _ in read.values()), found, strict=True)
 
 

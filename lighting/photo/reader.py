@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
 
 from lighting.color import checked_pixels
-from lighting.deprecation import warn_renamed
+from lighting.deprecation import warn_of_old_name
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
 from lighting.photo.containers import (
     RAW_FORMAT,
@@ -113,7 +113,7 @@ class Photo:
     @property
     def facts(self) -> PhotoMetadata:
         """The old name of `metadata`; warns of it."""
-        warn_renamed("Photo.facts", "Photo.metadata", "0.3.0", stacklevel=3)
+        warn_of_old_name("lighting.photo.reader.Photo.facts")
         return self.metadata
 
 

@@ -537,7 +537,7 @@ def estimated_together(files: list[Path]) -> NDArray[np.float32]:
     """The map of the last of several photos, by the library: their light and camera, the place as it alone has it."""
     match, estimator = has_opencv(), Estimator()
     photos = [read_photo(file, target=MAX_SIDE if match else TARGET) for file in files]
-    light, photo = estimator.together(photos, match=match)[-1].lighting, read_photo(files[-1])
+    light, photo = estimator.estimate_views(photos, register=match)[-1].lighting, read_photo(files[-1])
     alone = estimator(photo)
 
     def finer(side: int) -> NDArray[np.uint8]:

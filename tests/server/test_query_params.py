@@ -267,7 +267,9 @@ def test_photos_of_one_form_are_taken_together(
     client: TestClient, estimator: Estimator, headings: list[float] | None
 ) -> None:
     query = {} if headings is None else {"headings": ",".join(map(str, headings))}
-    found = estimator.together([read_photo(PHONE), read_photo(OTHER)], UserInput(), headings, match=has_opencv())
+    found = estimator.estimate_views(
+        [read_photo(PHONE), read_photo(OTHER)], UserInput(), headings, register=has_opencv()
+    )
     answer = together(client, PHONE, OTHER, **query).json()
     assert list(answer) == ["lightings"]
     for record, estimate in zip(answer["lightings"], found, strict=True):

@@ -50,7 +50,7 @@ def test_a_table_in_a_folder_that_does_not_exist_is_refused_first(photo_path: Pa
 
 
 def test_ray_and_pyarrow_are_not_imported_unless_asked() -> None:
-    code = "import sys, lighting.cli, lighting.batch; print(*sys.modules)"
+    code = "import sys, lighting.cli.batch, lighting.batch.ray; print(*sys.modules)"
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert "lighting.batch.ray" in modules
     assert not {"ray", "pyarrow"} & set(modules)

@@ -27,15 +27,15 @@ print("still here")
 """
 INTERRUPTED = """
 import os, signal, sys, threading
-from lighting.cli import files
+from lighting.cli import console
 from lighting.fusion.user_input import UserInput
 signal.signal(signal.SIGINT, signal.default_int_handler)
-files._load_for_one_photo = lambda _: threading.Event().wait()
+console._load_for_one_photo = lambda _: threading.Event().wait()
 class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
         sum(range(10))
-files.estimated(open(sys.argv[1], "rb").read(), Given(), None, lambda: Lost() and None)
+console.estimated(open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
 """
 
 
