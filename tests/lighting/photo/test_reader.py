@@ -46,8 +46,6 @@ PIXELS = np.asarray(scene(160, 120))
 
 def test_pixels_are_a_photo_as_they_are() -> None:
     photo = photo_from_array(PIXELS, PhotoMetadata(vertical_fov=50.0))
-    with pytest.warns(DeprecationWarning, match=r"Photo\.facts is now Photo\.metadata"):
-        assert photo.facts == photo.metadata
     assert (photo.width, photo.height, photo.format) == (160, 120, "PIXELS")
     assert np.shares_memory(photo.pixels, PIXELS)
     assert np.array_equal(photo.pixels, read_photo(encode(scene(160, 120), "PNG")).pixels)
