@@ -89,3 +89,13 @@ def _to_xyz(xy: Floats) -> Floats:
 def _xyz(xy: Floats) -> Floats:
     """XYZ (3,) of a chromaticity (2,), Y = 1."""
     return np.array([xy[0] / xy[1], 1.0, (1.0 - xy[0] - xy[1]) / xy[1]])
+
+
+def color_and_intensity(irradiance: Floats) -> tuple[Floats, float]:
+    """The color (3,) of a light, its largest channel 1, and its intensity; white and 0 for no light.
+
+    Args:
+        irradiance: (3,) linear Rec.709.
+    """
+    intensity = float(irradiance.max())
+    return (irradiance / intensity if intensity > 0 else np.ones(3)), intensity

@@ -210,6 +210,16 @@ def _span(cells: NDArray[np.bool_], axis: int, count: int) -> slice:
     return slice(max(0, int((found[0] - 1) * step)), min(count, int(np.ceil((found[-1] + 2) * step))))
 
 
+def to_z_up(vector: Floats) -> Floats:
+    """The same vectors in a frame where +Z is up and the camera looks along +Y.
+
+    Args:
+        vector: (..., 3) in this module's frame.
+    """
+    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
+    return np.stack([x, -z, y], axis=-1)
+
+
 # Sizes of pictures that are made smaller or larger: width and height in whole pixels, at least 1 x 1.
 
 

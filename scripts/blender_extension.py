@@ -13,20 +13,9 @@ from pathlib import Path, PurePosixPath
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "blender" / "light_from_photo"
 SCRIPT = "lighting/data/blender_scene.py"
-SKY = (
-    "lighting/errors.py",
-    "lighting/geometry.py",
-    "lighting/validation.py",
-    "lighting/records.py",
-    "lighting/records.py",
-    "lighting/color.py",
-    *(f"lighting/envmap/{name}.py" for name in ("changing", "clear", "disc", "maps", "mixture", "render")),
-    *(f"lighting/sky/{path.name}" for path in sorted((ROOT / "lighting" / "sky").glob("*.py"))),
-    "lighting/scene/records.py",
-)
-ENVMAP = '"""Maps of the sky."""\n\nfrom .changing import change\nfrom .render import render, sun_irradiance\n'
 COEFFICIENTS = "lighting/data/hosek_wilkie.f32"
 _IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
+_USED = re.compile(r"^\s*from \.?lighting\.([\w.]+) import ", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # so that the same files make the same zip
 
 
@@ -57,11 +46,28 @@ def members() -> Iterator[tuple[str, bytes]]:
     yield "scene.py", (ROOT / SCRIPT).read_bytes()
     yield COEFFICIENTS, (ROOT / COEFFICIENTS).read_bytes()
     yield "lighting/__init__.py", b'"""The parts of outdoor-lighting that paint a sky."""\n'
-    yield "lighting/envmap/__init__.py", ENVMAP.encode()
-    yield "lighting/scene/__init__.py", b'"""The parts of it that know Blender\'s frame."""\n'
-    for name in SKY:
-        text = (ROOT / name).read_text(encoding="utf-8")
+    for name, text in sky_modules().items():
         yield name, relative(text, len(PurePosixPath(name).parts) - 1).encode()
+
+
+def sky_modules() -> dict[str, str]:
+    """The name and the text of each module of `lighting` that the extension imports, or that such a module does."""
+    modules: dict[str, str] = {}
+    texts = [path.read_text(encoding="utf-8") for path in SOURCE.glob("*.py")]
+    while texts:
+        for name in [name for module in _USED.findall(texts.pop()) for name in _files(module)]:
+            if name not in modules:
+                modules[name] = (ROOT / name).read_text(encoding="utf-8")
+                texts.append(modules[name])
+    return modules
+
+
+def _files(module: str) -> list[str]:
+    """The names of a module of `lighting` and, if it is in a folder or is one, of that folder's __init__.py."""
+    name = f"lighting/{module.replace('.', '/')}"
+    if (ROOT / name).is_dir():
+        return [f"{name}/__init__.py"]
+    return [f"{name}.py", *([f"{name.rpartition('/')[0]}/__init__.py"] if "." in module else [])]
 
 
 def relative(text: str, depth: int) -> str:

@@ -22,7 +22,7 @@ def furnish(scene: Any, folder: Path) -> dict[str, Any]:
     record = json.loads((folder / "lighting.json").read_text(encoding="utf-8"))
     _make_way(scene)
     before, images = set(scene.collection.objects), set(bpy.data.images)
-    script.build(numbers, folder, scene)
+    script.build_scene(numbers, folder, scene)
     _take_over([thing for thing in scene.collection.objects if thing not in before], scene)
     for image in set(bpy.data.images) - images:
         image.pack()

@@ -6,9 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from .lighting.envmap import change, render, sun_irradiance
-from .lighting.records import RANGES, Lighting
-from .lighting.scene.axes import colour_and_strength, to_z_up
+from .lighting.color import color_and_intensity
+from .lighting.envmap.relighting import edit_lighting
+from .lighting.envmap.render import render
+from .lighting.envmap.sun_disc import sun_irradiance
+from .lighting.geometry import to_z_up
+from .lighting.records import Lighting
+from .lighting.validation import RANGES
 
 HEIGHT = 512  # rows of the map, as in the scenes
 
@@ -19,7 +23,7 @@ def moved(record: str, sliders: Mapping[str, float]) -> Lighting:
     Blender keeps numbers in single precision, which may lie just outside their range.
     """
     inside = {name: min(max(value, RANGES[name][0]), RANGES[name][1]) for name, value in sliders.items()}
-    return change(Lighting.from_dict(json.loads(record)), inside)
+    return edit_lighting(Lighting.from_dict(json.loads(record)), inside)
 
 
 def pixels(light: Lighting, shines: bool) -> Any:
@@ -32,9 +36,9 @@ def pixels(light: Lighting, shines: bool) -> Any:
 
 def sun(light: Lighting, shines: bool) -> dict[str, Any]:
     """What `aim_sun` takes: direction, colour and irradiance."""
-    colour, strength = colour_and_strength(sun_irradiance(light) if shines else np.zeros(3))
+    color, intensity = color_and_intensity(sun_irradiance(light) if shines else np.zeros(3))
     return {
         "direction": to_z_up(light.sun_direction).tolist(),
-        "colour": colour.tolist(),
-        "irradiance": strength,
+        "colour": color.tolist(),
+        "irradiance": intensity,
     }

@@ -10,7 +10,8 @@ import bpy
 from . import scene as script
 from . import skies
 from .furnish import environment_node, sky_node
-from .lighting.records import RANGES, Lighting
+from .lighting.records import Lighting
+from .lighting.validation import RANGES
 
 IMAGE = "Sky of the sliders"
 _NAMES = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")

@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
+from lighting.geometry import to_z_up
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE
 from lighting.scene.records import (
     FAR,
@@ -25,9 +27,7 @@ from lighting.scene.records import (
     SUN_ANGLE,
     CameraMotion,
     Scene,
-    color_and_intensity,
     placeholder_of,
-    to_z_up,
 )
 from lighting.scene.writer import Folder, data_text, write_shared_files
 

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.color import color_and_intensity
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.records import record_with_coefficients
-from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, color_and_intensity, placeholder_of
+from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, placeholder_of
 from lighting.scene.writer import Folder, plate_png
 
 # Triangle meshes for formats without spheres and cylinders.

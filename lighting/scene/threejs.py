@@ -8,6 +8,7 @@ import json
 from base64 import b64encode
 from typing import Any
 
+from lighting.color import color_and_intensity
 from lighting.envmap.relighting import rotate_envmap
 from lighting.files import encode_envmap
 from lighting.records import record_with_coefficients
@@ -17,7 +18,6 @@ from lighting.scene.records import (
     NEAR,
     PLACEHOLDER_ALBEDO,
     Scene,
-    color_and_intensity,
     placeholder_of,
 )
 from lighting.scene.writer import Folder, data_text, filled, lit_ground_png, plate_png

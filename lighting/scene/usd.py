@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
-from lighting.geometry import Floats
+from lighting.geometry import Floats, to_z_up
 from lighting.scene import ENVIRONMENT, PLATE
 from lighting.scene.records import (
     FAR,
@@ -24,9 +25,7 @@ from lighting.scene.records import (
     SUN_ANGLE,
     CameraMotion,
     Scene,
-    color_and_intensity,
     placeholder_of,
-    to_z_up,
 )
 from lighting.scene.writer import Folder, filled, write_shared_files
 

@@ -14,9 +14,8 @@ from PIL import Image
 
 from lighting.color import srgb_decode
 from lighting.errors import SceneError
-from lighting.geometry import direction
+from lighting.geometry import direction, to_z_up
 from lighting.scene import blender
-from lighting.scene.records import to_z_up
 from lighting.scene.writer import write_scene
 from tests.helpers.blender import PYTHON, needs_blender
 from tests.helpers.scenes import half_shaded_scene, known_scene, shaded_spot_scene

@@ -17,7 +17,8 @@ from tests.helpers.scenes import plain_scene
 
 @pytest.mark.parametrize("tool", EXPORTERS)
 def test_a_writer_takes_the_options_of_its_entry(tool: str) -> None:
-    parameters = inspect.signature(import_module(f"lighting.scene.{tool}").write).parameters
+    write = getattr(import_module(f"lighting.scene.{tool}"), f"write_{tool}")
+    parameters = inspect.signature(write).parameters
     options = EXPORTERS[tool].options
     assert set(parameters) - {"scene", "folder"} == set(options)
     assert all(parameters[name].default == option.default for name, option in options.items())

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lighting.color import color_and_intensity
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext
@@ -22,10 +23,11 @@ from lighting.geometry import (
     direction,
     latlong_angles,
     latlong_solid_angle,
+    to_z_up,
 )
 from lighting.photo.reader import Photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
-from lighting.scene.records import PLACEHOLDER_ALBEDO, color_and_intensity, make_scene, placeholder_of, to_z_up
+from lighting.scene.records import PLACEHOLDER_ALBEDO, make_scene, placeholder_of
 from tests.helpers.scenes import LIGHT, PLAIN, half_shaded_scene, known_scene, plain_scene, shaded_spot_scene
 
 
