@@ -4,7 +4,7 @@
 
 Each photo is read in a process of its own, at the size that the network needs; what the process held before does not
 count. Needs Linux. `lighting/photo/reader.py` holds the memory that this printed, rounded up. The last column is the
-time of as many megapixels as that table admits of the kind, for `sandbox.SECONDS`.
+time of as many megapixels as that table admits of the kind, for `sandbox.MAX_DECODE_SECONDS`.
 """
 
 import subprocess

@@ -49,11 +49,11 @@ from benchmarks.common import (
 from export.data.panoramas import DataError
 from export.data.path_tracing import find_llvm
 from lighting.calibration import MOST_SIDE, with_lines
-from lighting.envmap.projection import shown_size
+from lighting.envmap.projection import size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, photo_context_for_height, render_with_surroundings
 from lighting.estimator import Estimator
-from lighting.files.exr import packed_with, write_exr
+from lighting.files.exr import prepare_compression, write_exr
 from lighting.geometry import latlong_directions
 from lighting.photo.preprocess import preprocess, resize_to_input
 from lighting.photo.reader import TARGET, read_photo
@@ -95,7 +95,7 @@ def opencv_segments(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
 
 def write_alone(image: NDArray[np.float32]) -> None:
     """OpenEXR's writing of the array, rounded and packed as write_exr does, into memory."""
-    packing, pixels = packed_with(image, "zip")
+    packing, pixels = prepare_compression(image, "zip")
     header = {"compression": packing, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"RGB": pixels}).write(io.BytesIO())
 
@@ -174,7 +174,7 @@ def measure_parts(
     there = PhotoContext(photo.pixels, estimate.around)
     image = render_with_surroundings(light, there, height, sun=True)
     assert estimate.around is not None
-    around, size = estimate.around, shown_size(photo.pixels, light.vertical_fov, height)
+    around, size = estimate.around, size_in_envmap(photo.pixels, light.vertical_fov, height)
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:

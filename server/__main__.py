@@ -111,7 +111,7 @@ def _serve() -> None:
     from pydantic import ValidationError
     from uvicorn import Config
 
-    from lighting.files.exr import pack_in_threads
+    from lighting.files.exr import set_compression_threads
     from server.app import create_app
     from server.settings import PREFIX, read_settings
 
@@ -121,7 +121,7 @@ def _serve() -> None:
         _refuse_taken(settings.host, settings.port)
         app = create_app(settings)
         app.state.service.load()
-        pack_in_threads(settings.places)
+        set_compression_threads(settings.places)
     except ValidationError as error:
         sys.exit("\n".join(f"{PREFIX}{_fault_of_setting(found)}" for found in error.errors()))
     except (LightingError, OSError) as error:

@@ -13,7 +13,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from lighting.errors import LightingError
 from lighting.photo import sandbox as decoding
-from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, MOST_PIXELS
+from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, PILLOW_MAX_PIXELS
 from lighting.registration import photo_set as matching
 from lighting.runtime import available_cpus
 
@@ -75,7 +75,7 @@ class Settings(BaseSettings):
     max_pixels: int = Field(
         MAX_PIXELS,
         ge=1,
-        le=MOST_PIXELS,
+        le=PILLOW_MAX_PIXELS,
         description="maximum number of pixels of a photo, checked before it is decoded",
     )
     max_photos: int = Field(8, ge=1, le=64, description="maximum number of photos in one request")
@@ -95,7 +95,7 @@ class Settings(BaseSettings):
         10.0, gt=0, le=_DAY, description="time limit for receiving a request's headers, in seconds"
     )
     decode_seconds: float = Field(
-        decoding.SECONDS, gt=0, le=_DAY, description="time limit for decoding a request's photos, in seconds"
+        decoding.MAX_DECODE_SECONDS, gt=0, le=_DAY, description="time limit for decoding a request's photos, in seconds"
     )
     match_seconds: float = Field(
         matching.SECONDS,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from lighting.color import SRGB_LINEAR
-from lighting.envmap.latlong import shrink
+from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import LightingError
 from lighting.files.atomic import atomic_write
 
@@ -259,7 +259,7 @@ def read_picture(panorama: Panorama) -> NDArray[Any]:
 
 def read_linear_panorama(panorama: Panorama, height: int) -> NDArray[np.float32]:
     """Linear Rec.709 float32 (H, 2H, 3), reduced to `height` rows if the picture has more."""
-    return shrink(linear_of(panorama, read_picture(panorama)), height)
+    return shrink_envmap(linear_of(panorama, read_picture(panorama)), height)
 
 
 def linear_of(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:

@@ -19,7 +19,7 @@ from export.evaluation.irradiance import WEATHER, Judged, by_network, estimate_c
 from export.evaluation.metrics import Bools, Names, clustered_error, table
 from lighting.color import luminance, tone_map
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
-from lighting.envmap.appearance import brightness_below, estimate_ground_albedo, sky_ratio
+from lighting.envmap.appearance import estimate_ground_albedo, ground_luminance, sky_color_ratio
 from lighting.envmap.render import level_irradiance
 from lighting.errors import ModelError
 from lighting.fusion.estimate import predict_photo
@@ -82,7 +82,7 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
         if reflectance is None or place.around is None:
             continue
         radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
-        levels = radiance, brightness_below(place.around), max(float(luminance(truth.ground)), MIN_LUMINANCE)
+        levels = radiance, ground_luminance(place.around), max(float(luminance(truth.ground)), MIN_LUMINANCE)
         found.append((*np.log2(levels), light.sky_cover or 0.0))
         kinds.append((str(weather), source.panorama.place))
     if not found:
@@ -171,7 +171,7 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
             light = by_network(model, Photo(pixels, width, height, "PIXELS")).lighting
             if light.sky_irradiance is None:
                 raise ModelError(_NO_LIGHT)
-            ratio = sky_ratio(pixels, light)
+            ratio = sky_color_ratio(pixels, light)
             yield (
                 np.full(3, np.nan) if ratio is None else ratio,
                 light.sky_cover or 0.0,

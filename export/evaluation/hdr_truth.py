@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from export.crops.cameras import pinhole
 from export.crops.crops import Crop
 from lighting.color import luminance
-from lighting.envmap.latlong import row_levels, shrink
+from lighting.envmap.latlong import row_irradiance, shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
 from lighting.geometry import (
     Floats,
@@ -126,7 +126,7 @@ class _Split:
 
 def split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
     """A panorama (H, 2H, 3) with the sun near a direction (3,) apart; None where no direct light reaches the place."""
-    small = shrink(image, len(image) // max(1, len(image) // ROWS))
+    small = shrink_envmap(image, len(image) // max(1, len(image) // ROWS))
     if near is None:
         return _Split(small, small, math.nan, math.nan, np.zeros(3))
     sunless, sun, power = _without_true_sun(small, near)
@@ -163,7 +163,7 @@ def _without_true_sun(image: Floats, near: Floats) -> tuple[Floats, Floats, Floa
 
 def levels(image: Floats) -> tuple[Floats, Floats]:
     """Irradiance (3,) of level surfaces that face up and down, by a map (H, 2H, 3)."""
-    rows = row_levels(len(image))[:, None] * image.mean(axis=1, dtype=np.float64)
+    rows = row_irradiance(len(image))[:, None] * image.mean(axis=1, dtype=np.float64)
     half = len(image) // 2
     return np.asarray(rows[:half].sum(axis=0)), np.asarray(rows[half:].sum(axis=0))
 

@@ -16,7 +16,7 @@ from export.data.path_tracing import RenderedPlace, random_sky
 from export.data.procedural_towns import place
 from export.evaluation.metrics import figures_table
 from lighting.color import SRGB_LINEAR, luminance, tone_map
-from lighting.envmap.latlong import row_levels
+from lighting.envmap.latlong import row_irradiance
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask
 from lighting.envmap.sun_disc import sun_irradiance
@@ -82,7 +82,7 @@ def _scene(number: int) -> _GroundScene | None:
         return None
     radiance = seen.sky + seen.sun
     gain = automatic_gain(radiance)
-    above = row_levels(len(sky.radiance)) @ sky.radiance.mean(axis=1, dtype=np.float64)
+    above = row_irradiance(len(sky.radiance)) @ sky.radiance.mean(axis=1, dtype=np.float64)
     light = replace(
         sky.lighting,
         sun_azimuth=float(wrap_azimuth(sky.lighting.sun_azimuth - camera.azimuth)),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from lighting.envmap.surroundings import PhotoContext
     from lighting.estimator import Estimator
-    from lighting.files.exr import Target
+    from lighting.files.exr import WriteTarget
     from lighting.fusion.user_input import UserInput
     from lighting.photo.reader import Photo
     from lighting.records import Estimate, Lighting
@@ -102,7 +102,7 @@ def load_worker_estimator(job: BatchJob) -> "tuple[Estimator, UserInput]":
     return Estimator(Model.load(job.model, threads=1)), UserInput(**job.given)
 
 
-def write_photo_map(target: "Target", answer: PhotoLight, maps: Maps) -> None:
+def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: Maps) -> None:
     """Render and write an environment map; raises EnvironmentMapError."""
     from lighting.envmap.surroundings import render_view
     from lighting.files.exr import write_exr

@@ -156,21 +156,21 @@ def _opened(name: str) -> Iterator[BinaryIO]:
 
 def picture_bytes(name: str) -> bytes:
     """What the file of an EXR or HDR holds, or that of a photo as far as a photo may; PhotoTooLargeError or OSError."""
-    from lighting.files.exr import MAGIC
-    from lighting.files.radiance_hdr import MAGIC_HDR
+    from lighting.files.exr import EXR_MAGIC
+    from lighting.files.radiance_hdr import HDR_MAGIC
     from lighting.photo.reader import MAX_BYTES
 
     with _opened(name) as stream:
-        head = stream.read(len(MAGIC))
-        return head + (stream.read() if head.startswith((MAGIC, MAGIC_HDR)) else stream.read(MAX_BYTES))
+        head = stream.read(len(EXR_MAGIC))
+        return head + (stream.read() if head.startswith((EXR_MAGIC, HDR_MAGIC)) else stream.read(MAX_BYTES))
 
 
 def photo_bytes(name: str) -> bytes:
     """What the file of a photo holds, as far as a photo may; PhotoError, PhotoTooLargeError or OSError."""
-    from lighting.photo.reader import photo_data
+    from lighting.photo.reader import read_bytes
 
     with _opened(name) as stream:
-        return photo_data(stream)
+        return read_bytes(stream)
 
 
 @contextmanager

@@ -47,14 +47,14 @@ def _describe_network(file: str) -> dict[str, Any]:
 
 
 def _describe_picture(file: str) -> dict[str, Any]:
-    from lighting.files.exr import MAGIC
-    from lighting.files.radiance_hdr import MAGIC_HDR, decode_hdr
+    from lighting.files.exr import EXR_MAGIC
+    from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
     from lighting.photo.reader import read_photo
 
     data = picture_bytes(file)
-    if data.startswith(MAGIC):
+    if data.startswith(EXR_MAGIC):
         return _describe_map(file, data)
-    if data.startswith(MAGIC_HDR) or Path(file).suffix.lower() == ".hdr":
+    if data.startswith(HDR_MAGIC) or Path(file).suffix.lower() == ".hdr":
         with prefix_errors(file):
             return _map_like(decode_hdr(data))
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):

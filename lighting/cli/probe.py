@@ -255,10 +255,10 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
 
 def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
     """What the map in a file says; errors name the file."""
-    from lighting.files.exr import read_map
+    from lighting.files.exr import read_envmap
     from lighting.probe.sky_fit import describe
 
     with silence():
-        image = read_map(sky)
+        image = read_envmap(sky)
     with prefix_errors(sky):
         return describe(image, sun)

@@ -10,7 +10,7 @@ from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directi
 # Environment maps prepared for shading: without the sun's disc, reduced, blurred, integrated to irradiance.
 
 
-def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:
+def remove_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:
     """The map (H, 2H, 3) with the sky around the sun painted over its disc, and the disc's irradiance (3,).
 
     `sun` (3,) is the unit vector towards the sun. With no pixel near it above the horizon, the map is returned as it is
@@ -33,7 +33,7 @@ def without_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.fl
     return sky, np.asarray(power, dtype=np.float64)
 
 
-def shrink(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+def shrink_envmap(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
     """A map (H, 2H, C) reduced to `rows` rows by area averages; unchanged if it has no more rows."""
     height = len(image)
     if rows >= height:
@@ -51,7 +51,7 @@ def _shares(fewer: int, pixels: int) -> NDArray[np.float32]:
     return np.asarray(filled * (fewer / pixels), dtype=np.float32)
 
 
-def irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:
+def envmap_irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:
     """Irradiance (..., 3) under a map (H, 2H, 3) on surfaces of these normals (..., 3)."""
     cosine = np.maximum(normals @ latlong_directions(len(image)).reshape(-1, 3).T, 0)
     weight = cosine * np.repeat(latlong_solid_angle(len(image)), 2 * len(image))
@@ -72,33 +72,33 @@ def blur_envmap(image: NDArray[np.float32], concentration: float) -> NDArray[np.
 Image = NDArray[np.float32]
 
 
-def row_levels(height: int) -> Floats:
+def row_irradiance(height: int) -> Floats:
     """Irradiance (H,) of level ground, facing up or down, by radiance 1 in each row of a map of that many rows."""
     edges = np.sin(np.linspace(-math.pi / 2, math.pi / 2, height + 1)) ** 2
     return np.abs(np.diff(edges)) * math.pi
 
 
-def irradiance_of_rows(levels: Floats, rows: Image) -> Floats:
+def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
     """Irradiance (3,) by rows (R, W, 3) of a map with these `row_levels` (R,)."""
     count, width = rows.shape[:2]
-    columns = np.einsum("r,rx->x", f32(levels), rows.reshape(count, 3 * width))
+    columns = np.einsum("r,rx->x", to_float32(levels), rows.reshape(count, 3 * width))
     return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
 
 
-def scale(image: Image, gain: Floats) -> None:
+def scale_colors(image: Image, gain: Floats) -> None:
     """Multiply an image (R, W, 3), contiguous in memory, by a colour (3,) in place.
 
     Whole rows are multiplied, since numpy takes ten times as long with an innermost axis of 3.
     """
     rows = image.reshape(len(image), -1)
-    rows *= np.tile(f32(gain), image.shape[1])
+    rows *= np.tile(to_float32(gain), image.shape[1])
 
 
-def brightest(image: Image) -> Image:
+def max_channel(image: Image) -> Image:
     """The largest channel (...) of colours (..., 3); numpy's maximum along so short an axis is ten times as slow."""
     return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
 
 
-def f32(values: Floats) -> Image:
+def to_float32(values: Floats) -> Image:
     """The values as float32."""
     return np.asarray(values, dtype=np.float32)

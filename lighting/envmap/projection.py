@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import SRGB_LINEAR
-from lighting.envmap.latlong import Image, brightest
+from lighting.envmap.latlong import Image, max_channel
 from lighting.geometry import (
     Floats,
     Pinhole,
@@ -23,9 +23,9 @@ from lighting.records import Lighting
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into what lies around
 CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 
-_SAMPLED = 96  # pixels of the longer side of a photo whose colours are looked at
-_COARSE = 48  # rows of a map in which the photo's window is sought
-_LARGEST = 2048  # pixels of the photo's longer side
+_SAMPLED_SIDE = 96  # pixels of the longer side of a photo whose colours are looked at
+_WINDOW_ROWS = 48  # rows of a map in which the photo's window is sought
+_MAX_SIDE = 2048  # pixels of the photo's longer side
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class ProjectedPhoto:
 
     def over(self, image: Image, gain: float) -> "ProjectedPhoto":
         """The same times a gain. Where the photo is clipped and the map (H, 2H, 3) brighter, the map's value stands."""
-        clipped = brightest(self.linear) > CLIPPED
+        clipped = max_channel(self.linear) > CLIPPED
         linear = self.linear * np.float32(gain)
         np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
         return ProjectedPhoto(self.rows, self.columns, linear, self.weight)
@@ -53,20 +53,20 @@ class ProjectedPhoto:
         return ProjectedPhoto(slice(top, bottom), self.columns, self.linear[own], self.weight[own])
 
 
-def camera_of(lighting: Lighting, width: int, height: int) -> Pinhole:
+def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
     """The camera that took a photo, which is shown in `width` x `height` pixels; it looks to azimuth 0."""
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
 def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> ProjectedPhoto | None:
     """A photo (h, w, 3, sRGB) as a map of `height` rows sees it; None where it is under a few degrees wide."""
-    picture = _fitted(photo, lighting.vertical_fov, height)
-    camera = camera_of(lighting, picture.shape[1], picture.shape[0])
+    picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
+    camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
     window = _window(camera, height)
     if window is None:
         return None
     rows, columns = window
-    x, y = _pixels(camera, height, rows, columns)
+    x, y = _map_to_picture(camera, height, rows, columns)
     edge = np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER)
     ramp = np.clip(edge, 0, 1)
     weight = ramp * ramp * (3 - 2 * ramp)
@@ -77,10 +77,10 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
 
 def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
     """Linear values (h, w, 3) of a few of a photo's pixels (H, W, 3, sRGB), and the directions in which they lie."""
-    step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED))
+    step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED_SIDE))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
     small = pixels[first[0] :: step, first[1] :: step]
-    return SRGB_LINEAR.take(small), _directions(camera_of(lighting, small.shape[1], small.shape[0]))
+    return SRGB_LINEAR.take(small), _directions(photo_camera(lighting, small.shape[1], small.shape[0]))
 
 
 @lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are looked at one after the other
@@ -91,29 +91,29 @@ def _directions(camera: Pinhole) -> Floats:
     return directions
 
 
-def shown_size(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
+def size_in_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
     """Width and height at which a photo (h, w, 3) has about the resolution of a map with `height` rows."""
     camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
-    scale = min(height / np.pi / camera.focal_length * 1.2, _LARGEST / max(photo.shape[:2]))
+    scale = min(height / np.pi / camera.focal_length * 1.2, _MAX_SIDE / max(photo.shape[:2]))
     return scaled(camera.width, camera.height, scale)
 
 
-def _fitted(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
+def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
     """The photo at about the map's resolution, so that single pixels may be taken from it."""
     from PIL import Image as Picture
 
-    size = shown_size(photo, vertical_fov, height)
+    size = size_in_envmap(photo, vertical_fov, height)
     return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
 
 
 def _window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
     """Rows and columns of a map (H, 2H) that hold the picture."""
-    x, y = np.moveaxis(camera_pixel(latlong_directions(_COARSE), camera), -1, 0)
+    x, y = np.moveaxis(camera_pixel(latlong_directions(_WINDOW_ROWS), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false where NaN
     return window_of(inside, height, 2 * height)
 
 
-def _pixels(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:
+def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:
     """Where the map's pixels lie in the picture, each way -1 to 1 inside it; 2 behind the camera.
 
     A direction's part along a camera axis is the product of a term of its row and one of its column, plus one of the

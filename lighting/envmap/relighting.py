@@ -20,7 +20,7 @@ from lighting.validation import RANGES
 # Turned and brightened maps, and the records that describe them.
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
-_DIGITS = 6  # behind the point, of turned angles in degrees; records' own have fewer
+_ANGLE_DIGITS = 6  # behind the point, of turned angles in degrees; records' own have fewer
 
 
 def rotate_envmap(image: Image, yaw: float) -> Image:
@@ -47,7 +47,7 @@ def rotate_lighting(lighting: Lighting, yaw: float) -> Lighting:
     _check_yaw(yaw)
     turned = replace(
         lighting,
-        sun_azimuth=round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _DIGITS),
+        sun_azimuth=round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _ANGLE_DIGITS),
         relative_heading=None if lighting.relative_heading is None else _heading(lighting.relative_heading - yaw),
     )
     if lighting.camera_heading is None:
@@ -67,8 +67,8 @@ def scale_exposure(lighting: Lighting, gain: Floats) -> Lighting:
     return replace(
         lighting,
         exposure=significant(exposure),
-        sun_irradiance=_times("sun_irradiance", lighting.sun_irradiance, gain),
-        sky_irradiance=_times("sky_irradiance", lighting.sky_irradiance, gain),
+        sun_irradiance=_scale_irradiance("sun_irradiance", lighting.sun_irradiance, gain),
+        sky_irradiance=_scale_irradiance("sky_irradiance", lighting.sky_irradiance, gain),
     )
 
 
@@ -83,19 +83,21 @@ def _check_yaw(yaw: float) -> None:
 
 
 def _heading(degrees: float) -> float:
-    return round(degrees % 360.0, _DIGITS) % 360.0
+    return round(degrees % 360.0, _ANGLE_DIGITS) % 360.0
 
 
-def _times(name: str, irradiance: Colour | None, gain: Floats) -> Colour | None:
+def _scale_irradiance(name: str, irradiance: Colour | None, gain: Floats) -> Colour | None:
     return None if irradiance is None else clipped_colour(np.array(irradiance) * gain, name)
 
 
 # A light with another sun, turbidity, exposure or power, as a user sets them by hand.
 
-_LEAST = 1e-9  # irradiance that stands for none
-_LOWEST = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
-_HIGH = 30.0  # deg, of a sun at full strength
-_WEAKEST = 0.05  # of that sun's channels, which the model's is taken to have at least: in haze a low one has none
+_EPSILON = 1e-9  # irradiance that stands for none
+_MIN_ELEVATION = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
+_HIGH_ELEVATION = 30.0  # deg, of a sun at full strength
+_MIN_CHANNEL_SHARE = (
+    0.05  # of that sun's channels, which the model's is taken to have at least: in haze a low one has none
+)
 
 
 def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lighting:
@@ -114,30 +116,34 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Colour]) -> 
         return changed
     followed = changed
     if "sun_irradiance" not in changes:
-        sun = _followed(lighting.sun_irradiance, _sun(lighting), _sun(changed))
+        sun = _rescale_irradiance(
+            lighting.sun_irradiance, _model_sun_irradiance(lighting), _model_sun_irradiance(changed)
+        )
         followed = replace(followed, sun_irradiance=clipped_colour(sun, "sun_irradiance"))
     if "sky_irradiance" not in changes:
-        sky = _followed(lighting.sky_irradiance, _sky(lighting), _sky(changed))
+        sky = _rescale_irradiance(
+            lighting.sky_irradiance, _model_sky_irradiance(lighting), _model_sky_irradiance(changed)
+        )
         followed = replace(followed, sky_irradiance=clipped_colour(sky, "sky_irradiance"))
     return followed
 
 
-def _sun(lighting: Lighting) -> Floats:
+def _model_sun_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) by the model, or what stands for it where the model's would vanish."""
     there, high = (
         disc_power(replace(lighting, sun_elevation=elevation))[0]
-        for elevation in (max(lighting.sun_elevation, _LOWEST), _HIGH)
+        for elevation in (max(lighting.sun_elevation, _MIN_ELEVATION), _HIGH_ELEVATION)
     )
-    return np.asarray(np.maximum(there, _WEAKEST * high))
+    return np.asarray(np.maximum(there, _MIN_CHANNEL_SHARE * high))
 
 
-def _sky(lighting: Lighting) -> Floats:
+def _model_sky_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) by the model, the share of its overcast part grey."""
     clear = clear_irradiance(lighting, lobe_table(lighting))
     cover = lighting.sky_cover or 0.0
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
 
 
-def _followed(stated: Colour, before: Floats, after: Floats) -> Floats:
+def _rescale_irradiance(stated: Colour, before: Floats, after: Floats) -> Floats:
     """The stated irradiance (3,) times what the model's has changed by."""
-    return np.asarray(np.array(stated) * after / np.maximum(before, _LEAST))
+    return np.asarray(np.array(stated) * after / np.maximum(before, _EPSILON))

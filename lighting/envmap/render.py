@@ -13,7 +13,7 @@ from numbers import Integral
 import numpy as np
 
 from lighting.color import luminance
-from lighting.envmap.latlong import Image, f32, irradiance_of_rows, row_levels, scale
+from lighting.envmap.latlong import Image, irradiance_from_rows, row_irradiance, scale_colors, to_float32
 from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
@@ -24,7 +24,7 @@ from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL, sky_gradation, sky_lobe, s
 # Clear skies by the model of Hosek and Wilkie, painted with tables along two axes.
 
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
-_CHUNK = 1 << 17  # pixels painted at once, few enough for the processor's cache
+_CHUNK_PIXELS = 1 << 17  # pixels painted at once, few enough for the processor's cache
 _IRRADIANCE_HEIGHT = 128  # rows of the sky that is integrated to light the ground; accurate to 2e-4
 
 
@@ -46,7 +46,7 @@ def _lobe_table(sun_elevation: float, turbidity: float, ground_albedo: float) ->
 def _lobe_angles() -> tuple[Image, Image]:
     """The table's angles to the sun [rad] (steps + 1,), and their squared chords."""
     share = np.linspace(0.0, 1.0, _LOBE_STEPS + 1)
-    angle = f32(2 * np.arctan2(share, 1 - share))
+    angle = to_float32(2 * np.arctan2(share, 1 - share))
     return angle, np.square(2 * np.sin(angle / 2))
 
 
@@ -60,10 +60,10 @@ def _render_clear_sky(image: Image, lighting: Lighting, lobe: Image) -> None:
     factor, offset = _row_terms(lighting, 2 * len(image))
     azimuth, elevation = latlong_angles(2 * len(image))
     sun = math.radians(lighting.sun_elevation)
-    vertical = f32(np.sin((np.radians(elevation) - sun) / 2) ** 2)
-    horizontal = f32(np.cos(np.radians(elevation)) * math.cos(sun))
-    column = f32(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2)
-    rows = max(1, _CHUNK // image.shape[1])
+    vertical = to_float32(np.sin((np.radians(elevation) - sun) / 2) ** 2)
+    horizontal = to_float32(np.cos(np.radians(elevation)) * math.cos(sun))
+    column = to_float32(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2)
+    rows = max(1, _CHUNK_PIXELS // image.shape[1])
     for start in range(0, len(image), rows):
         part = slice(start, min(start + rows, len(image)))
         # numpy clips at two ends in a third of the time that it takes at one
@@ -83,7 +83,7 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
     coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
     terms = [sky_gradation(row, up) for row in coefficients]
     factor = np.stack([factor for factor, _ in terms]) * radiance[:, None] * lighting.exposure
-    return f32(factor), f32(np.stack([offset for _, offset in terms]))
+    return to_float32(factor), to_float32(np.stack([offset for _, offset in terms]))
 
 
 def clear_irradiance(lighting: Lighting, lobe: Image) -> Floats:
@@ -91,14 +91,14 @@ def clear_irradiance(lighting: Lighting, lobe: Image) -> Floats:
     half = _IRRADIANCE_HEIGHT // 2
     sky = np.empty((half, 2 * _IRRADIANCE_HEIGHT, 3), dtype=np.float32)
     _render_clear_sky(sky, lighting, lobe)
-    return np.asarray(row_levels(_IRRADIANCE_HEIGHT)[:half] @ sky.mean(axis=1, dtype=np.float64))
+    return np.asarray(row_irradiance(_IRRADIANCE_HEIGHT)[:half] @ sky.mean(axis=1, dtype=np.float64))
 
 
 # Skies between clear and overcast, scaled to a given irradiance: any model shapes the clear part.
 
 _LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 _EFFICACY = 120.0  # lm / W of skylight
-_LEAST = 1e-12  # irradiance that stands for none
+_EPSILON = 1e-12  # irradiance that stands for none
 
 
 def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
@@ -108,36 +108,36 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> N
     """
     cover = lighting.sky_cover or 0.0
     if cover >= 1:
-        upper[:] = _overcast_rows(len(upper)) * f32(irradiance)
+        upper[:] = _overcast_rows(len(upper)) * to_float32(irradiance)
         return
-    _paint_shape(upper, lighting)
-    level = irradiance_of_rows(row_levels(2 * len(upper))[: len(upper)], upper)
-    scale(upper, (1 - cover) * irradiance / np.maximum(level, _LEAST))
+    _render_sky_shape(upper, lighting)
+    level = irradiance_from_rows(row_irradiance(2 * len(upper))[: len(upper)], upper)
+    scale_colors(upper, (1 - cover) * irradiance / np.maximum(level, _EPSILON))
     if cover > 0:
-        _add_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
+        _add_color_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
 
 
 def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
     """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,)."""
     weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
-    total = max(float(weight @ glow.sum(axis=1)), _LEAST)
-    upper += f32(glow[..., None] * (power / total))
+    total = max(float(weight @ glow.sum(axis=1)), _EPSILON)
+    upper += to_float32(glow[..., None] * (power / total))
 
 
 def _overcast_rows(rows: int) -> Image:
     """Radiance (rows, 1, 1) of the overcast sky of irradiance 1, row by row from the zenith."""
     up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
     radiance = (1 + 2 * up) / 3
-    return f32(radiance / (row_levels(2 * rows)[:rows] @ radiance))[:, None, None]
+    return to_float32(radiance / (row_irradiance(2 * rows)[:rows] @ radiance))[:, None, None]
 
 
-def _add_rows(upper: Image, rows: Image, colour: Floats) -> None:
+def _add_color_rows(upper: Image, rows: Image, colour: Floats) -> None:
     """Add rows (rows, 1, 1) of a colour (3,) to a map, by whole rows as `scale` multiplies."""
     flat = upper.reshape(len(upper), -1)
-    flat += rows[:, 0] * np.tile(f32(colour), upper.shape[1])
+    flat += rows[:, 0] * np.tile(to_float32(colour), upper.shape[1])
 
 
-def _paint_shape(upper: Image, lighting: Lighting) -> None:
+def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
     """Fill the upper half with the model's radiance at any scale."""
     if lighting.sky_model == SKY_MODEL:
         _render_clear_sky(upper, lighting, lobe_table(lighting))
@@ -151,7 +151,7 @@ def _weather(lighting: Lighting) -> Weather:
     clear = clear_irradiance(lighting, lobe_table(lighting)) / lighting.exposure
     sun = sun_irradiance(lighting)
     sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
-    beam = float(luminance(sun)) / max(float(luminance(sky)), _LEAST)
+    beam = float(luminance(sun)) / max(float(luminance(sky)), _EPSILON)
     diffuse = float(luminance(clear)) * _LUX / _EFFICACY
     return Weather(lighting.turbidity, lighting.ground_albedo, beam, diffuse)
 
@@ -171,10 +171,10 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     painted = lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
     if lighting.sky_irradiance is None and lighting.sky_model == SKY_MODEL:
-        level = _paint_clear_sky(image[: height // 2], lighting, painted)
+        level = _fill_model_sky(image[: height // 2], lighting, painted)
     else:
-        level = _paint_given_sky(image[: height // 2], lighting, painted)
-    _paint_ground(image[height // 2 :], ground_reflectance(lighting) / math.pi * level)
+        level = _fill_stated_sky(image[: height // 2], lighting, painted)
+    _fill_ground(image[height // 2 :], ground_reflectance(lighting) / math.pi * level)
     if painted and disc:
         add_sun(image, lighting)
     return image
@@ -236,7 +236,7 @@ def check_height(height: int) -> None:
         raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE)
 
 
-def _paint_clear_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
+def _fill_model_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
     """Fill the upper half (H / 2, 2H, 3) by the model alone; the irradiance (3,) of the ground."""
     lobe = lobe_table(lighting)
     direct = disc_power(lighting)[1] if painted else np.zeros(3)
@@ -244,7 +244,7 @@ def _paint_clear_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
     return np.asarray(direct + clear_irradiance(lighting, lobe))
 
 
-def _paint_given_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
+def _fill_stated_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
     """The same for a sky whose irradiance is given, or whose model has no unit of its own."""
     power = sun_irradiance(lighting) if painted else np.zeros(3)
     sky = sky_irradiance(lighting)
@@ -252,7 +252,7 @@ def _paint_given_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
     return np.asarray(sky + power * max(float(lighting.sun_direction[1]), 0.0))
 
 
-def _paint_ground(image: Image, radiance: Floats) -> None:
+def _fill_ground(image: Image, radiance: Floats) -> None:
     """Fill the lower half (H / 2, 2H, 3) with one colour (3,); copying whole rows is fastest."""
     image[0] = radiance
     image[1:] = image[0]

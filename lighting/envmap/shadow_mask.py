@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import SRGB_LINEAR, checked_pixels, luminance
-from lighting.envmap.projection import camera_of
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, shrunk, slice_around
 from lighting.records import Lighting, check_lighting
 
-_SIDE = 256  # pixels of the answer's longer side, at most
+_MAX_SIDE = 256  # pixels of the answer's longer side, at most
 _GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade
-_BELOW = np.sin(np.radians(1.0))  # sine of the angle below the horizon from which a pixel counts as ground
-_LEAST = 0.02  # share of the picture that must show ground
-_STOPS = (-7.0, 0.0)  # range of the log2 of luminance
+_SIN_BELOW = np.sin(np.radians(1.0))  # sine of the angle below the horizon from which a pixel counts as ground
+_MIN_GROUND = 0.02  # share of the picture that must show ground
+_LOG2_RANGE = (-7.0, 0.0)  # range of the log2 of luminance
 _BINS = 64  # of a histogram over it
-_LEAST_STEP = 1.0  # stops between shade and sunlight; a smaller difference is the ground's own
-_OF_PREDICTED = 0.6  # share of the predicted step
-_LEAST_PART = 0.03  # share of the ground that the rarer of both takes
-_ALBEDO = (-3.4, 1.2)  # log2 of a ground's reflectance: the mean, and the spread with the errors of irradiance
-_SUNLIT = 0.8  # share of the ground that the sun reaches where it reaches the scene
-_RARE = 0.05  # least such share
-_NEAR = 1.0  # stops from the threshold of ordinary ground, within which the picture's own is sought
+_MIN_STEP = 1.0  # stops between shade and sunlight; a smaller difference is the ground's own
+_MIN_PREDICTED_SHARE = 0.6  # share of the predicted step
+_MIN_CLASS_SHARE = 0.03  # share of the ground that the rarer of both takes
+_LOG2_ALBEDO = (-3.4, 1.2)  # log2 of a ground's reflectance: the mean, and the spread with the errors of irradiance
+_SUNLIT_SHARE = 0.8  # share of the ground that the sun reaches where it reaches the scene
+_MIN_SUNLIT_SHARE = 0.05  # least such share
+_THRESHOLD_REACH = 1.0  # stops from the threshold of ordinary ground, within which the picture's own is sought
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,17 @@ def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: boo
     Raises ParameterError for what is no Lighting, and PhotoError for what is no photo's pixels.
     """
     check_lighting(lighting)
-    small = _reduced(checked_pixels(photo))
+    small = _shrink_photo(checked_pixels(photo))
     height, width = small.shape[:2]
     shines = lighting.sun_painted if sun is None else sun
     step = _predicted_step(lighting) if shines else 0.0
-    grey = _blocks(luminance(SRGB_LINEAR[small].astype(np.float64)))
-    ground = _below_horizon(grey.shape, lighting)
-    if step < _LEAST_STEP or ground.mean() < _LEAST:
+    grey = _block_means(luminance(SRGB_LINEAR[small].astype(np.float64)))
+    ground = _ground_blocks(grey.shape, lighting)
+    if step < _MIN_STEP or ground.mean() < _MIN_GROUND:
         return np.ones((height, width), dtype=np.float32)
-    stops = np.log2(np.clip(grey, *np.exp2(_STOPS)))[ground]
+    stops = np.log2(np.clip(grey, *np.exp2(_LOG2_RANGE)))[ground]
     lit = np.ones(grey.shape, dtype=np.float32)
-    lit[ground] = _lit(stops, _lit_level(lighting), step, lighting.sun_visibility)
+    lit[ground] = _sunlit_share(stops, _white_level(lighting), step, lighting.sun_visibility)
     return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
 
 
@@ -94,59 +94,59 @@ def mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: 
 
 def _predicted_step(lighting: Lighting) -> float:
     """Stops between level ground in the sun and in shade."""
-    sky, direct = _levels(lighting)
+    sky, direct = _level_luminances(lighting)
     return float(np.log2(1 + direct / max(sky, 1e-9)))
 
 
-def _lit_level(lighting: Lighting) -> float:
+def _white_level(lighting: Lighting) -> float:
     """Log2 of the luminance of a level white surface in the sun."""
-    return float(np.log2(max(sum(_levels(lighting)), 1e-9) / np.pi))
+    return float(np.log2(max(sum(_level_luminances(lighting)), 1e-9) / np.pi))
 
 
-def _levels(lighting: Lighting) -> tuple[float, float]:
+def _level_luminances(lighting: Lighting) -> tuple[float, float]:
     """Luminance of level ground's irradiance by sky and by sun."""
     direct = float(luminance(sun_irradiance(lighting))) * max(float(lighting.sun_direction[1]), 0.0)
     return float(luminance(sky_irradiance(lighting))), direct
 
 
-def _lit(stops: Floats, level: float, step: float, visibility: float) -> Floats:
+def _sunlit_share(stops: Floats, level: float, step: float, visibility: float) -> Floats:
     """The share (N,) of the sun at ground of log2 luminance (N,)."""
-    middle = level + _ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
-    kinds = _kinds(stops, middle, max(_LEAST_STEP, _OF_PREDICTED * step))
+    middle = level + _LOG2_ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
+    kinds = _classify_ground(stops, middle, max(_MIN_STEP, _MIN_PREDICTED_SHARE * step))
     if kinds is None:
-        return np.full(len(stops), float(np.median(stops) >= level + _darkest_lit(step, visibility)))
+        return np.full(len(stops), float(np.median(stops) >= level + _min_lit_albedo(step, visibility)))
     return np.asarray(np.clip((stops - kinds.threshold) / (0.5 * kinds.step) + 0.5, 0, 1))
 
 
-def _kinds(stops: Floats, middle: float, least: float) -> _OtsuClasses | None:
+def _classify_ground(stops: Floats, middle: float, least: float) -> _OtsuClasses | None:
     """Ground in the sun and in shade, a `least` step apart: by a threshold near the middle or by any.
 
     One farther off counts only if the dark kind is not bright: it splits light paving, not lit ground from walls.
     """
-    near, any_ = (_two_kinds(stops, middle, reach) for reach in (_NEAR, np.inf))
+    near, any_ = (_otsu_classes(stops, middle, reach) for reach in (_THRESHOLD_REACH, np.inf))
     if near is not None and near.step >= least:
         return near
-    return any_ if any_ is not None and any_.step >= least and any_.dark < middle + _NEAR else None
+    return any_ if any_ is not None and any_.step >= least and any_.dark < middle + _THRESHOLD_REACH else None
 
 
-def _darkest_lit(step: float, visibility: float) -> float:
+def _min_lit_albedo(step: float, visibility: float) -> float:
     """Log2 of the reflectance, if it were lit, of ground that is as likely to lie in shade.
 
     By Bayes' rule with a normal distribution of log2 reflectance: in shade it would be a `step` more than it seems.
     """
-    mean, spread = _ALBEDO
-    lit = _SUNLIT * visibility
-    return float(mean - step / 2 - spread**2 * np.log(max(lit, _RARE) / (1 - lit)) / step)
+    mean, spread = _LOG2_ALBEDO
+    lit = _SUNLIT_SHARE * visibility
+    return float(mean - step / 2 - spread**2 * np.log(max(lit, _MIN_SUNLIT_SHARE) / (1 - lit)) / step)
 
 
-def _reduced(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _shrink_photo(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The photo (h, w, 3) with at most _SIDE pixels along its longer side."""
     height, width = photo.shape[:2]
-    size = shrunk(width, height, _SIDE)
+    size = shrunk(width, height, _MAX_SIDE)
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
 
 
-def _blocks(grey: Floats) -> Floats:
+def _block_means(grey: Floats) -> Floats:
     """Means of blocks of _GRAIN pixels each way of a picture (h, w); the last ones take what is left over."""
     starts = [np.arange(max(1, count // _GRAIN)) * _GRAIN for count in grey.shape]
     sums = np.add.reduceat(np.add.reduceat(grey, starts[0], axis=0), starts[1], axis=1)
@@ -154,15 +154,15 @@ def _blocks(grey: Floats) -> Floats:
     return np.asarray(sums / np.outer(*sizes))
 
 
-def _below_horizon(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
+def _ground_blocks(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
     """Which blocks (rows, columns) of a picture show ground, if nothing stands on it."""
-    rays = camera_directions(camera_of(lighting, blocks[1], blocks[0]))
-    return np.asarray(rays[..., 1] < -_BELOW)
+    rays = camera_directions(photo_camera(lighting, blocks[1], blocks[0]))
+    return np.asarray(rays[..., 1] < -_SIN_BELOW)
 
 
-def _two_kinds(stops: Floats, middle: float, reach: float) -> _OtsuClasses | None:
+def _otsu_classes(stops: Floats, middle: float, reach: float) -> _OtsuClasses | None:
     """The two kinds into which log2 luminances (N,) fall by a threshold near the middle; None if one is rare."""
-    counts, edges = np.histogram(stops, _BINS, _STOPS)
+    counts, edges = np.histogram(stops, _BINS, _LOG2_RANGE)
     values = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)[:-1]
     above = len(stops) - below
@@ -172,6 +172,6 @@ def _two_kinds(stops: Floats, middle: float, reach: float) -> _OtsuClasses | Non
     near = np.abs((dark + bright) / 2 - middle) <= reach
     spread = np.where((below > 0) & (above > 0) & near, below * above * (bright - dark) ** 2, -1.0)
     best = int(np.argmax(spread))
-    if spread[best] < 0 or min(below[best], above[best]) < _LEAST_PART * len(stops):
+    if spread[best] < 0 or min(below[best], above[best]) < _MIN_CLASS_SHARE * len(stops):
         return None
     return _OtsuClasses(float(dark[best]), float(bright[best]))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from lighting.errors import EnvironmentMapError
 
 if TYPE_CHECKING:
-    from lighting.files.exr import Image, Target
+    from lighting.files.exr import Image, WriteTarget
     from lighting.geometry import Floats
     from lighting.records import Lighting
 
@@ -30,7 +30,7 @@ class MapFormat:
     takes_compression: bool = False
 
 
-def _write_exr(target: "Target", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:
+def _write_exr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:
     from lighting.files.exr import write_exr
 
     write_exr(target, image, lighting, **options)
@@ -42,7 +42,7 @@ def _read_exr(data: bytes) -> "Image":
     return read_exr(io.BytesIO(data))[0]
 
 
-def _write_hdr(target: "Target", image: "Floats", lighting: "Lighting | None") -> None:
+def _write_hdr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None") -> None:
     from lighting.files.radiance_hdr import write_hdr
 
     write_hdr(target, image, lighting)
@@ -54,15 +54,15 @@ def _read_hdr(data: bytes) -> "Image":
     return decode_hdr(data)
 
 
-def _write_png(target: "Target", image: "Floats", _lighting: "Lighting | None") -> None:
+def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | None") -> None:
     """The map as the photo's exposure shows it, clipped at white."""
     from PIL import Image
 
     from lighting.color import tone_map
-    from lighting.files.exr import checked_map, opened
+    from lighting.files.exr import check_envmap, open_target
 
-    picture = Image.fromarray(tone_map(checked_map(image)))
-    with opened(target) as stream:
+    picture = Image.fromarray(tone_map(check_envmap(image)))
+    with open_target(target) as stream:
         picture.save(stream, format="png")
 
 

@@ -85,10 +85,12 @@ def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
 
 # Folders that results go to.
 
-RESULTS = "the results need a folder"
+_NEEDS_FOLDER = "the results need a folder"
 
 
-def output_folder_error(folder: Path, *, overwrite: bool, what: str = "the results", need: str = RESULTS) -> str | None:
+def output_folder_error(
+    folder: Path, *, overwrite: bool, what: str = "the results", need: str = _NEEDS_FOLDER
+) -> str | None:
     """Why something cannot or must not be written to a folder, in a sentence; None where nothing is in the way.
 
     `what` is its name in the sentence, `need` says that it takes a folder.

@@ -34,8 +34,8 @@ from lighting.version import __version__
 COMPRESSIONS = {"zip": "ZIP_COMPRESSION", "pxr24": "PXR24_COMPRESSION", "none": "NO_COMPRESSION"}  # OpenEXR's names
 _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 
-MANTISSA = 13  # bits that `zip` keeps, so that a value changes by no more than 1 part in 2^14
-_DROPPED = 23 - MANTISSA
+_MANTISSA_BITS = 13  # bits that `zip` keeps, so that a value changes by no more than 1 part in 2^14
+_DROPPED = 23 - _MANTISSA_BITS
 _HALF, _MASK = np.uint32(1 << (_DROPPED - 1)), np.uint32(0xFFFFFFFF << _DROPPED & 0xFFFFFFFF)
 _ROWS = 32  # that are rounded at once
 _THREADS = 4  # beyond which packing gets no faster
@@ -43,7 +43,7 @@ _EFFORT = 1  # of ZIP, 1 to 9: a third less work than OpenEXR's own 4, for a sev
 _SET_EFFORT = "_ZN7Imf_3_529setDefaultZipCompressionLevelEi"  # Imf::setDefaultZipCompressionLevel(int) of OpenEXR 3.5
 
 
-def check_packing(compression: str) -> None:
+def check_compression(compression: str) -> None:
     """Raise EnvironmentMapError for what is not among COMPRESSIONS; of one that was, it says what to use instead."""
     if compression in _REMOVED:
         raise EnvironmentMapError(f"The compression {compression!r} was removed; none changes no value either.")
@@ -53,12 +53,12 @@ def check_packing(compression: str) -> None:
         )
 
 
-def packed_with(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.float32]]:
+def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.float32]]:
     """OpenEXR's name of the compression, and the pixels as it is to pack them.
 
     Raises EnvironmentMapError for one that is not among COMPRESSIONS.
     """
-    check_packing(compression)
+    check_compression(compression)
     library = _library()
     return getattr(library, COMPRESSIONS[compression]), _rounded(image) if compression == "zip" else image
 
@@ -101,7 +101,7 @@ def _bands(image: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
         yield image[start : start + _ROWS]
 
 
-def pack_in_threads(count: int) -> None:
+def set_compression_threads(count: int) -> None:
     """Pack in this many threads from now on; one packs in the thread that asks, since a pool of one is slower."""
     _library().set_global_thread_count(count if count > 1 else 0)
 
@@ -137,18 +137,18 @@ def _rest_over_forks(library: Any) -> None:
 # Environment maps as OpenEXR: 32-bit float R, G, B with the lighting that made them in the header.
 
 Image = NDArray[np.float32]
-Target = str | os.PathLike[str] | BinaryIO
+WriteTarget = str | os.PathLike[str] | BinaryIO
 
 SOFTWARE = f"outdoor-lighting {__version__}"
 
-MAGIC = b"v/1\x01"
+EXR_MAGIC = b"v/1\x01"
 _BUFFER = 1 << 20  # bytes written at once; OpenEXR writes each 16 rows, with their place and size, by themselves
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
 _MOST_CHUNKS = 1 << 16  # of a file, each of a row or more: a map of more rows would hold 100 GB
 
 
 def write_exr(
-    target: Target,
+    target: WriteTarget,
     image: NDArray[np.floating[Any]],
     lighting: Lighting | None = None,
     attributes: Mapping[str, Any] | None = None,
@@ -167,7 +167,7 @@ def write_exr(
 
     if not isinstance(attributes, Mapping | None):
         raise EnvironmentMapError(f"The attributes of an EXR have names, which {type(attributes).__name__} has not.")
-    packing, pixels = packed_with(checked_map(image), compression)
+    packing, pixels = prepare_compression(check_envmap(image), compression)
     header = {
         "compression": packing,
         "type": OpenEXR.scanlineimage,
@@ -181,7 +181,7 @@ def write_exr(
         _try_attributes(header)
     file = OpenEXR.File(header, {"RGB": pixels})
     if isinstance(target, str | os.PathLike):
-        with opened(target) as stream:
+        with open_target(target) as stream:
             file.write(stream)
     elif not callable(getattr(target, "write", None)):
         raise EnvironmentMapError(f"An EXR is written to a path or a binary stream, not {type(target).__name__}.")
@@ -191,7 +191,7 @@ def write_exr(
         target.write(buffer.getbuffer())
 
 
-def read_exr(source: Target) -> tuple[Image, Lighting | None]:
+def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     """The pixels (H, W, 3) of an EXR file, half or float, in Rec.709, and the lighting in its header if there is one.
 
     `source` is a path or a binary stream. Raises EnvironmentMapError for what is not a whole EXR file with R, G and B.
@@ -218,14 +218,14 @@ def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
     return pixels if matrix is None else np.asarray(pixels @ matrix.T)
 
 
-def read_map(file: str | os.PathLike[str]) -> Image:
+def read_envmap(file: str | os.PathLike[str]) -> Image:
     """The map (H, 2H, 3) in an EXR file.
 
     Raises EnvironmentMapError, which names the file, for what is no whole map, and for values that are not finite.
     """
     data = _read(file)
     try:
-        image = checked_map(read_exr(io.BytesIO(data))[0])
+        image = check_envmap(read_exr(io.BytesIO(data))[0])
         if not np.isfinite(image).all():
             raise EnvironmentMapError("The map holds values that are not finite numbers.")
     except EnvironmentMapError as error:
@@ -233,13 +233,13 @@ def read_map(file: str | os.PathLike[str]) -> Image:
     return image
 
 
-def read_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
+def read_exr_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
     """The header of an EXR file, without its pixels. Raises EnvironmentMapError for what is not one."""
     import OpenEXR
 
     try:
         with Path(source).open("rb") as stream:
-            if stream.read(4) != MAGIC:
+            if stream.read(4) != EXR_MAGIC:
                 raise EnvironmentMapError(f"{os.fspath(source)} is not an OpenEXR image.")
         return dict(OpenEXR.File(os.fspath(source), header_only=True).header())
     except OSError as error:
@@ -248,7 +248,7 @@ def read_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
         raise EnvironmentMapError(f"The header of {os.fspath(source)} cannot be read: {error}.") from error
 
 
-def checked_map(image: NDArray[np.floating[Any]]) -> Image:
+def check_envmap(image: NDArray[np.floating[Any]]) -> Image:
     """The map as contiguous float32; EnvironmentMapError unless it has the shape (H, 2H, 3)."""
     shape = np.shape(image)
     if len(shape) != 3 or shape != (shape[0], 2 * shape[0], 3) or shape[0] == 0:
@@ -257,7 +257,7 @@ def checked_map(image: NDArray[np.floating[Any]]) -> Image:
 
 
 @contextmanager
-def opened(target: Target) -> Iterator[BinaryIO]:
+def open_target(target: WriteTarget) -> Iterator[BinaryIO]:
     """A binary stream to fill: the one given, or a file that takes the path's place when the block ends well.
 
     Raises EnvironmentMapError where the path cannot be written.
@@ -311,7 +311,7 @@ def _lighting_in(header: dict[str, Any]) -> Lighting | None:
         raise EnvironmentMapError(f"The EXR file's lighting.json cannot be read: {error}") from error
 
 
-def _read(source: Target) -> bytes:
+def _read(source: WriteTarget) -> bytes:
     if not isinstance(source, str | os.PathLike):
         read = getattr(source, "read", None)
         if not callable(read):
@@ -342,7 +342,7 @@ def _is_whole(data: bytes) -> bool:
 
     The library would write about a missing chunk to the terminal, and fill some of them with nothing.
     """
-    if not data.startswith(MAGIC):
+    if not data.startswith(EXR_MAGIC):
         raise EnvironmentMapError("The file is not an OpenEXR image.")
     try:
         (version,) = struct.unpack_from("<I", data, 4)

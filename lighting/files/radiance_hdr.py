@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
-from lighting.files.exr import SOFTWARE, Target, checked_map, opened
+from lighting.files.exr import SOFTWARE, WriteTarget, check_envmap, open_target
 from lighting.geometry import Floats
 from lighting.records import Lighting
 
-MAGIC_HDR = b"#?"
+HDR_MAGIC = b"#?"
 _DARKEST = 1e-38  # what RGBE cannot hold becomes black
 _RUN = 127  # the longest run of the run-length code
 _SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
@@ -25,12 +25,12 @@ _XYZ = re.compile(rb"^FORMAT=\s*32-bit_rle_xyze\s*$", re.MULTILINE)
 _EXPOSURE = re.compile(rb"^EXPOSURE=\s*([0-9.eE+-]+)\s*$", re.MULTILINE)
 
 
-def write_hdr(target: Target, image: Floats, _: Lighting | None = None) -> None:
+def write_hdr(target: WriteTarget, image: Floats, _: Lighting | None = None) -> None:
     """Write a map (H, 2H, 3) as Radiance RGBE with run-length coded rows, top row first, left to right."""
-    pixels = _rgbe(checked_map(image))
+    pixels = _rgbe(check_envmap(image))
     height, width = pixels.shape[:2]
     start = _row_start(width)
-    with opened(target) as stream:
+    with open_target(target) as stream:
         stream.write(f"#?RADIANCE\nSOFTWARE={SOFTWARE}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode())
         for row in pixels:
             stream.write(start + b"".join(_packed(row[:, channel].tobytes()) for channel in range(4)))
@@ -78,7 +78,7 @@ def decode_hdr(data: bytes) -> NDArray[np.float32]:
     Raises EnvironmentMapError for another kind of file, a damaged one and one whose rows run another way.
     """
     size = _SIZE.search(data)
-    if not data.startswith(MAGIC_HDR) or size is None:
+    if not data.startswith(HDR_MAGIC) or size is None:
         raise EnvironmentMapError("The file is not a Radiance HDR picture with its top row first.")
     if _XYZ.search(data, 0, size.start()):
         raise EnvironmentMapError("The HDR picture holds X, Y and Z in place of red, green and blue.")

@@ -41,11 +41,13 @@ from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image
 
 # How many pixels of each kind of picture may be decoded, so that one photo takes a stated amount of memory.
 
-BYTES = 4  # that a photo may take for each of the `max_pixels`; a kind that needs more per pixel is given fewer pixels
-FIXED = 64_000_000  # bytes beside, of conversions in strips
+_BYTES_PER_PIXEL = (
+    4  # that a photo may take for each of the `max_pixels`; a kind that needs more per pixel is given fewer pixels
+)
+_FIXED_BYTES = 64_000_000  # bytes beside, of conversions in strips
 
-COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
-PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-23, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
+_BYTES_PER_COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
+_DECODER_BYTES_PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-23, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
     "JPEG": 1.0,  # decoded row by row, and reduced on the way
     "PNG": 4.0,  # Pillow's own picture
     "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
@@ -53,7 +55,7 @@ PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-23, Pillow 13.0
     "TIFF": 16.0,  # a strip as large as the picture, of up to twice the bytes per colour, beside Pillow's own
     "AVIF": 14.0,
 }
-NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
+_FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
 
 
 def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
@@ -61,13 +63,15 @@ def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, 
     kind = "JPEG" if image.format == "MPO" else str(image.format)
     held = dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
     if not held:
-        return _most(kind, max_pixels), NAMES[kind]
-    return min(max_pixels, int(max_pixels * BYTES / (held * COEFFICIENT))), f"progressive {NAMES[kind]}"
+        return _max_pixels_of_format(kind, max_pixels), _FORMAT_NAMES[kind]
+    return min(
+        max_pixels, int(max_pixels * _BYTES_PER_PIXEL / (held * _BYTES_PER_COEFFICIENT))
+    ), f"progressive {_FORMAT_NAMES[kind]}"
 
 
-def _most(kind: str, max_pixels: int) -> int:
+def _max_pixels_of_format(kind: str, max_pixels: int) -> int:
     """How many pixels a picture of a kind of PER_PIXEL may have."""
-    return min(max_pixels, int(max_pixels * BYTES / PER_PIXEL[kind]))
+    return min(max_pixels, int(max_pixels * _BYTES_PER_PIXEL / _DECODER_BYTES_PER_PIXEL[kind]))
 
 
 def memory_budget(size: int, max_pixels: int, target: int | None) -> int:
@@ -76,7 +80,7 @@ def memory_budget(size: int, max_pixels: int, target: int | None) -> int:
     `max_pixels` and `target` are those of `read_photo`.
     """
     kept = MAX_KEPT_PIXELS if target is None else min(4 * target * target, MAX_KEPT_PIXELS)
-    return BYTES * max_pixels + FIXED + 2 * size + 6 * kept
+    return _BYTES_PER_PIXEL * max_pixels + _FIXED_BYTES + 2 * size + 6 * kept
 
 
 # Bytes to upright sRGB pixels.
@@ -85,15 +89,15 @@ Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 
 MAX_BYTES = 64_000_000
 MAX_PIXELS = 128_000_000  # lets the 108-megapixel photos of phones pass
-MOST_PIXELS = 178_000_000  # that Pillow opens at all
+PILLOW_MAX_PIXELS = 178_000_000  # that Pillow opens at all
 TARGET = 448  # pixels along the longer side, twice what the network sees
 MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of more than 4 GB too
-_UNREAD = "The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
-_UNREAD_TIFF = (
+_UNREADABLE = "The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
+_UNREADABLE_TIFF = (
     "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
 )
 _CHUNK = 1 << 22  # bytes read at once, so that small files need no buffer of the limit's size
@@ -139,7 +143,7 @@ def read_photo(
     if target is not None and not (isinstance(target, Integral) and target > 0):
         predicate = f"must be a whole number of pixels over 0, or None, not {target!r}."
         raise ParameterError.about("target", predicate, ErrorCode.WRONG_TYPE)
-    data = photo_data(source, max_bytes)
+    data = read_bytes(source, max_bytes)
     try:
         with _no_warnings():
             raw = is_raw(data)
@@ -164,11 +168,11 @@ def read_photo(
     return Photo(pixels, width, height, RAW_FORMAT if raw else str(image.format), facts)
 
 
-def photo_data(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
+def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
     """What a file or a binary stream holds; PhotoError where that is nothing, PhotoTooLargeError over `max_bytes`."""
     if isinstance(source, str | os.PathLike):
         with Path(source).open("rb") as stream:
-            return photo_data(stream, max_bytes)
+            return read_bytes(stream, max_bytes)
     data = bytes(source) if isinstance(source, bytes | bytearray | memoryview) else _drain(source, max_bytes + 1)
     if len(data) > max_bytes:
         raise PhotoTooLargeError(f"The photo is larger than the limit of {max_bytes / 1e6:g} MB.")
@@ -200,14 +204,14 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     check_scans(data)
     check_chunks(data)
     if size := webp_size(data):
-        _check_size(*size, _most("WEBP", max_pixels), NAMES["WEBP"])
+        _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:
         with _no_warnings():
             image = Image.open(BytesIO(data), formats=formats)
     except UnidentifiedImageError as error:
-        raise PhotoError(_UNREAD_TIFF if data.startswith(_TIFF) else _UNREAD) from error
+        raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else _UNREADABLE) from error
     except Image.DecompressionBombError as error:
-        raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, MOST_PIXELS))) from error
+        raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
     check_bit_depth(image)
     _check_size(*image.size, *pixel_limit(image, data, max_pixels))
     return image
@@ -253,7 +257,7 @@ def _no_warnings() -> Iterator[None]:
 
 # Pixels that a program already holds, such as a camera's frame, as a Photo.
 
-PIXELS_FORMAT = "PIXELS"  # the Photo's `format`
+_ARRAY_FORMAT = "PIXELS"  # the Photo's `format`
 
 
 def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:
@@ -267,4 +271,4 @@ def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -
     array = checked_pixels(pixels)
     height, width = array.shape[:2]
     _check_size(width, height, MAX_PIXELS, "photo")
-    return Photo(np.ascontiguousarray(array), width, height, PIXELS_FORMAT, metadata or PhotoMetadata())
+    return Photo(np.ascontiguousarray(array), width, height, _ARRAY_FORMAT, metadata or PhotoMetadata())

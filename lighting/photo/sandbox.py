@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from lighting.errors import PhotoError, PhotoTooLargeError
-from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, Source, memory_budget, photo_data, read_photo
+from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, Source, memory_budget, read_bytes, read_photo
 from lighting.runtime import bound, ending_after, held, leave_signals, own_stdout, python
 
 if TYPE_CHECKING:
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 
 # A process that decodes photos for another one: apart.py starts and stops it.
 
-READY = "ready"
+_READY = "ready"
 
 
 @dataclass(frozen=True)
-class Request:
+class DecodeRequest:
     """A photo to read: a path, or the number of bytes that follow; the limits of `read_photo`, and one of time."""
 
     source: str | int
@@ -59,7 +59,7 @@ def serve_decoder() -> None:
     requests, answers = sys.stdin.buffer, own_stdout()
     _one_thread()
     own = held()
-    pickle.dump(READY, answers)
+    pickle.dump(_READY, answers)
     answers.flush()
     while request := _next(requests):
         with ending_after(request.seconds):
@@ -67,15 +67,15 @@ def serve_decoder() -> None:
             answers.flush()
 
 
-def _next(requests: BinaryIO) -> Request | None:
+def _next(requests: BinaryIO) -> DecodeRequest | None:
     try:
-        request: Request = pickle.load(requests)
+        request: DecodeRequest = pickle.load(requests)
     except EOFError:
         return None
     return request
 
 
-def _answer(request: Request, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
+def _answer(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
     source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
     try:
         size = len(source) if isinstance(source, bytes) else request.max_bytes
@@ -101,9 +101,11 @@ def _one_thread() -> None:
     options.DECODE_THREADS = 1
 
 
-SECONDS = 10.0  # for a request's photos: five times the slowest that `benchmarks.decoding` reads, on a busy CPU
+MAX_DECODE_SECONDS = (
+    10.0  # for a request's photos: five times the slowest that `benchmarks.decoding` reads, on a busy CPU
+)
 
-CODE = "from lighting.photo.sandbox import serve_decoder; serve_decoder()"
+_WORKER_CODE = "from lighting.photo.sandbox import serve_decoder; serve_decoder()"
 
 _START_SECONDS = 300.0  # on a machine that is busy with other work
 _PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
@@ -121,22 +123,22 @@ def read_photo_isolated(
     max_bytes: int = MAX_BYTES,
     max_pixels: int = MAX_PIXELS,
     target: int | None = TARGET,
-    seconds: float = SECONDS,
+    seconds: float = MAX_DECODE_SECONDS,
 ) -> Photo:
     """What `read_photo` returns or raises, from another process.
 
     Raises PhotoTooLargeError also where reading takes longer than `seconds`, or, on Linux, more memory than
     `reader.memory_budget`; and PhotoError where a decoder crashes.
     """
-    data = photo_data(source, max_bytes) if isinstance(source, bytes) else b""
+    data = read_bytes(source, max_bytes) if isinstance(source, bytes) else b""
     place = len(source) if isinstance(source, bytes) else str(Path(source).absolute())
     with _borrowed() as decoder:
-        return decoder.read(Request(place, max_bytes, max_pixels, target, seconds), data)
+        return decoder.read(DecodeRequest(place, max_bytes, max_pixels, target, seconds), data)
 
 
 def start_decoder_pool(count: int) -> None:
     """Have this many processes ready, so that no photo waits for one to start; raises PhotoError where they do not."""
-    started = [Decoder() for _ in range(count - len(_idle))]
+    started = [DecoderProcess() for _ in range(count - len(_idle))]
     for decoder in started:
         decoder.start()
     for decoder in started:
@@ -144,7 +146,7 @@ def start_decoder_pool(count: int) -> None:
         _idle.append(decoder)
 
 
-class Decoder:
+class DecoderProcess:
     """One process for one photo at a time."""
 
     def __init__(self) -> None:
@@ -152,7 +154,7 @@ class Decoder:
         self._ready = False
         atexit.register(self.end)
 
-    def read(self, request: Request, data: bytes) -> Photo:
+    def read(self, request: DecodeRequest, data: bytes) -> Photo:
         """The photo that is asked for; `data` is empty where the request names a path."""
         try:
             self.prepare()
@@ -178,7 +180,7 @@ class Decoder:
     def start(self) -> None:
         """Start the process, in place of one that ended, without waiting for it."""
         self.end()
-        self._process = _started()
+        self._process = _start_process()
 
     def wait(self) -> None:
         """Wait until the process takes requests; raises PhotoError where it never does."""
@@ -186,7 +188,7 @@ class Decoder:
             return
         with _alarm(_START_SECONDS, self._running):
             try:
-                self._ready = pickle.load(_stream(self._running.stdout)) == READY
+                self._ready = pickle.load(_stream(self._running.stdout)) == _READY
             except (EOFError, pickle.UnpicklingError) as error:
                 raise PhotoError("The process that decodes photos does not start.") from error
 
@@ -206,14 +208,14 @@ class Decoder:
         assert self._process
         return self._process
 
-    def _in_time(self, request: Request, data: bytes) -> Photo | Exception:
+    def _in_time(self, request: DecodeRequest, data: bytes) -> Photo | Exception:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
         with (
             _alarm(request.seconds, self._running) as rung,
             suppress(EOFError, BrokenPipeError, pickle.UnpicklingError),
         ):
-            answer = _asked(self._running, request, data)
+            answer = _request_photo(self._running, request, data)
         if rung.is_set() or answer is None:
             self.start()
         if answer is not None:
@@ -223,23 +225,23 @@ class Decoder:
         return PhotoError("The photo ended the process that decoded it.")
 
 
-_idle: list[Decoder] = []  # taken and given back by threads; both are single steps
+_idle: list[DecoderProcess] = []  # taken and given back by threads; both are single steps
 
 
 @contextmanager
-def _borrowed() -> Iterator[Decoder]:
+def _borrowed() -> Iterator[DecoderProcess]:
     """A decoder that nobody else uses; a new one where all are in use."""
     try:
         decoder = _idle.pop()
     except IndexError:
-        decoder = Decoder()
+        decoder = DecoderProcess()
     try:
         yield decoder
     finally:
         _idle.append(decoder)
 
 
-def _asked(process: "Popen[bytes]", request: Request, data: bytes) -> Photo | Exception:
+def _request_photo(process: "Popen[bytes]", request: DecodeRequest, data: bytes) -> Photo | Exception:
     requests, answers = _stream(process.stdin), _stream(process.stdout)
     pickle.dump(request, requests)
     requests.write(data)
@@ -273,8 +275,8 @@ def _alarm(seconds: float, process: "Popen[bytes]") -> Iterator[Event]:
         timer.join()
 
 
-def _started() -> "Popen[bytes]":
-    process = python(CODE, _ENVIRONMENT)
+def _start_process() -> "Popen[bytes]":
+    process = python(_WORKER_CODE, _ENVIRONMENT)
     if sys.platform == "linux":
         import fcntl
 

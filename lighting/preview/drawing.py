@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lighting.color import tone_map
-from lighting.envmap.projection import camera_of
+from lighting.envmap.projection import photo_camera
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
 from lighting.records import Lighting
 
@@ -168,7 +168,7 @@ _NEAR = 52  # pixels within which the horizon may cross the words beside an arro
 
 def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
     """Draw the horizon as a thin line with a soft shadow, if it is in view; its name is on the side without the sun."""
-    line = horizon_pixels(camera_of(lighting, *picture.size))
+    line = horizon_pixels(photo_camera(lighting, *picture.size))
     shaded_stroke(picture, [line], WHITE, 2)
     inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
     if len(inside):
@@ -180,7 +180,7 @@ def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
 
 def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
-    colour, camera = sun_colour(lighting), camera_of(lighting, *picture.size)
+    colour, camera = sun_colour(lighting), photo_camera(lighting, *picture.size)
     seen = _camera_pixels(lighting.sun_direction[None], camera)
     if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
         sun_marks(picture, seen, colour, 9)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import srgb_decode, tone_map
-from lighting.envmap.projection import camera_of
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
 from lighting.geometry import (
     EYE_HEIGHT,
@@ -114,7 +114,7 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
 
     `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
     """
-    camera = camera_of(lighting, picture.width, picture.height)
+    camera = photo_camera(lighting, picture.width, picture.height)
     spot = _plain_spot(picture, camera, _ball_radius(camera), _ROW)
     if spot is None:
         return picture

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import checked_pixels
-from lighting.envmap.projection import camera_of
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.files.atomic import encode_png
-from lighting.files.exr import checked_map
+from lighting.files.exr import check_envmap
 from lighting.formatting import aside, azimuth_in_words, tilt_in_words
 from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, Style, display, rounded, text_width, write
 from lighting.preview.panels import (
@@ -133,14 +133,14 @@ def _draw_preview(
     check_estimate(estimate)
     photo = checked_pixels(photo)
     lighting = estimate.lighting
-    envmap = _map(photo, estimate, None) if envmap is None else checked_map(envmap)
+    envmap = _map(photo, estimate, None) if envmap is None else check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _numbers_of(lighting)
     plan = lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
     compass = compass_panel(estimate, aspect, plan.compass.width)
     centres = sphere_centres(plan.spheres.width / plan.spheres.height, pitch_of(lighting))
     stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
     placed = stage if lighting.sun_irradiance is not None else None
-    camera = camera_of(lighting, photo.shape[1], photo.shape[0])
+    camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     seen = photo_caption(camera, plan.photo.width, balls=placed is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)

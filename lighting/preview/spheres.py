@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.latlong import blur_envmap, irradiance, shrink, without_sun
+from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.geometry import (
     SUN_RADIUS,
     Floats,
@@ -203,13 +203,13 @@ _BOUNCES_MORE = 2  # where that light is nearly right already
 
 def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stage:
     """The spheres at `centres` (3, 3) under a map (H, 2H, 3) whose sun stands in the direction `sun` (3,)."""
-    sky, sun_irradiance = without_sun(envmap, sun)
-    coarse = shrink(sky, _LOBE_ROWS)
+    sky, sun_irradiance = remove_sun(envmap, sun)
+    coarse = shrink_envmap(sky, _LOBE_ROWS)
     ground = sky[-len(sky) // 4 :].mean(axis=(0, 1), dtype=np.float64).reshape(3)
-    overhead = np.maximum(irradiance(coarse, np.array([0.0, 1.0, 0.0])), 1e-9)
+    overhead = np.maximum(envmap_irradiance(coarse, np.array([0.0, 1.0, 0.0])), 1e-9)
     direct = sun_irradiance * max(float(sun[1]), 0.0)
     albedo = np.pi * ground / (overhead + direct)
-    ball = irradiance(_with_ground_times(coarse, 0.0), latlong_directions(_BALL_ROWS))
+    ball = envmap_irradiance(_with_ground_times(coarse, 0.0), latlong_directions(_BALL_ROWS))
     lobes = blur_envmap(coarse, GLOSSINESS)
     none = tuple(np.zeros((2, 4, 3)) for _ in centres)
     stage = Stage(
@@ -282,7 +282,7 @@ def _cones(axes: Floats) -> tuple[Floats, Floats]:
 
 def _around_ball(stage: Stage) -> Floats:
     """Irradiance (H, 2H, 3) of the diffuse sphere by sky, ground and the other spheres, by its normals."""
-    soft = replace(stage, sky=shrink(stage.sky, _AROUND_ROWS))
+    soft = replace(stage, sky=shrink_envmap(stage.sky, _AROUND_ROWS))
     rays = latlong_directions(_AROUND_ROWS).reshape(-1, 3)
     normals = latlong_directions(_BALL_ROWS).reshape(-1, 3)
     weight = np.maximum(normals @ rays.T, 0) * np.repeat(latlong_solid_angle(_AROUND_ROWS), 2 * _AROUND_ROWS)

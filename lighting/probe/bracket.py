@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
-from lighting.files.exr import read_attributes
+from lighting.files.exr import read_exr_attributes
 from lighting.photo.linear import (
     RAW_SUFFIXES,
     Curve,
@@ -230,7 +230,7 @@ def _is_dated(path: Path) -> bool:
 
 
 def _probe(path: Path, zone: tzinfo) -> _ProbeFile:
-    filed = read_attributes(path).get(TIME)
+    filed = read_exr_attributes(path).get(TIME)
     if isinstance(filed, str):
         return _ProbeFile(_filed(filed, path, zone), path)
     try:

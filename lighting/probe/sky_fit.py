@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
-from lighting.envmap.latlong import shrink
+from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import ErrorCode, ProbeError
 from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.probe.sun_detection import HEIGHT, Mask, connected, find_spot, find_sun, is_clipped, ndimage, solid_angle
@@ -66,7 +66,7 @@ def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None
     over its whole range, and the gains at each turbidity follow in closed form: no start value is needed, and no local
     minimum can hold the fit.
     """
-    sky = _sample_sky(shrink(linear, HEIGHT), sun_direction)
+    sky = _sample_sky(shrink_envmap(linear, HEIGHT), sun_direction)
     if sky.solid_angle < MINIMUM_SKY:
         return None
     turbidity, reach = 5.5, 4.5
@@ -207,7 +207,7 @@ def _found(image: NDArray[np.float32]) -> tuple[float, float]:
 
 def _cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
     """`SkyState.cover` of a map (H, 2H, 3) whose sun stands in a direction (3,), by the model fitted to it."""
-    small = shrink(image, HEIGHT)
+    small = shrink_envmap(image, HEIGHT)
     towards = latlong_directions(len(small))
     high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > LOWEST, small.shape[:2])
     counted = high & (angle_between(towards, sun) > SUN_CLEARANCE)

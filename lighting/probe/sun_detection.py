@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
-from lighting.envmap.latlong import shrink
+from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import require_extra
 from lighting.geometry import (
     Floats,
@@ -82,7 +82,7 @@ def find_sun(linear: NDArray[np.float32]) -> FoundSun | None:
     centroid of the largest blown-out region, where a pixel counts by its solid angle and by its excess over the median
     of its row: bright haze along the horizon then counts for little.
     """
-    small = shrink(linear, HEIGHT)
+    small = shrink_envmap(linear, HEIGHT)
     above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
     return _find_clipped(small, above) if is_clipped(small) else _find_peak(small, above)
 

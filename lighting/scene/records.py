@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.projection import camera_of
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
 from lighting.envmap.sun_disc import sun_irradiance
@@ -159,7 +159,7 @@ class Scene:
 
     @property
     def _camera(self) -> Pinhole:
-        return camera_of(self.lighting, self.width, self.height)
+        return photo_camera(self.lighting, self.width, self.height)
 
     @property
     def _sight(self) -> Floats:

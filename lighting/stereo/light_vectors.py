@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.envmap.latlong import row_levels, without_sun
+from lighting.envmap.latlong import remove_sun, row_irradiance
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_ALBEDO
@@ -62,7 +62,7 @@ def skies_of_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
     images, suns = np.asarray(maps, dtype=np.float32), np.asarray(sun_direction, dtype=np.float64)
     if images.ndim != 4 or images.shape[-1] != 3 or len(images) != len(suns):
         raise EnvironmentMapError(f"Maps have the shape (T, H, 2H, 3), one for each sun, not {images.shape}.")
-    parts = [without_sun(image, sun) for image, sun in zip(images, suns, strict=True)]
+    parts = [remove_sun(image, sun) for image, sun in zip(images, suns, strict=True)]
     return Skies(np.stack([sky for sky, _ in parts]), suns, np.stack([power for _, power in parts]))
 
 
@@ -202,7 +202,7 @@ def _horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:
     """Irradiance (..., C) of level ground by the upper half (..., H / 2, 2H, C) of a map."""
     rows = sky.shape[-3]
     by_row = np.moveaxis(sky.mean(axis=-2, dtype=np.float64), -1, -2)
-    return np.asarray(by_row @ row_levels(2 * rows)[:rows])
+    return np.asarray(by_row @ row_irradiance(2 * rows)[:rows])
 
 
 def _clear_sky(sun: Floats, turbidity: float, ground_albedo: float, height: int) -> NDArray[np.floating[Any]]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
-from lighting.envmap.latlong import shrink
+from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
-from lighting.files.exr import read_map
+from lighting.files.exr import read_envmap
 from lighting.geometry import Floats, latlong_directions
 from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.probe.bracket import probes_in
@@ -78,9 +78,9 @@ def read_skies(files: list[Path]) -> Skies:
 
 
 def _read(file: Path) -> Skies:
-    image = read_map(file)
+    image = read_envmap(file)
     skies = skies_of_maps(image[None], _brightest(image)[None])
-    return Skies(shrink(skies.radiance[0], HEIGHT)[None], skies.sun_direction, skies.sun_irradiance)
+    return Skies(shrink_envmap(skies.radiance[0], HEIGHT)[None], skies.sun_direction, skies.sun_irradiance)
 
 
 def _brightest(image: NDArray[np.float32]) -> Floats:

@@ -23,7 +23,7 @@ from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
 from lighting.files import write_envmap
 from lighting.files.atomic import atomic_write, output_folder_error
-from lighting.files.exr import read_attributes
+from lighting.files.exr import read_exr_attributes
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes
 from lighting.model import Model
@@ -161,7 +161,7 @@ def _remove_others(job: VideoJob, done: VideoResult, frames: set[int]) -> None:
 
 def _is_ours(path: Path) -> bool:
     try:
-        return "lighting.json" in read_attributes(path)
+        return "lighting.json" in read_exr_attributes(path)
     except EnvironmentMapError:
         return False
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lighting.estimator import Estimator
-from lighting.files.exr import read_attributes
+from lighting.files.exr import read_exr_attributes
 from lighting.model import Model
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
@@ -39,7 +39,7 @@ def test_commands_of_one_photo_give_one_answer(tmp_path: Path) -> None:
     expected = answer_of(Model.load(for_one_photo=True))
     printed = json.loads(sub("estimate", PHOTO, "--json").stdout)["lighting"]
     assert sub("envmap", PHOTO, "-o", tmp_path / "sky.exr", "--height", "64").returncode == 0
-    written = json.loads(read_attributes(tmp_path / "sky.exr")["lighting.json"])
+    written = json.loads(read_exr_attributes(tmp_path / "sky.exr")["lighting.json"])
     assert plain(printed) == expected
     assert plain(written) == expected
 

@@ -13,7 +13,7 @@ from export.reports.probe import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at
 from lighting.cli import cli
 from lighting.cli.probe import KINDS
 from lighting.envmap.render import render
-from lighting.files.exr import read_attributes, read_exr, write_exr
+from lighting.files.exr import read_exr, read_exr_attributes, write_exr
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import probe_path, probes_in
 from lighting.probe.develop import Moment
@@ -63,7 +63,7 @@ def test_exposures_become_a_map_that_can_be_fitted(exposures: list[Path], tmp_pa
     azimuth, elevation = Moment(SKY_DAY, *SKY_PLACE).sun
     assert f"sun {azimuth:.1f}° from north, {elevation:.1f}° high" in result.stdout
     assert read_exr(target)[0].shape == (128, 256, 3)
-    assert read_attributes(target)["lighting.sun_estimated"] == 1
+    assert read_exr_attributes(target)["lighting.sun_estimated"] == 1
     told = json.loads(run("fit", target, "--json").stdout)
     assert (told["sun_azimuth"], told["sun_elevation"]) == pytest.approx((azimuth, elevation), abs=0.5)
     assert told["turbidity"] == pytest.approx(3.0, abs=0.5)

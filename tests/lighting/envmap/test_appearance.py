@@ -9,9 +9,9 @@ import pytest
 from lighting.color import luminance, tone_map
 from lighting.envmap.appearance import (
     _quantiles,
-    brightness_below,
     estimate_ground_albedo,
-    sky_ratio,
+    ground_luminance,
+    sky_color_ratio,
     sky_white_balance,
 )
 from lighting.records import Lighting
@@ -63,9 +63,9 @@ def test_a_network_without_ground_stays_in_range() -> None:
 
 def test_brightness_below_is_that_of_a_level_surface_facing_down() -> None:
     around = np.ones((12, 24, 3), np.float32)
-    assert brightness_below(around) == pytest.approx(1.0)
+    assert ground_luminance(around) == pytest.approx(1.0)
     around[11] = 0.0  # the lowest 15 deg: sin(15 deg) squared of the light
-    assert brightness_below(around) == pytest.approx(1 - np.sin(np.radians(15)) ** 2)
+    assert ground_luminance(around) == pytest.approx(1 - np.sin(np.radians(15)) ** 2)
 
 
 def test_without_irradiances_nothing_is_known() -> None:
@@ -120,7 +120,7 @@ def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
 @pytest.mark.parametrize(("cover", "trust"), [(0.0, 0.11), (0.5, 0.11 + 0.51 / 4), (1.0, 0.11 + 0.51)])
 def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust: float) -> None:
     light = render_given_light(sky_cover=cover)
-    off = sky_ratio(sky_colour_photo(SUNSET), light)
+    off = sky_color_ratio(sky_colour_photo(SUNSET), light)
     assert off is not None
     assert np.ptp(off) > 0.3
     assert colour_of(seen_sky(sky_colour_photo(SUNSET), light)) == pytest.approx(colour_of(SAID) * off**trust, rel=1e-6)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from lighting.envmap.latlong import (
-    brightest,
-    f32,
-    irradiance,
-    irradiance_of_rows,
-    row_levels,
-    scale,
-    shrink,
-    without_sun,
+    envmap_irradiance,
+    irradiance_from_rows,
+    max_channel,
+    remove_sun,
+    row_irradiance,
+    scale_colors,
+    shrink_envmap,
+    to_float32,
 )
 from lighting.envmap.render import render
 from lighting.geometry import direction, latlong_directions, latlong_solid_angle
@@ -19,24 +19,24 @@ from lighting.records import Lighting
 
 
 def test_a_white_sky_lights_level_ground_by_pi() -> None:
-    levels = row_levels(40)
+    levels = row_irradiance(40)
     assert levels[:20].sum() == pytest.approx(np.pi)
     assert levels == pytest.approx(levels[::-1])
-    assert irradiance_of_rows(levels[:20], np.ones((20, 80, 3), np.float32)) == pytest.approx([np.pi] * 3)
+    assert irradiance_from_rows(levels[:20], np.ones((20, 80, 3), np.float32)) == pytest.approx([np.pi] * 3)
 
 
 def test_the_brightest_channel_is_numpys() -> None:
     image = np.random.default_rng(1).normal(size=(7, 5, 3)).astype(np.float32)
-    assert np.array_equal(brightest(image), image.max(axis=-1))
+    assert np.array_equal(max_channel(image), image.max(axis=-1))
 
 
 def test_a_map_is_multiplied_by_a_colour_in_place() -> None:
     image = np.random.default_rng(1).random((4, 6, 3)).astype(np.float32)
     expected = image * np.array([0.5, 2.0, 3.0], np.float32)
-    scale(image[1:3], np.array([0.5, 2.0, 3.0]))
+    scale_colors(image[1:3], np.array([0.5, 2.0, 3.0]))
     assert np.array_equal(image[1:3], expected[1:3])
     assert not np.array_equal(image, expected)
-    assert f32(np.ones(2)).dtype == np.float32
+    assert to_float32(np.ones(2)).dtype == np.float32
 
 
 SUNNY = Lighting(35.0, 40.0, 3.0, 5.0)
@@ -46,7 +46,7 @@ SHADED = Lighting(35.0, 40.0, 3.0, 5.0, sun_visibility=0.0)
 @pytest.mark.parametrize("height", [64, 128, 512])
 def test_sun_is_taken_out_of_the_map_with_its_whole_power(height: int) -> None:
     envmap = render(SUNNY, height)
-    sky, power = without_sun(envmap, SUNNY.sun_direction)
+    sky, power = remove_sun(envmap, SUNNY.sun_direction)
     solid_angle = latlong_solid_angle(height)[:, None, None]
     half = height // 2
     expected = ((envmap - render(SHADED, height)) * solid_angle)[:half].sum(axis=(0, 1))
@@ -55,18 +55,18 @@ def test_sun_is_taken_out_of_the_map_with_its_whole_power(height: int) -> None:
 
 
 def test_map_without_disc_gives_almost_no_sun() -> None:
-    powers = [without_sun(render(each, 512), each.sun_direction)[1] for each in (SUNNY, SHADED)]
+    powers = [remove_sun(render(each, 512), each.sun_direction)[1] for each in (SUNNY, SHADED)]
     assert powers[1].max() < 0.01 * powers[0].max()
 
 
 def test_only_what_a_disc_has_over_the_sky_around_it_is_the_suns() -> None:
     sun = direction(40.0, 30.0)
     bright = np.full((64, 128, 3), 5.0, np.float32)
-    rest, power = without_sun(bright, sun)
+    rest, power = remove_sun(bright, sun)
     assert power == pytest.approx([0.0] * 3)
     row, column = np.unravel_index(np.argmax(latlong_directions(64) @ sun), (64, 128))
     bright[row, column] = 105.0
-    rest, power = without_sun(bright, sun)
+    rest, power = remove_sun(bright, sun)
     assert power == pytest.approx([100.0 * latlong_solid_angle(64)[row]] * 3, rel=1e-4)
     assert rest[row, column] == pytest.approx(5.0)
 
@@ -77,22 +77,24 @@ def test_irradiance_of_a_product_map(a: int, b: int) -> None:
     envmap = np.repeat((1 + 0.5 * d[..., a] + d[..., a] * d[..., b])[..., None], 3, axis=-1).astype(np.float32)
     normals = direction(np.array([30.0, 70.0, -130.0]), np.array([20.0, 10.0, -60.0]))
     clamped_cosine = np.pi + np.pi / 3 * normals[:, a] + np.pi / 4 * normals[:, a] * normals[:, b]
-    np.testing.assert_allclose(irradiance(envmap, normals), np.repeat(clamped_cosine[:, None], 3, axis=1), rtol=3e-3)
+    np.testing.assert_allclose(
+        envmap_irradiance(envmap, normals), np.repeat(clamped_cosine[:, None], 3, axis=1), rtol=3e-3
+    )
 
 
 def test_shrinking_keeps_the_mean_and_never_enlarges() -> None:
     image = np.random.default_rng(0).random((12, 24, 3), dtype=np.float32)
-    np.testing.assert_allclose(shrink(image, 3)[1, 2], image[4:8, 8:12].mean(axis=(0, 1)), rtol=1e-5)
-    np.testing.assert_allclose(shrink(image, 5).mean(), image.mean(), rtol=1e-2)
-    assert shrink(image, 12) is image
-    assert shrink(image, 99) is image
+    np.testing.assert_allclose(shrink_envmap(image, 3)[1, 2], image[4:8, 8:12].mean(axis=(0, 1)), rtol=1e-5)
+    np.testing.assert_allclose(shrink_envmap(image, 5).mean(), image.mean(), rtol=1e-2)
+    assert shrink_envmap(image, 12) is image
+    assert shrink_envmap(image, 99) is image
 
 
 @pytest.mark.parametrize("height", [500, 720, 1000])
 def test_a_shrunk_map_looks_the_same_way(height: int) -> None:
     there = direction(170.0, -20.0)
     near = np.exp(50 * (latlong_directions(height) @ there - 1))[..., None].repeat(3, axis=-1).astype(np.float32)
-    small = shrink(near, 128)[..., 0] * latlong_solid_angle(128)[:, None]
+    small = shrink_envmap(near, 128)[..., 0] * latlong_solid_angle(128)[:, None]
     mean = np.tensordot(small, latlong_directions(128), 2)
     assert np.degrees(np.arccos(mean @ there / np.linalg.norm(mean))) < 0.1
 
@@ -102,4 +104,4 @@ def test_a_shrunk_map_keeps_the_power_of_a_single_pixel(height: int, rows: int) 
     for row in range(height // 3, height // 3 + 4):
         spot = np.zeros((height, 2 * height, 3), np.float32)
         spot[row, height] = 1e5
-        np.testing.assert_allclose(shrink(spot, rows).sum((0, 1)) * (height / rows) ** 2, 1e5, rtol=1e-5)
+        np.testing.assert_allclose(shrink_envmap(spot, rows).sum((0, 1)) * (height / rows) ** 2, 1e5, rtol=1e-5)

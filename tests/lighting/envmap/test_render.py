@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.envmap.latlong import irradiance_of_rows, row_levels
+from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.render import (
     _add_sun_glow,
     _render_clear_sky,
@@ -269,7 +269,9 @@ def test_a_painted_sky_has_the_models_irradiance() -> None:
     lobe = lobe_table(light)
     upper = np.empty((128, 512, 3), np.float32)
     _render_clear_sky(upper, light, lobe)
-    assert irradiance_of_rows(row_levels(256)[:128], upper) == pytest.approx(clear_irradiance(light, lobe), rel=1e-3)
+    assert irradiance_from_rows(row_irradiance(256)[:128], upper) == pytest.approx(
+        clear_irradiance(light, lobe), rel=1e-3
+    )
 
 
 def test_a_table_is_that_of_its_own_sky() -> None:
@@ -292,7 +294,7 @@ def upper(**fields: Any) -> np.ndarray:
 @pytest.mark.parametrize("model", SKY_MODELS)
 def test_every_model_gives_the_irradiance_asked_for(model: str) -> None:
     sky = upper(sky_model=model, sky_cover=0.3)
-    assert irradiance_of_rows(row_levels(HEIGHT)[: HEIGHT // 2], sky) == pytest.approx(RENDER_SKY, rel=1e-4)
+    assert irradiance_from_rows(row_irradiance(HEIGHT)[: HEIGHT // 2], sky) == pytest.approx(RENDER_SKY, rel=1e-4)
     assert sky.min() >= 0
 
 
@@ -313,7 +315,7 @@ def test_no_model_leaves_a_channel_dark(model: str, elevation: float, turbidity:
     """Each channel keeps the shape that the model gives it, however its irradiance is scaled."""
     weather = Weather(turbidity, ground_albedo=0.0, beam=1.0, diffuse=100.0)
     shape = sky_shape(model, latlong_directions(HEIGHT), direction(0.0, elevation), weather)
-    level = irradiance_of_rows(row_levels(HEIGHT)[: HEIGHT // 2], shape[: HEIGHT // 2])
+    level = irradiance_from_rows(row_irradiance(HEIGHT)[: HEIGHT // 2], shape[: HEIGHT // 2])
     assert level.min() > 0.2 * level.max()
     sky = upper(sky_model=model, sun_elevation=elevation, turbidity=turbidity)
     assert np.isfinite(sky).all()
@@ -325,7 +327,7 @@ def test_without_irradiances_another_model_has_those_of_hosek_and_wilkie(model: 
     ours, other = (
         render(replace(render_lighting(), sky_model=name), 64, sun=False) for name in ("hosek-wilkie", model)
     )
-    level = [irradiance_of_rows(row_levels(64)[:32], image[:32]) for image in (ours, other)]
+    level = [irradiance_from_rows(row_irradiance(64)[:32], image[:32]) for image in (ours, other)]
     assert level[1] == pytest.approx(level[0], rel=5e-3)
     assert not np.allclose(ours, other, rtol=0.05)
 

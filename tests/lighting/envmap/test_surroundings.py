@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from lighting.color import srgb_decode
-from lighting.envmap.latlong import irradiance_of_rows, row_levels
+from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.relighting import edit_lighting, rotate_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import (
-    RATIO,
+    _CELL_RATIO_RANGE,
     PhotoContext,
     _extrapolate_edges,
-    _without_glow,
+    _move_glow,
     photo_context,
     photo_context_for_height,
     render_view,
@@ -82,8 +82,8 @@ def test_no_factor_leaves_its_range() -> None:
         _extrapolate_edges(cells(50.0), photo(RED, RED), LIGHT),
         _extrapolate_edges(cells(1e-6), photo(RED, RED), LIGHT),
     )
-    assert dark.min() == pytest.approx(RATIO[0])
-    assert light.max() == pytest.approx(RATIO[1])
+    assert dark.min() == pytest.approx(_CELL_RATIO_RANGE[0])
+    assert light.max() == pytest.approx(_CELL_RATIO_RANGE[1])
 
 
 @pytest.mark.parametrize(("change", "same"), [({"vertical_fov": 1.0}, False), ({"camera_elevation": 80.0}, True)])
@@ -105,7 +105,7 @@ def around(light: Lighting) -> np.ndarray:
 
 def level(image: np.ndarray, below: bool = False) -> np.ndarray:
     half = slice(HEIGHT // 2, None) if below else slice(0, HEIGHT // 2)
-    return irradiance_of_rows(row_levels(HEIGHT)[half], image[half])
+    return irradiance_from_rows(row_irradiance(HEIGHT)[half], image[half])
 
 
 @pytest.mark.parametrize("known", [False, True])
@@ -291,8 +291,8 @@ def test_where_a_sun_was_nothing_is_left_of_its_glow_and_far_off_the_place_stays
     angle = angle_between(latlong_directions(24), light.sun_direction)
     factors[angle < 15] = 0.1
     factors[8:12, :6] = 0.3  # a wall elsewhere
-    assert _without_glow(factors, light, light) == pytest.approx(factors)
-    gone = _without_glow(factors, light, edit_lighting(light, {"sun_azimuth": light.sun_azimuth + 120.0}))
+    assert _move_glow(factors, light, light) == pytest.approx(factors)
+    gone = _move_glow(factors, light, edit_lighting(light, {"sun_azimuth": light.sun_azimuth + 120.0}))
     assert gone[angle < 8].min() > 0.5
     far = angle > 100
     assert gone[far] == pytest.approx(factors[far], rel=1e-2)

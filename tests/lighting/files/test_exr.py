@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.exr import (
+    _MANTISSA_BITS,
     _SET_EFFORT,
     COMPRESSIONS,
-    MANTISSA,
     _rounded,
-    pack_in_threads,
+    read_envmap,
     read_exr,
-    read_map,
     round_in_place,
+    set_compression_threads,
     write_exr,
 )
 from lighting.geometry import latlong_solid_angle
@@ -66,7 +66,7 @@ def test_exact_means_exact(image: NDArray[np.float32], compression: str) -> None
     np.testing.assert_array_equal(read_exr(io.BytesIO(packed(image, compression)))[0], image)
 
 
-@pytest.mark.parametrize(("compression", "most"), [("zip", 2.0 ** -(MANTISSA + 1)), ("pxr24", 2.0**-16)])
+@pytest.mark.parametrize(("compression", "most"), [("zip", 2.0 ** -(_MANTISSA_BITS + 1)), ("pxr24", 2.0**-16)])
 def test_no_value_changes_by_more_than_is_said(image: NDArray[np.float32], compression: str, most: float) -> None:
     back = read_exr(io.BytesIO(packed(image, compression)))[0]
     assert np.abs(back - image).max() > 0
@@ -119,17 +119,17 @@ def test_the_number_of_threads_that_was_asked_for_stays(image: NDArray[np.float3
     packed(image, "zip")
     before = OpenEXR.global_thread_count()
     try:
-        pack_in_threads(asked)
+        set_compression_threads(asked)
         packed(image, "zip")
         assert OpenEXR.global_thread_count() == threads
     finally:
-        pack_in_threads(before)
+        set_compression_threads(before)
 
 
 def test_the_first_map_does_not_undo_it() -> None:
     code = (
-        "import OpenEXR, numpy as np\nfrom lighting.files import exr as c\nc.pack_in_threads(1)\n"
-        "c.packed_with(np.zeros((2, 4, 3), np.float32), 'zip')\nprint(OpenEXR.global_thread_count())"
+        "import OpenEXR, numpy as np\nfrom lighting.files import exr as c\nc.set_compression_threads(1)\n"
+        "c.prepare_compression(np.zeros((2, 4, 3), np.float32), 'zip')\nprint(OpenEXR.global_thread_count())"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.strip() == "0"
@@ -152,14 +152,14 @@ def test_a_fork_leaves_the_parents_threads_as_they_were(image: NDArray[np.float3
     packed(image, "zip")
     before = OpenEXR.global_thread_count()
     try:
-        pack_in_threads(2)
+        set_compression_threads(2)
         child = os.fork()
         if child == 0:
             os._exit(0)
         os.waitpid(child, 0)
         assert OpenEXR.global_thread_count() == 2
     finally:
-        pack_in_threads(before)
+        set_compression_threads(before)
 
 
 def test_values_are_rounded_in_place_once() -> None:
@@ -398,17 +398,17 @@ def test_a_map_of_numbers_that_are_not_finite_is_named(
     spoilt[3, 4, 1] = value
     write_exr(tmp_path / "a.exr", spoilt)
     with pytest.raises(EnvironmentMapError, match=r"a\.exr: The map holds values that are not finite numbers\.$"):
-        read_map(tmp_path / "a.exr")
+        read_envmap(tmp_path / "a.exr")
     write_exr(tmp_path / "a.exr", exr_image, compression="none")
-    np.testing.assert_array_equal(read_map(tmp_path / "a.exr"), exr_image)
+    np.testing.assert_array_equal(read_envmap(tmp_path / "a.exr"), exr_image)
 
 
 def test_what_is_no_map_is_named_once(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
     (tmp_path / "a.exr").write_bytes(encoded({"RGB": np.ascontiguousarray(exr_image[:, :5])}))
     with pytest.raises(EnvironmentMapError, match=r"a\.exr: An environment map has the shape"):
-        read_map(tmp_path / "a.exr")
+        read_envmap(tmp_path / "a.exr")
     with pytest.raises(EnvironmentMapError, match=r"^[^:]*none\.exr cannot be read: No such file or directory\.$"):
-        read_map(tmp_path / "none.exr")
+        read_envmap(tmp_path / "none.exr")
 
 
 def test_any_cut_is_refused(data: bytes) -> None:

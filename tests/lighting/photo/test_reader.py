@@ -24,12 +24,12 @@ from lighting.photo import reader as photo_module
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
 from lighting.photo.reader import (
-    BYTES,
-    COEFFICIENT,
-    FIXED,
+    _BYTES_PER_COEFFICIENT,
+    _BYTES_PER_PIXEL,
+    _DECODER_BYTES_PER_PIXEL,
+    _FIXED_BYTES,
+    _FORMAT_NAMES,
     MAX_PIXELS,
-    NAMES,
-    PER_PIXEL,
     Photo,
     Source,
     _heif_format,
@@ -111,14 +111,14 @@ def test_a_photo_is_not_read_twice() -> None:
 
 SIZE = (2000, 1500)
 MEASURED = {  # kind: bytes per pixel in the table
-    "JPEG, baseline 4:2:0": PER_PIXEL["JPEG"],
-    "JPEG, progressive 4:4:4": 3 * COEFFICIENT,
-    "JPEG, progressive CMYK": 4 * COEFFICIENT,
-    "PNG, RGB": PER_PIXEL["PNG"],
-    "WebP, lossless": PER_PIXEL["WEBP"],
-    "HEIC": PER_PIXEL["HEIF"],
-    "TIFF, one strip, RGBA": PER_PIXEL["TIFF"],
-    "AVIF, 4:4:4 with alpha": PER_PIXEL["AVIF"],
+    "JPEG, baseline 4:2:0": _DECODER_BYTES_PER_PIXEL["JPEG"],
+    "JPEG, progressive 4:4:4": 3 * _BYTES_PER_COEFFICIENT,
+    "JPEG, progressive CMYK": 4 * _BYTES_PER_COEFFICIENT,
+    "PNG, RGB": _DECODER_BYTES_PER_PIXEL["PNG"],
+    "WebP, lossless": _DECODER_BYTES_PER_PIXEL["WEBP"],
+    "HEIC": _DECODER_BYTES_PER_PIXEL["HEIF"],
+    "TIFF, one strip, RGBA": _DECODER_BYTES_PER_PIXEL["TIFF"],
+    "AVIF, 4:4:4 with alpha": _DECODER_BYTES_PER_PIXEL["AVIF"],
 }
 CONVERSION = 10  # bytes per pixel; pictures of fewer pixels than a strip are converted at once
 
@@ -133,7 +133,7 @@ def test_a_decoder_needs_no_more_than_the_table_says(kind: str, tmp_path: Path) 
     small.write_bytes(KINDS[kind](96, 64))
     pixels = SIZE[0] * SIZE[1]
     conversion = CONVERSION * pixels if kind.startswith("PNG") else 4_000_000
-    assert cost(large, small)[0] <= MEASURED[kind] * pixels + min(conversion, FIXED)
+    assert cost(large, small)[0] <= MEASURED[kind] * pixels + min(conversion, _FIXED_BYTES)
 
 
 def limit(data: bytes) -> tuple[int, str]:
@@ -147,20 +147,20 @@ def test_each_kind_stays_within_the_memory_that_is_stated() -> None:
     assert limit(encode(picture, "PNG")) == (MAX_PIXELS, "PNG")
     assert limit(encode(picture, progressive=True)) == (MAX_PIXELS, "progressive JPEG")
     most, name = limit(encode(picture, progressive=True, subsampling="4:4:4"))
-    assert (most, name) == (int(MAX_PIXELS * BYTES / (3 * COEFFICIENT)), "progressive JPEG")
+    assert (most, name) == (int(MAX_PIXELS * _BYTES_PER_PIXEL / (3 * _BYTES_PER_COEFFICIENT)), "progressive JPEG")
     for file_format in ("WEBP", "HEIF", "TIFF", "AVIF"):
         most, _ = limit(encode(picture, file_format))
-        assert most * PER_PIXEL[file_format] == pytest.approx(BYTES * MAX_PIXELS, rel=1e-6)
+        assert most * _DECODER_BYTES_PER_PIXEL[file_format] == pytest.approx(_BYTES_PER_PIXEL * MAX_PIXELS, rel=1e-6)
 
 
 def test_every_kind_that_the_benchmark_prints_is_in_the_table() -> None:
     kinds = {kind.partition(",")[0].upper() for kind in KINDS}
-    assert kinds - {"MPO"} == {name.upper() for name in NAMES.values()}
-    assert set(NAMES) == set(PER_PIXEL)
+    assert kinds - {"MPO"} == {name.upper() for name in _FORMAT_NAMES.values()}
+    assert set(_FORMAT_NAMES) == set(_DECODER_BYTES_PER_PIXEL)
 
 
 def test_reading_apart_may_take_what_is_stated() -> None:
-    stated = BYTES * MAX_PIXELS + FIXED
+    stated = _BYTES_PER_PIXEL * MAX_PIXELS + _FIXED_BYTES
     assert memory_budget(0, MAX_PIXELS, 448) - stated < 5_000_000
     assert (
         memory_budget(1000, MAX_PIXELS, None)
@@ -562,7 +562,7 @@ def test_an_endless_file_is_refused() -> None:
 def test_too_many_pixels_are_refused(file_format: str) -> None:
     """The limit is that of kinds which need at most BYTES per pixel; others are given fewer."""
     data = encode(SCENE, file_format, **LOSSLESS[file_format])
-    enough = ceil(160 * 120 * max(1, PER_PIXEL[file_format] / BYTES))
+    enough = ceil(160 * 120 * max(1, _DECODER_BYTES_PER_PIXEL[file_format] / _BYTES_PER_PIXEL))
     with pytest.raises(PhotoTooLargeError, match=r"^The \w+ of 160 x 120 pixels has more than .* 0.01919\d* million"):
         read_photo(data, max_pixels=enough - 1)
     assert read_photo(data, max_pixels=enough).width == 160

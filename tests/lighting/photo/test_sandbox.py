@@ -17,7 +17,7 @@ from benchmarks.fuzz import changed, fuzz, seeds
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo import sandbox
 from lighting.photo.reader import TARGET, read_photo
-from lighting.photo.sandbox import Decoder, Request, read_photo_isolated, start_decoder_pool
+from lighting.photo.sandbox import DecodeRequest, DecoderProcess, read_photo_isolated, start_decoder_pool
 from tests.conftest import encode, munich, scene
 from tests.helpers.processes import wait_until_ended
 
@@ -26,14 +26,14 @@ LARGE = encode(scene(4000, 3000), "PNG", compress_level=1)
 
 
 @pytest.fixture(scope="module")
-def decoder() -> Iterator[Decoder]:
-    made = Decoder()
+def decoder() -> Iterator[DecoderProcess]:
+    made = DecoderProcess()
     yield made
     made.end()
 
 
-def request(data: bytes, max_pixels: int = 20_000_000, seconds: float = 60) -> Request:
-    return Request(len(data), 10**8, max_pixels, TARGET, seconds)
+def request(data: bytes, max_pixels: int = 20_000_000, seconds: float = 60) -> DecodeRequest:
+    return DecodeRequest(len(data), 10**8, max_pixels, TARGET, seconds)
 
 
 def test_the_photo_is_the_same(tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_errors_are_the_same(tmp_path: Path) -> None:
     assert absent.value.filename == str(tmp_path / "absent.jpg")
 
 
-def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: Decoder) -> None:
+def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: DecoderProcess) -> None:
     decoder.prepare()
     before = decoder.pid
     began = time.monotonic()
@@ -75,8 +75,8 @@ def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: Deco
 def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process with so little allowance that 12 megapixels do not fit."""
     frugal = "import lighting.photo.sandbox as d; d.memory_budget = lambda size, *_: size + 2 * 10**7; "
-    monkeypatch.setattr(sandbox, "CODE", frugal + sandbox.CODE)
-    small = Decoder()
+    monkeypatch.setattr(sandbox, "_WORKER_CODE", frugal + sandbox._WORKER_CODE)
+    small = DecoderProcess()
     try:
         with pytest.raises(PhotoTooLargeError, match="needs more memory than its limit"):
             small.read(request(LARGE, 10**8), LARGE)
@@ -85,7 +85,7 @@ def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) 
         small.end()
 
 
-def test_a_process_that_ends_is_replaced(decoder: Decoder) -> None:
+def test_a_process_that_ends_is_replaced(decoder: DecoderProcess) -> None:
     decoder.prepare()
     before = decoder.pid
     os.kill(before, signal.SIGKILL)
@@ -96,9 +96,9 @@ def test_a_process_that_ends_is_replaced(decoder: Decoder) -> None:
 
 def test_a_photo_that_ends_the_process_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     fatal = "import os, lighting.photo.sandbox as d; d.read_photo = lambda *_, **__: os._exit(9); "
-    mortal = Decoder()
+    mortal = DecoderProcess()
     with monkeypatch.context() as context:
-        context.setattr(sandbox, "CODE", fatal + sandbox.CODE)
+        context.setattr(sandbox, "_WORKER_CODE", fatal + sandbox._WORKER_CODE)
         mortal.prepare()
     try:
         with pytest.raises(PhotoError, match=r"^The photo ended the process that decoded it\.$"):
@@ -143,10 +143,10 @@ def test_with_nobody_left_it_ends_when_its_photo_takes_too_long() -> None:
 def test_it_prints_nothing_about_a_photo(capfd: pytest.CaptureFixture[str]) -> None:
     whole = encode(scene(64, 48), "TIFF", compression="tiff_lzw")
     data = whole[:100] + b"\xff" * 500 + whole[600:]
-    decoder = Decoder()
+    decoder = DecoderProcess()
     try:
         with pytest.raises(Exception, match="damaged"):
-            decoder.read(Request(len(data), 10**6, 10**6, 448, 60), data)
+            decoder.read(DecodeRequest(len(data), 10**6, 10**6, 448, 60), data)
     finally:
         decoder.end()
     assert capfd.readouterr() == ("", "")

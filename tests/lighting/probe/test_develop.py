@@ -19,7 +19,7 @@ from export.reports.probe import (
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ProbeError
-from lighting.files.exr import read_attributes, read_exr
+from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import camera_axes, latlong_directions
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import Bracket, bracket_of, probes_in
@@ -190,7 +190,7 @@ def test_night_is_refused() -> None:
 
 def test_the_header_says_when_and_what_the_sun_rests_on(tmp_path: Path, clipped_probe: Probe) -> None:
     path = write_probe(clipped_probe, tmp_path / "a.exr")
-    header = read_attributes(path)
+    header = read_exr_attributes(path)
     assert header["lighting.time"] == "2024-06-01T09:00:00+00:00"
     assert header["capDate"] == "2024:06:01 09:00:00"
     assert (header["lighting.sun_azimuth"], header["lighting.sun_elevation"]) == pytest.approx(MORNING.sun, abs=1e-3)

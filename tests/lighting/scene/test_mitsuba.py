@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import luminance, srgb_decode
-from lighting.envmap.projection import camera_of
+from lighting.envmap.projection import photo_camera
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.records import Scene, placeholder_of
@@ -134,7 +134,7 @@ def test_an_object_in_the_photos_shade_is_in_shade(tmp_path: Path) -> None:
 def ball_pixel(scene: Scene) -> tuple[int, int]:
     """Where the plate's camera sees the ball's centre."""
     centre = scene.spot + placeholder_of(scene).ball_centre - scene.camera_position
-    x, y = camera_pixel(centre, camera_of(scene.lighting, scene.width, scene.height))
+    x, y = camera_pixel(centre, photo_camera(scene.lighting, scene.width, scene.height))
     return int(x), int(y)
 
 
