@@ -47,7 +47,7 @@ _BYTES_PER_PIXEL = (
 _FIXED_BYTES = 64_000_000  # bytes beside, of conversions in strips
 
 _BYTES_PER_COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
-_DECODER_BYTES_PER_PIXEL = {  # bytes. `python -m benchmarks.decoding`, 2026-11-23, Pillow 13.0.0, pillow-heif 1.8.1; rounded up
+_DECODER_BYTES_PER_PIXEL = {  # by `python -m benchmarks.decoding` (Pillow 13.0.0, pillow-heif 1.8.1), rounded up
     "JPEG": 1.0,  # decoded row by row, and reduced on the way
     "PNG": 4.0,  # Pillow's own picture
     "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations

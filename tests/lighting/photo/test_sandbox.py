@@ -117,7 +117,7 @@ def test_threads_read_at_once() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_it_ends_with_the_process_that_asks() -> None:
     code = (
-        "from lighting.photo.sandbox import Decoder; import os; "
+        "from lighting.photo.sandbox import DecoderProcess; import os; "
         "d = Decoder(); d.prepare(); print(d.pid, flush=True); os.kill(os.getpid(), 9)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
@@ -128,11 +128,11 @@ def test_it_ends_with_the_process_that_asks() -> None:
 def test_with_nobody_left_it_ends_when_its_photo_takes_too_long() -> None:
     """A photo that would take a minute, of which the process that asked does not wait for the end."""
     code = (
-        "import os, threading; from lighting.photo import sandbox; from lighting.photo.sandbox import Decoder; "
-        "from lighting.photo.sandbox import Request; "
-        "sandbox.CODE = 'import time, lighting.photo.sandbox as d; d.read_photo = lambda *_, **__: time.sleep(60); ' "
-        "+ sandbox.CODE; d = Decoder(); d.prepare(); print(d.pid, flush=True); "
-        "threading.Timer(0.5, os.kill, (os.getpid(), 9)).start(); d.read(Request(1, 10, 10, 448, 1), b'x')"
+        "import os, threading; from lighting.photo import sandbox; from lighting.photo.sandbox import DecoderProcess; "
+        "from lighting.photo.sandbox import DecodeRequest; "
+        "sandbox._WORKER_CODE = 'import time, lighting.photo.sandbox as d; d.read_photo = lambda *_, **__: time.sleep(60); ' "
+        "+ sandbox._WORKER_CODE; d = DecoderProcess(); d.prepare(); print(d.pid, flush=True); "
+        "threading.Timer(0.5, os.kill, (os.getpid(), 9)).start(); d.read(DecodeRequest(1, 10, 10, 448, 1), b'x')"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr  # else it had its answer
