@@ -130,7 +130,8 @@ def test_with_nobody_left_it_ends_when_its_photo_takes_too_long() -> None:
     code = (
         "import os, threading; from lighting.photo import sandbox; from lighting.photo.sandbox import DecoderProcess; "
         "from lighting.photo.sandbox import DecodeRequest; "
-        "sandbox._WORKER_CODE = 'import time, lighting.photo.sandbox as d; d.read_photo = lambda *_, **__: time.sleep(60); ' "
+        "sandbox._WORKER_CODE = 'import time, lighting.photo.sandbox as d; ' "
+        "'d.read_photo = lambda *_, **__: time.sleep(60); ' "
         "+ sandbox._WORKER_CODE; d = DecoderProcess(); d.prepare(); print(d.pid, flush=True); "
         "threading.Timer(0.5, os.kill, (os.getpid(), 9)).start(); d.read(DecodeRequest(1, 10, 10, 448, 1), b'x')"
     )
