@@ -9,8 +9,7 @@ import click
 PATH = click.Path(path_type=Path)  # a folder, or a file to read
 FILE = click.Path(path_type=Path, dir_okay=False)  # to write
 
-PHOTO_SET_PARTS = ("pairs", "zooms", "walks", "sets", "overlap")  # of `report photo-sets`
-VIDEO_PARTS = ("clips", "dissolves", "streams")  # of `report video`
+PHOTO_SET_PARTS = ("pairs", "sets")  # of `report photo-sets`
 CLIP_KINDS = (  # by what is hard in a clip
     "pan",
     "tilt",
@@ -20,5 +19,4 @@ CLIP_KINDS = (  # by what is hard in a clip
     "motion blur",
     "exposure",
     "zoom",
-    "walk",
 )

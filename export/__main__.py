@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from export import CLIP_KINDS, FILE, PATH, PHOTO_SET_PARTS, VIDEO_PARTS
+from export import CLIP_KINDS, FILE, PATH, PHOTO_SET_PARTS
 from export.stereo import stereo_group
 from lighting.errors import LightingError
 
@@ -249,11 +249,10 @@ def _report() -> None:
 
 @_report.command("probe")
 def _probe() -> None:
-    """How exactly skies are merged, aligned and oriented; a few minutes on two cores."""
+    """How exactly skies are merged and aligned; a minute on two cores."""
     from export.reports.probe import report_probe
 
-    for line in report_probe():
-        click.echo(line)
+    click.echo(report_probe())
 
 
 @_report.command("shadow-mask")
@@ -261,39 +260,35 @@ def _probe() -> None:
 @network
 def _shadow_mask(count: int, model: Path | None) -> None:
     """How well the shade on the ground is found, and what shadows that are put there then look like."""
-    from export.reports.shadow_mask import render_ground_scenes, report_shadow_mask
+    from export.reports.shadow_mask import report_shadow_mask
     from lighting.model import Model
 
-    click.echo(report_shadow_mask(Model.load(model), list(render_ground_scenes(count))))
+    click.echo(report_shadow_mask(Model.load(model), count))
 
 
 @_report.command("video")
 @data
 @_option("--count", "Clips of each kind.", click.IntRange(1), 8)
 @click.option("--kind", "kinds", type=click.Choice(CLIP_KINDS), multiple=True, help="Only clips of these kinds. [all]")
-@_option("--only", "One part of the report. [all]", click.Choice(VIDEO_PARTS))
 @network
-def _video(data: Path, count: int, kinds: tuple[str, ...], only: str | None, model: Path | None) -> None:
-    """How well clips are followed, by cameras moved in `val` panoramas and rendered places."""
+def _video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -> None:
+    """How well clips are followed, by cameras moved in `val` panoramas."""
     from export.reports.video import report_video
     from lighting.model import Model
 
-    for part in report_video(data, count, kinds or CLIP_KINDS, Model.load(model), only):
-        click.echo(part + "\n")
+    click.echo(report_video(data, Model.load(model), kinds, count))
 
 
 @_report.command("photo-sets")
 @data
-@_option("--split", "Split of the panoramas.", click.Choice(["train", "val"]), "val")
-@_option("--last", "Only the last rows of the index, which a network did not see.", click.IntRange(1))
-@_option("--count", "At most so many places and walks. [all]", click.IntRange(1))
+@_option("--count", "At most so many places. [all]", click.IntRange(1))
 @network
 @click.argument("parts", nargs=-1, type=click.Choice(PHOTO_SET_PARTS))
-def _photo_sets(parts: tuple[str, ...], **asked: Any) -> None:
+def _photo_sets(data: Path, count: int | None, model: Path | None, parts: tuple[str, ...]) -> None:
     """How well turns between photos are found, and what they are worth."""
-    from export.reports.photo_sets import PhotoSetOptions, report_photo_sets
+    from export.reports.photo_sets import report_photo_sets
 
-    click.echo(report_photo_sets(PhotoSetOptions(parts=parts or PHOTO_SET_PARTS, **asked)))
+    click.echo(report_photo_sets(data, model, parts, count))
 
 
 def run_export() -> None:

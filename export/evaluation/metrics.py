@@ -206,17 +206,20 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def figures_table(rows: dict[str, dict[str, float]]) -> str:
-    """One row per method or group, one column per figure."""
+def figures_table(rows: dict[str, dict[str, float]], digits: int | None = None) -> str:
+    """A Markdown table with one row per method or group, one column per figure; "-" where there is none.
+
+    Args:
+        rows: figures by column; the first row names the columns.
+        digits: decimals of all columns; None for those of DECIMALS.
+    """
     columns = list(next(iter(rows.values())))
-    return table(["", *columns], [[name, *(_number(row[c], c) for c in columns)] for name, row in rows.items()])
+    places = {column: decimals(column) if digits is None else digits for column in columns}
+    return table(["", *columns], [[name, *(_number(row[c], places[c]) for c in columns)] for name, row in rows.items()])
 
 
-def _number(value: float, column: str) -> str:
-    """A figure as the tables show it; "-" if there is none."""
-    if not math.isfinite(value):
-        return "-"
-    return f"{value:.{decimals(column)}f}"
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def decimals(column: str) -> int:

@@ -1,8 +1,8 @@
 """Gain of several crops.
 
 The correlation is learnt on one half of the places and tested on the other, and the reverse. That of elevations which
-ships lies between those of the two protocols, learnt on all places; those by overlap are learnt by
-export/reports/multi_view.py.
+ships lies between those of the two protocols, learnt on all places; those by overlap were learnt by
+`python -m export turns overlap` of commit 6df25d7.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,9 +1,10 @@
-"""How well the shade on a photo's ground is found, in rendered places, where it is known for each pixel.
+"""How well the shadow mask of a photo's ground is found, in rendered places, where it is known for each pixel.
 
-Sky and sun are traced apart, so it is also known how dark each pixel of the ground would be in the shadow of a thing
-that is put there: that is what the mask is for.
+Sky and sun are traced separately. So it is also known how dark each pixel of the ground would be in the shadow of a
+thing that is put into the scene: that is what the mask is for.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +15,7 @@ from PIL import Image
 from export.crops.crops import automatic_gain
 from export.data.path_tracing import RenderedPlace, random_sky
 from export.data.procedural_towns import place
-from export.evaluation.metrics import figures_table
+from export.evaluation.metrics import figures_table, share
 from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.latlong import row_irradiance
 from lighting.envmap.render import sky_irradiance
@@ -26,15 +27,13 @@ from lighting.model import Model
 from lighting.photo.reader import Photo
 from lighting.records import Lighting
 
-FIRST_PLACE = (
-    6000  # number of the first place; training renders those below 1,000, and 5,000 on chose the rule's constants
-)
+FIRST_PLACE = 6000  # number; training renders those below 1,000, and 5,000 on chose the rule's constants
 GROUND_WIDTH, GROUND_HEIGHT = 320, 240  # pixels
 MIN_GROUND = 0.05  # of the picture
 MIN_SUN = 0.5  # share of the sun that clouds let through
 WHOLE_SHARE = 0.03  # share of the ground up to which a picture counts as all lit, or as all in shade
 TRUE_VISIBILITY = 0.8  # visibility of the sun where the light is the true one
-MIN_LUMINANCE_SHADE = 1e-6  # luminance
+MIN_LUMINANCE_SHADE = 1e-6
 SHADE_NOTE = (
     "Shade on level ground [%], and how far the shadow of a thing that is put there is off [hundredths of a stop], by "
     "the true light and by the network's. Photos by what their ground shows: sunlight, shade or both."
@@ -45,7 +44,7 @@ SHADE_NOTE = (
 class _GroundScene:
     """A photo of a rendered place with the truth about its ground."""
 
-    picture: NDArray[np.uint8]  # (h, w, 3)
+    picture: NDArray[np.uint8]  # (h, w, 3) sRGB
     light: Lighting  # the true one
     ground: NDArray[np.bool_]  # (h, w)
     lit: NDArray[np.bool_]  # (h, w)
@@ -58,29 +57,54 @@ class _GroundScene:
         return "lit" if share > 1 - WHOLE_SHARE else "shade" if share < WHOLE_SHARE else "both"
 
 
-def render_ground_scenes(count: int) -> Iterator[_GroundScene]:
+def report_shadow_mask(model: Model, count: int) -> str:
+    """Tables in Markdown of masks by the true light and by the network's, beside no mask and the true one.
+
+    Args:
+        model: the network to ask.
+        count: of photos of rendered places.
+    """
+    return _format_masks(model, list(_render_scenes(count)))
+
+
+def _format_masks(model: Model, scenes: Sequence[_GroundScene]) -> str:
+    estimator = Estimator(model)
+    predicted = [estimator(Photo(s.picture, GROUND_WIDTH, GROUND_HEIGHT, "PNG")).lighting for s in scenes]
+    methods: dict[str, tuple[Sequence[Lighting], list[Floats]]] = {}
+    for suffix, lights in ((", true light", [s.light for s in scenes]), ("", predicted)):
+        methods[f"no mask{suffix}"] = lights, [np.ones(s.lit.shape) for s in scenes]
+        methods[f"mask{suffix}"] = lights, [_predicted_mask(s, light) for s, light in zip(scenes, lights, strict=True)]
+        methods[f"true mask{suffix}"] = lights, [np.asarray(s.lit, dtype=np.float64) for s in scenes]
+    sections = [SHADE_NOTE]
+    for kind in sorted({s.kind for s in scenes}):
+        chosen = [i for i, s in enumerate(scenes) if s.kind == kind]
+        rows = {
+            name: _shade_figures([scenes[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
+            for name, (lights, masks) in methods.items()
+        }
+        sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)]
+    return "\n\n".join(sections)
+
+
+def _render_scenes(count: int) -> Iterator[_GroundScene]:
     """Photos of `count` sunny places that show enough ground; each number gives the same one in every run."""
-    number = FIRST_PLACE
-    while count:
-        found = _scene(number)
-        number += 1
-        if found is not None:
-            count -= 1
-            yield found
+    scenes = (_render_scene(number) for number in itertools.count(FIRST_PLACE))
+    return itertools.islice((scene for scene in scenes if scene is not None), count)
 
 
-def _scene(number: int) -> _GroundScene | None:
+def _render_scene(number: int) -> _GroundScene | None:
+    """None for a place without sun or ground."""
     rng = np.random.default_rng([17, number])
     sky = random_sky(rng)
-    there = RenderedPlace(*place(rng), sky)
+    town = RenderedPlace(*place(rng), sky)
     angles = {"azimuth": rng.uniform(-180, 180), "elevation": rng.uniform(-18, 5)}
     camera = Pinhole(GROUND_WIDTH, GROUND_HEIGHT, rng.uniform(42, 65), **angles)
-    if sky.sunlight < MIN_SUN or not there.is_clear():
+    if sky.sunlight < MIN_SUN or not town.is_clear():
         return None
-    seen = there.photo(camera, 2 * number)
-    if seen.ground.mean() < MIN_GROUND:
+    traced = town.photo(camera, 2 * number)
+    if traced.ground.mean() < MIN_GROUND:
         return None
-    radiance = seen.sky + seen.sun
+    radiance = traced.sky + traced.sun
     gain = automatic_gain(radiance)
     above = row_irradiance(len(sky.radiance)) @ sky.radiance.mean(axis=1, dtype=np.float64)
     light = replace(
@@ -92,32 +116,7 @@ def _scene(number: int) -> _GroundScene | None:
         sun_irradiance=tuple((gain * sky.sun_irradiance).tolist()),
         sky_irradiance=tuple((gain * above).tolist()),
     )
-    return _GroundScene(tone_map(gain * radiance), light, seen.ground, seen.lit, gain * luminance(seen.sky))
-
-
-def report_shadow_mask(model: Model, found: Sequence[_GroundScene]) -> str:
-    """Tables of the masks by the true light and by the network's, beside no mask and the true one."""
-    estimator = Estimator(model)
-    said = [estimator(Photo(s.picture, GROUND_WIDTH, GROUND_HEIGHT, "PNG")).lighting for s in found]
-    true = [s.light for s in found]
-    methods: dict[str, tuple[list[Lighting], list[Floats]]] = {
-        "no mask, true light": (true, [np.ones(s.lit.shape) for s in found]),
-        "mask, true light": (true, [_predicted_mask(s, s.light) for s in found]),
-        "true mask, true light": (true, [np.asarray(s.lit, dtype=np.float64) for s in found]),
-        "no mask": (said, [np.ones(s.lit.shape) for s in found]),
-        "mask": (said, [_predicted_mask(s, light) for s, light in zip(found, said, strict=True)]),
-        "true mask": (said, [np.asarray(s.lit, dtype=np.float64) for s in found]),
-    }
-    kinds = np.array([s.kind for s in found])
-    sections = [SHADE_NOTE]
-    for kind in sorted(set(kinds.tolist())):
-        chosen = np.flatnonzero(kinds == kind).tolist()
-        rows = {
-            name: _shade_figures([found[i] for i in chosen], [lights[i] for i in chosen], [masks[i] for i in chosen])
-            for name, (lights, masks) in methods.items()
-        }
-        sections += [f"Ground of {len(chosen)} photos: {kind}", figures_table(rows)]
-    return "\n\n".join(sections)
+    return _GroundScene(tone_map(gain * radiance), light, traced.ground, traced.lit, gain * luminance(traced.sky))
 
 
 def _predicted_mask(scene: _GroundScene, light: Lighting) -> Floats:
@@ -127,32 +126,26 @@ def _predicted_mask(scene: _GroundScene, light: Lighting) -> Floats:
 
 
 def _shade_figures(
-    found: Sequence[_GroundScene], lights: Sequence[Lighting], masks: Sequence[Floats]
+    scenes: Sequence[_GroundScene], lights: Sequence[Lighting], masks: Sequence[Floats]
 ) -> dict[str, float]:
     """Precision, recall and accuracy [%] of shade over all ground, and errors of the shadow [hundredths of a stop]."""
-    said = np.concatenate([m[s.ground] < 0.5 for s, m in zip(found, masks, strict=True)])
-    true = np.concatenate([~s.lit[s.ground] for s in found])
-    errors = [_shadow_error(*one) for one in zip(found, lights, masks, strict=True)]
+    predicted = np.concatenate([m[s.ground] < 0.5 for s, m in zip(scenes, masks, strict=True)])
+    true = np.concatenate([~s.lit[s.ground] for s in scenes])
+    errors = [_shadow_error(*one) for one in zip(scenes, lights, masks, strict=True)]
     return {
-        "precision of shade": 100 * _share(true, said),
-        "recall": 100 * _share(said, true),
-        "right": 100 * float(np.mean(said == true)),
+        "precision of shade": share(true[predicted]),
+        "recall": share(predicted[true]),
+        "right": share(predicted == true),
         "shadow off by, mean": 100 * float(np.mean(np.abs(np.concatenate(errors)))),
         "median photo": 100 * float(np.median([np.mean(np.abs(e)) for e in errors])),
         "too dark by, mean": 100 * float(np.mean(np.maximum(-np.concatenate(errors), 0.0))),
     }
 
 
-def _share(of: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:
-    return float(of[among].mean()) if among.any() else float("nan")
-
-
 def _shadow_error(scene: _GroundScene, light: Lighting, lit: Floats) -> Floats:
     """Stops (N,) by which the ground is too bright where a thing that is put there hides the sun."""
     sky = float(luminance(sky_irradiance(light)))
     sun = float(luminance(sun_irradiance(light))) * max(float(light.sun_direction[1]), 0.0)
-    seen = luminance(SRGB_LINEAR[scene.picture])[scene.ground]
-    left = seen * sky / (sky + lit[scene.ground] * sun)
-    return np.asarray(
-        np.log2(np.maximum(left, MIN_LUMINANCE_SHADE) / np.maximum(scene.darkened[scene.ground], MIN_LUMINANCE_SHADE))
-    )
+    remaining = luminance(SRGB_LINEAR[scene.picture])[scene.ground] * sky / (sky + lit[scene.ground] * sun)
+    true = np.maximum(scene.darkened[scene.ground], MIN_LUMINANCE_SHADE)
+    return np.asarray(np.log2(np.maximum(remaining, MIN_LUMINANCE_SHADE) / true))

@@ -8,11 +8,11 @@ import pytest
 from export.evaluation.metrics import (
     _bootstrap,
     _horizon_ends,
-    _number,
     _recall_area,
     auc,
     azimuth_error,
     camera_scores,
+    clustered_error,
     difference_interval,
     elevation_error,
     figures_table,
@@ -117,10 +117,17 @@ def test_a_table_has_a_line_for_each_row() -> None:
     [(12.34, "median", "12.3"), (12.34, "NLL", "12.34"), (8.0, "crops", "8"), (float("nan"), "median", "-")],
 )
 def test_a_column_decides_the_decimals(value: float, column: str, shown: str) -> None:
-    assert _number(value, column) == shown
     assert figures_table({"outdoor": {column: value}}).splitlines()[-1] == f"| outdoor | {shown} |"
 
 
 def test_an_interval_shows_both_ends() -> None:
     assert interval((-1.26, 3.0)) == "-1.3 to 3.0"
     assert interval((-1.26, 3.0), 2) == "-1.26 to 3.00"
+
+
+def test_places_that_go_together_make_a_share_less_sure() -> None:
+    hit = np.array([True, True, False, False])
+    apart, in_pairs = np.array(["a", "b", "c", "d"]), np.array(["a", "a", "b", "b"])
+    assert clustered_error(hit, apart) == pytest.approx(0.25)
+    assert clustered_error(hit, in_pairs) == pytest.approx(0.5**1.5)
+    assert clustered_error(hit, np.array(["a"] * 4)) == pytest.approx(0.0)

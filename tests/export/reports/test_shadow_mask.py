@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from export.reports.shadow_mask import (
+    _format_masks,
     _GroundScene,
     _predicted_mask,
+    _render_scenes,
     _shade_figures,
     _shadow_error,
-    render_ground_scenes,
-    report_shadow_mask,
 )
 from lighting.color import tone_map
 from lighting.model import Model
@@ -63,10 +63,10 @@ def test_what_the_ground_shows_has_a_name() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("llvm")
 def test_a_rendered_photo_is_darker_in_shade_and_is_reported(lit_network: Path) -> None:
-    (scene,) = render_ground_scenes(1)
+    (scene,) = _render_scenes(1)
     seen = scene.picture.mean(axis=-1)
     assert seen[scene.ground & scene.lit].mean() > seen[scene.ground & ~scene.lit].mean()
     assert scene.light.sun_irradiance is not None
-    report = report_shadow_mask(Model.load(lit_network), [scene])
+    report = _format_masks(Model.load(lit_network), [scene])
     assert f"Ground of 1 photos: {scene.kind}" in report
     assert "true mask, true light" in report

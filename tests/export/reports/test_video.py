@@ -1,4 +1,4 @@
-"""Clips of panoramas, measured against their truth; dissolves; streams."""
+"""Clips of panoramas, measured against their truth."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,25 +8,20 @@ import pytest
 
 from export import CLIP_KINDS
 from export.data.panoramas import DataError, Panorama, write_index
+from export.evaluation.metrics import figures_table
 from export.reports.video import (
     CLIP_HEIGHT,
-    CLIP_MEDIANS,
     CLIP_RATE,
     CLIP_SECONDS,
     CLIP_WIDTH,
-    DISSOLVE_ALONE,
-    STREAM_OFF,
+    MEDIANS,
     Pixels,
     _apply_gain,
     _choose_panoramas,
-    _clip_figures,
-    _decimals_table,
-    _DissolvingClip,
-    _is_divided,
-    _known_clips,
-    _KnownClip,
+    _Clip,
+    _film_panorama,
+    _kind_figures,
     _measure_clip,
-    _stream_errors,
     _view_panorama,
 )
 from lighting.color import srgb_decode
@@ -43,7 +38,7 @@ COUNT = round(CLIP_RATE * CLIP_SECONDS)
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory: pytest.TempPathFactory) -> Panorama:
+def sunny(tmp_path_factory: pytest.TempPathFactory) -> Panorama:
     path = tmp_path_factory.mktemp("clips") / "0.png"
     path.write_bytes(encode_png(panorama()))
     return Panorama("p0", path, "ldr", "place0", "val", "visible", 30.0, 40.0, 2.0)
@@ -58,18 +53,18 @@ def test_a_camera_sees_what_its_pinhole_does() -> None:
     assert np.abs(seen - expected).mean() < 0.6
 
 
-def test_a_clip_is_the_same_in_every_run_and_told_from_others(shown: Panorama) -> None:
-    first, again = (next(_known_clips([shown], "pan")) for _ in range(2))
+def test_a_clip_is_the_same_in_every_run_and_told_from_others(sunny: Panorama) -> None:
+    first, again = (_film_panorama(sunny, "pan") for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(first.path, again.path, strict=True))
     assert first.sun == (30.0, 40.0)
-    other = next(_known_clips([replace(shown, name="p1")], "pan"))
+    other = _film_panorama(replace(sunny, name="p1"), "pan")
     assert not np.array_equal(first.path[0], other.path[0])
     assert [frame.index for frame in first.frames(90)] == [0, 90]
 
 
-@pytest.mark.parametrize("kind", [kind for kind in CLIP_KINDS if kind != "walk"])
-def test_each_kind_is_hard_in_what_its_name_says(shown: Panorama, kind: str) -> None:
-    clip = next(_known_clips([shown], kind))
+@pytest.mark.parametrize("kind", CLIP_KINDS)
+def test_each_kind_is_hard_in_what_its_name_says(sunny: Panorama, kind: str) -> None:
+    clip = _film_panorama(sunny, kind)
     azimuth, elevation, _ = clip.path
     assert len(clip.time) == len(azimuth) == len(clip.gain) == len(clip.zoom) == COUNT
     assert clip.zoom[0] == 1.0
@@ -80,9 +75,9 @@ def test_each_kind_is_hard_in_what_its_name_says(shown: Panorama, kind: str) -> 
     assert np.ptp(azimuth) > {"tilt": 5.0, "hand": 10.0, "motion blur": 170.0}.get(kind, 18.0)
 
 
-def test_things_and_crowds_hide_a_part_of_a_pan(shown: Panorama) -> None:
+def test_things_and_crowds_hide_a_part_of_a_pan(sunny: Panorama) -> None:
     for kind, least, most in (("moving things", 0.01, 0.3), ("crowd", 0.05, 0.6)):
-        clip = next(_known_clips([shown], kind))
+        clip = _film_panorama(sunny, kind)
         bare = _view_panorama(panorama(), (clip.path[0][0], clip.path[1][0], clip.path[2][0]), clip.vertical_fov)
         hidden = (clip.picture(0) != bare).any(axis=-1).mean()
         assert least < hidden < most
@@ -90,10 +85,10 @@ def test_things_and_crowds_hide_a_part_of_a_pan(shown: Panorama) -> None:
         assert clip.picture(0).shape == (CLIP_HEIGHT, CLIP_WIDTH, 3)
 
 
-def test_motion_blurs_across_the_way_and_keeps_the_brightness(shown: Panorama, tmp_path: Path) -> None:
+def test_motion_blurs_across_the_way_and_keeps_the_brightness(sunny: Panorama, tmp_path: Path) -> None:
     grain = np.random.default_rng(0).integers(0, 256, (512, 1024, 3), dtype=np.uint8)
     (tmp_path / "grain.png").write_bytes(encode_png(grain))
-    clip = next(_known_clips([replace(shown, path=tmp_path / "grain.png")], "motion blur"))
+    clip = _film_panorama(replace(sunny, path=tmp_path / "grain.png"), "motion blur")
     middle = COUNT // 2  # where the camera turns fastest
     sharp = _view_panorama(grain, (clip.path[0][middle], clip.path[1][middle], clip.path[2][middle]), clip.vertical_fov)
     blurred = clip.picture(middle)
@@ -112,8 +107,6 @@ def test_a_gain_is_of_linear_values() -> None:
     assert np.abs(halved / np.array([0.5, 1.0, 0.25]) - known).max() < 0.02
 
 
-pytest.importorskip("cv2")
-
 PAN_FRAMES = 40
 
 
@@ -122,7 +115,7 @@ def model(network: Path) -> Model:
     return Model.load(network, threads=1)
 
 
-def pan() -> _KnownClip:
+def pan() -> _Clip:
     """A level camera that turns by 50 degrees and grows darker."""
     time, level = np.arange(PAN_FRAMES) / CLIP_RATE, np.zeros(PAN_FRAMES)
     azimuth = 20.0 + 50.0 * time / time[-1]
@@ -131,7 +124,7 @@ def pan() -> _KnownClip:
     def shot(i: int) -> Pixels:
         return _view_panorama(panorama(), (float(azimuth[i]), 0.0, 0.0), FOV, SIZE)
 
-    return _KnownClip("pan", time, (azimuth, level, level), gain, FOV, np.ones(PAN_FRAMES), (30.0, 40.0), shot)
+    return _Clip(time, (azimuth, level, level), gain, FOV, np.ones(PAN_FRAMES), (30.0, 40.0), shot)
 
 
 def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:
@@ -158,14 +151,14 @@ def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:
 
 
 def test_a_row_has_medians_worst_cases_shares_and_counts() -> None:
-    clip = dict.fromkeys((*CLIP_MEDIANS, "in 50 %", "in 90 %", "bridged", "split", "doubted"), 0.0)
+    clip = dict.fromkeys((*MEDIANS, "in 50 %", "in 90 %", "bridged", "split", "doubted"), 0.0)
     clips = [clip | {"trembling": t, "sun": t, "in 50 %": 100.0 * (t < 2), "split": t < 3} for t in (1.0, 2.0, 9.0)]
-    row = _clip_figures(clips)
+    row = _kind_figures(clips)
     assert row["sun"] == 2.0
     assert row["trembling, worst"] == 9.0
     assert row["in 50 %"] == pytest.approx(100.0 / 3)
     assert row["split"] == 2.0
-    assert "| 9.00 |" in _decimals_table({"pan": row})
+    assert "| 9.00 |" in figures_table({"pan": row}, digits=2)
 
 
 def test_panoramas_are_of_different_places_as_long_as_there_are_some(tmp_path: Path) -> None:
@@ -183,42 +176,3 @@ def test_panoramas_are_of_different_places_as_long_as_there_are_some(tmp_path: P
     write_index(unfit, tmp_path)
     with pytest.raises(DataError, match="shows a given sun"):
         _choose_panoramas(tmp_path, 3)
-
-
-def test_a_stream_is_silently_off_where_a_linked_heading_is() -> None:
-    errors, linked = np.tile([1.0, 2.0], (60, 1)), np.ones(60, dtype=bool)
-    errors[30:36, 0], linked[33:45] = STREAM_OFF + 4.0, False
-    errors[50:, 1] = 6.0
-    found = _stream_errors(errors, linked)
-    assert found["heading"] == found["at the end"] == 1.0
-    assert found["worst"] == STREAM_OFF + 4.0
-    assert (found["absolute"], found["absolute, end"]) == (2.0, 4.0)
-    assert found["linked"] == pytest.approx(80.0)
-    assert found["silent"] == pytest.approx(5.0)
-
-
-pytest.importorskip("cv2")
-
-GREY, WHITE = (np.full((180, 320, 3), value, np.uint8) for value in (100, 200))
-FADE_FIRST, FADE_LAST = round(DISSOLVE_ALONE * CLIP_RATE), round((DISSOLVE_ALONE + 0.5) * CLIP_RATE)
-
-
-def still(picture: Pixels) -> _KnownClip:
-    """A clip of one picture."""
-    return replace(pan(), picture=lambda _: picture)
-
-
-def test_a_dissolve_shows_one_place_then_both_then_the_other() -> None:
-    clip = _DissolvingClip(still(GREY), still(WHITE), 0.5)
-    frames = list(clip.frames())
-    level = np.array([frame.pixels[0, 0, 0] for frame in frames])
-    assert (level[:FADE_FIRST] == 100).all()
-    assert (level[FADE_LAST:] == 200).all()
-    assert (np.diff(level[FADE_FIRST - 1 : FADE_LAST + 1].astype(int)) > 0).all()
-    assert level[(FADE_FIRST + FADE_LAST) // 2] == pytest.approx(150, abs=5)
-    assert frames[(FADE_FIRST + FADE_LAST) // 2].time == pytest.approx(clip.middle, abs=1 / CLIP_RATE)
-    assert len(frames) == FADE_FIRST + FADE_LAST
-
-
-def test_a_pan_alone_is_not_divided() -> None:
-    assert not _is_divided(pan())
