@@ -48,7 +48,7 @@ from benchmarks.common import (
 )
 from export.data.panoramas import DataError
 from export.data.path_tracing import find_llvm
-from lighting.calibration import MOST_SIDE, with_lines
+from lighting.calibration import MAX_SIDE, calibrate_from_lines
 from lighting.envmap.projection import size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, photo_context_for_height, render_with_surroundings
@@ -74,7 +74,7 @@ def decode_alone(path: Path) -> Image.Image:
 def small_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Pillow's small grey picture (H, W) of pixels (h, w, 3)."""
     grey = Image.fromarray(pixels).convert("L")
-    grey.thumbnail((MOST_SIDE, MOST_SIDE), Image.Resampling.BOX, reducing_gap=None)
+    grey.thumbnail((MAX_SIDE, MAX_SIDE), Image.Resampling.BOX, reducing_gap=None)
     return np.asarray(grey)
 
 
@@ -199,7 +199,7 @@ def measure_parts(
             resize_to_input(photo, estimator.model.spec),
             estimator.model.session.run(None, {"photo": tensor}),
         ),
-        "lines": lambda: with_lines(alone, photo.pixels),
+        "lines": lambda: calibrate_from_lines(alone, photo.pixels),
         "lines floor": lambda: gradient_alone(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,

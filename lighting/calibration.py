@@ -29,18 +29,20 @@ from PIL import Image
 from lighting.geometry import Floats, focal_length, level_in_camera, shrunk, up_in_camera
 from lighting.records import Prediction
 
-LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
+MAX_LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
 
 # Straight edges of a picture, those apart that run about as the verticals of the world would.
 
-LEAST_STEP = 6.0  # grey levels per pixel, of an edge near vertical
-LEAST_OTHER_STEP = 10.0  # of another, of which pictures have more
-AROUND = 25.0  # deg about the expected vertical in which gradients are taken for it
-LEAST_PIXELS = 10  # of an edge
-LEAST_LENGTH = 6.0  # pixels
-MOST_WIDTH = 3.0  # pixels; wider regions are shades, or several edges in one
-_TURN = 256  # parts, in which the directions of gradients are counted
-_ALIKE = round(40.0 / 360.0 * _TURN)  # parts, the most by which the gradients of neighbours of one edge differ
+_MIN_UPRIGHT_STEP = 6.0  # grey levels per pixel, of an edge near vertical
+_MIN_OTHER_STEP = 10.0  # of another, of which pictures have more
+MAX_LEAN = 25.0  # deg about the expected vertical in which gradients are taken for it
+_MIN_PIXELS = 10  # of an edge
+_MIN_LENGTH = 6.0  # pixels
+_MAX_WIDTH = 3.0  # pixels; wider regions are shades, or several edges in one
+_DIRECTION_BINS = 256  # parts, in which the directions of gradients are counted
+_MAX_BIN_DIFFERENCE = round(
+    40.0 / 360.0 * _DIRECTION_BINS
+)  # parts, the most by which the gradients of neighbours of one edge differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +96,15 @@ def _edges_of(grey: NDArray[np.uint8], up: Floats, focal: float) -> _Edges:
     right, upwards = _gradient(grey)
     across, along = _turned(right, upwards, up, focal)
     strong = np.abs(across)
-    is_upright = np.abs(along) <= np.float32(np.tan(np.radians(AROUND))) * strong
-    upright = np.flatnonzero(is_upright & (strong > 2 * LEAST_STEP))
+    is_upright = np.abs(along) <= np.float32(np.tan(np.radians(MAX_LEAN))) * strong
+    upright = np.flatnonzero(is_upright & (strong > 2 * _MIN_UPRIGHT_STEP))
     step = across.take(upright)
-    sides = np.where(step > 0, 0, _TURN // 2).astype(np.uint8)  # they part by which of their sides is brighter
-    other = np.flatnonzero(~is_upright & (across * across + along * along > np.float32(4 * LEAST_OTHER_STEP**2)))
+    sides = np.where(step > 0, 0, _DIRECTION_BINS // 2).astype(
+        np.uint8
+    )  # they part by which of their sides is brighter
+    other = np.flatnonzero(~is_upright & (across * across + along * along > np.float32(4 * _MIN_OTHER_STEP**2)))
     x, y = right.take(other), upwards.take(other)
-    towards = (np.arctan2(x, y) * np.float32(_TURN / (2 * np.pi))).astype(np.int16).astype(np.uint8)
+    towards = (np.arctan2(x, y) * np.float32(_DIRECTION_BINS / (2 * np.pi))).astype(np.int16).astype(np.uint8)
     size = np.sqrt(x * x + y * y)
     return _Edges(_linked(upright, np.abs(step), sides, grey.shape), _linked(other, size, towards, grey.shape))
 
@@ -128,7 +132,7 @@ def _linked(corners: NDArray[np.intp], size: Floats, towards: NDArray[np.uint8],
     """
     height, width = shape
     rows, columns = np.divmod(corners, max(width - 1, 1))
-    chain, kept = _of_size(_chains(rows * width + columns, towards, width), LEAST_PIXELS)
+    chain, kept = _of_size(_chains(rows * width + columns, towards, width), _MIN_PIXELS)
     x, y = columns.take(kept) + (1 - 0.5 * width), (0.5 * height - 1) - rows.take(kept)
     return _fitted(chain, size.take(kept).astype(np.float64), x, y, height)
 
@@ -163,7 +167,7 @@ def _chains(corners: NDArray[np.intp], towards: NDArray[np.uint8], width: int) -
 
 def _alike(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Whether directions (P,) in parts of a turn differ by _ALIKE at most; bytes wrap as directions do."""
-    return np.asarray(one - other + np.uint8(_ALIKE) <= 2 * _ALIKE)
+    return np.asarray(one - other + np.uint8(_MAX_BIN_DIFFERENCE) <= 2 * _MAX_BIN_DIFFERENCE)
 
 
 def _of_size(chain: NDArray[np.intp], least: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -181,20 +185,22 @@ def _fitted(chain: NDArray[np.intp], weight: Floats, x: Floats, y: Floats, heigh
     xx, yy, xy = (np.bincount(chain, weight * v) / total for v in (dx * dx, dy * dy, dx * dy))
     middle, spread = 0.5 * (xx + yy), 0.5 * np.hypot(xx - yy, 2 * xy)
     length, width = np.sqrt(12 * (middle + spread)), np.sqrt(12 * np.maximum(middle - spread, 0.0))
-    thin = (length >= LEAST_LENGTH) & (width <= MOST_WIDTH)
+    thin = (length >= _MIN_LENGTH) & (width <= _MAX_WIDTH)
     angle = np.degrees(0.5 * np.arctan2(2 * xy, yy - xx))
     return _Lines(np.stack([mx, my], axis=1)[thin] / height, angle[thin], length[thin])
 
 
 # The cameras among which the lines of a picture choose: a grid around what the network says of it.
 
-ELEVATIONS = np.arange(-9.0, 9.1, 1.5)  # deg around the network's answer for each lens
-ROLLS = np.arange(-4.0, 4.1, 0.5)  # deg around it
-LENSES = np.arange(-0.2, 0.21, 0.1)  # around it, logarithm of the tangent of half the field of view
-ELEVATION_SPREAD, LENS_SPREAD = 2.3, 0.1  # of the network's answers, in the same units
-ROLL_SPREADS = (0.2, 2.0)  # deg: that of small rolls is their own size, for the network knows level cameras best
-FREEDOM = 4.0  # degrees of freedom of Student's t distribution, which those errors have
-FOLLOWS = 0.5  # power of the lens with which the network's elevation, as a tangent, goes; 1 keeps its horizon in place
+_ELEVATION_OFFSETS = np.arange(-9.0, 9.1, 1.5)  # deg around the network's answer for each lens
+_ROLL_OFFSETS = np.arange(-4.0, 4.1, 0.5)  # deg around it
+_LOG_LENS_OFFSETS = np.arange(-0.2, 0.21, 0.1)  # around it, logarithm of the tangent of half the field of view
+_ELEVATION_STD, _LOG_LENS_STD = 2.3, 0.1  # of the network's answers, in the same units
+_ROLL_STD_RANGE = (0.2, 2.0)  # deg: that of small rolls is their own size, for the network knows level cameras best
+_DEGREES_OF_FREEDOM = 4.0  # degrees of freedom of Student's t distribution, which those errors have
+_LENS_EXPONENT = (
+    0.5  # power of the lens with which the network's elevation, as a tangent, goes; 1 keeps its horizon in place
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,17 +220,17 @@ class _Cameras:
 
 def _cameras_around(said: Prediction, lenses: Floats) -> _Cameras:
     """The cameras around a network's answer that have one of the lenses (L,)."""
-    ahead = math.tan(math.radians(said.camera_elevation)) * np.exp(FOLLOWS * lenses)
-    elevation = np.degrees(np.arctan(ahead))[:, None] + ELEVATIONS
-    return _Cameras(said, lenses, elevation, said.camera_roll + ROLLS)
+    ahead = math.tan(math.radians(said.camera_elevation)) * np.exp(_LENS_EXPONENT * lenses)
+    elevation = np.degrees(np.arctan(ahead))[:, None] + _ELEVATION_OFFSETS
+    return _Cameras(said, lenses, elevation, said.camera_roll + _ROLL_OFFSETS)
 
 
 def _by_the_network(cameras: _Cameras) -> Floats:
     """Logarithm of the density (L, E, R) of cameras by the network's answer alone, up to a constant."""
-    spreads = (ELEVATION_SPREAD, float(np.clip(abs(cameras.said.camera_roll), *ROLL_SPREADS)), LENS_SPREAD)
+    spreads = (_ELEVATION_STD, float(np.clip(abs(cameras.said.camera_roll), *_ROLL_STD_RANGE)), _LOG_LENS_STD)
     elevation, roll, lens = (
-        -0.5 * (FREEDOM + 1) * np.log1p((values / spread) ** 2 / FREEDOM)
-        for values, spread in zip((ELEVATIONS, ROLLS, cameras.lens), spreads, strict=True)
+        -0.5 * (_DEGREES_OF_FREEDOM + 1) * np.log1p((values / spread) ** 2 / _DEGREES_OF_FREEDOM)
+        for values, spread in zip((_ELEVATION_OFFSETS, _ROLL_OFFSETS, cameras.lens), spreads, strict=True)
     )
     return np.asarray(lens[:, None, None] + elevation[:, None] + roll)
 
@@ -289,7 +295,7 @@ def _by_verticals(lines: _Lines, height: int, cameras: _Cameras) -> Floats:
     spread = np.hypot(_VERTICAL_STD, _ENDS / lines.length).astype(np.float32)[:, None]
     bell = np.exp(-0.5 * (apart / spread) ** 2) * (_VERTICAL / (np.sqrt(2 * np.pi, dtype=np.float32) * spread))
     weight = _VERTICAL_WEIGHT * np.sqrt(lines.length / height)
-    log = weight @ np.log(bell + np.float32((1 - _VERTICAL) / AROUND))
+    log = weight @ np.log(bell + np.float32((1 - _VERTICAL) / MAX_LEAN))
     return np.asarray(log.reshape(up.shape[1:]))
 
 
@@ -307,7 +313,7 @@ def _angles_to_verticals(lines: _Lines, verticals: Floats, cameras: _Cameras) ->
 
 # The camera by the straight lines that the picture shows, beside what the network says of it.
 
-MOST_SIDE = 448  # pixels along the longer side; more bring no better camera
+MAX_SIDE = 448  # pixels along the longer side; more bring no better camera
 _MISLED = 0.1  # share of the photos whose lines say nothing: cropped or set upright afterwards, or of a sloping street
 
 
@@ -317,7 +323,9 @@ def lens_ratio(a: float, b: float) -> float:
     return max(ratio, 1.0 / ratio)
 
 
-def with_lines(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None) -> Prediction:
+def calibrate_from_lines(
+    prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None
+) -> Prediction:
     """The prediction with the camera by its straight lines too; its sun stays where it is. `pixels` (h, w, 3) are sRGB.
 
     Where the lens is known (`vertical_fov` [deg]), elevation and roll are those of a camera with it, unless the pixels
@@ -329,7 +337,7 @@ def with_lines(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: 
     known = _known_lens(prediction, vertical_fov)
     if not (len(edges.upright.length) or len(edges.other.length)) and known is None:
         return prediction
-    elevation, roll, lens = _means(_cameras_around(prediction, LENSES), edges, len(grey))
+    elevation, roll, lens = _means(_cameras_around(prediction, _LOG_LENS_OFFSETS), edges, len(grey))
     if known is not None:
         elevation, roll, _ = _means(_cameras_around(prediction, known), edges, len(grey))
     return replace(
@@ -342,7 +350,7 @@ def with_lines(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: 
 
 def _known_lens(prediction: Prediction, vertical_fov: float | None) -> Floats | None:
     """The known lens (1,) around the network's answer as LENSES are, unless the pixels contradict it."""
-    if vertical_fov is None or lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
+    if vertical_fov is None or lens_ratio(prediction.vertical_fov, vertical_fov) > MAX_LENS_RATIO:
         return None
     return np.array([math.log(math.tan(math.radians(vertical_fov) / 2) / _half_of(prediction))])
 
@@ -350,7 +358,7 @@ def _known_lens(prediction: Prediction, vertical_fov: float | None) -> Floats | 
 def _grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Grey levels (h, w) of pixels (h, w, 3), at most MOST_SIDE along the longer side."""
     grey = Image.fromarray(pixels).convert("L")
-    return np.asarray(grey.resize(shrunk(*grey.size, MOST_SIDE), Image.Resampling.BOX))
+    return np.asarray(grey.resize(shrunk(*grey.size, MAX_SIDE), Image.Resampling.BOX))
 
 
 def _means(cameras: _Cameras, edges: _Edges, height: int) -> tuple[float, float, float]:

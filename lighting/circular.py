@@ -36,22 +36,22 @@ def von_mises(angle: ArrayLike, spread: float) -> Floats:
 def blur_headings(density: Floats, spread: float) -> Floats:
     """Densities (..., 360) over HEADINGS after an error of von Mises `spread` [deg]."""
     kernel = von_mises(HEADINGS, spread)
-    return correlate(density, kernel / kernel.sum())
+    return circular_correlation(density, kernel / kernel.sum())
 
 
-def correlate(a: Floats, b: Floats) -> Floats:
+def circular_correlation(a: Floats, b: Floats) -> Floats:
     """Circular correlation along the last axis (..., N): entry d sums a[i + d] b[i]; never below zero."""
     product = np.fft.rfft(a) * np.conj(np.fft.rfft(b))
     return np.maximum(np.fft.irfft(product, a.shape[-1]), 0.0)
 
 
-def mean_angle(angle: ArrayLike) -> float:
+def circular_mean(angle: ArrayLike) -> float:
     """The direction [deg, -180 to 180] of the sum of unit vectors at angles (N,) [deg]."""
     towards = np.exp(1j * np.radians(np.asarray(angle, dtype=np.float64)))
     return float(np.degrees(np.angle(towards.sum())))
 
 
-def best_angle(angle: Floats, probability: Floats) -> float:
+def circular_mode(angle: Floats, probability: Floats) -> float:
     """The strongest mode [deg, -180 to 180] of probabilities (N,) of angles (N,): the mean around the peak."""
     histogram = np.bincount(np.round(angle).astype(int) % 360, probability, 360).astype(np.float64)
     peak = np.argmax(blur_headings(histogram, MODE_SMOOTHING))
@@ -60,9 +60,9 @@ def best_angle(angle: Floats, probability: Floats) -> float:
     return float(wrap_azimuth(peak + near @ offset / near.sum()))
 
 
-def heading(probability: Floats) -> Heading:
+def heading_from_probability(probability: Floats) -> Heading:
     """The best heading and the radii of a distribution (360,) over HEADINGS."""
-    best = best_angle(HEADINGS, probability) % 360.0
+    best = circular_mode(HEADINGS, probability) % 360.0
     ground = direction(HEADINGS, 0.0)
     radius_50, radius_90 = credible_radii(probability, ground, direction(best, 0.0))
     return Heading(probability, best, radius_50, radius_90)

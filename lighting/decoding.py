@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, best_angle
+from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, circular_mode
 from lighting.color import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.records import Colour, EvidenceKind, Light, Lighting, Prediction, SunEstimate, clipped_colour, significant
@@ -106,20 +106,20 @@ def _clear_sun(elevation: float) -> Floats:
     return radiance
 
 
-def with_ground(lighting: Lighting, reflectance: Floats | None) -> Lighting:
+def with_ground_color(lighting: Lighting, reflectance: Floats | None) -> Lighting:
     """The lighting over ground of a reflectance (3,), or as it is where none is known."""
     return (
         lighting if reflectance is None else replace(lighting, ground_color=clipped_colour(reflectance, "ground_color"))
     )
 
 
-def light_numbers(light: Light) -> Floats:
+def light_to_vector(light: Light) -> Floats:
     """What of a Light may be averaged over pictures (8,): logarithms of the irradiances, and the two shares."""
     irradiance = np.concatenate([light.sun_irradiance, light.sky_irradiance])
     return np.concatenate([np.log(np.maximum(irradiance, _DARKEST)), [light.cover, light.suitable]])
 
 
-def light_of_numbers(numbers: Floats) -> Light:
+def light_from_vector(numbers: Floats) -> Light:
     """The Light of `light_numbers` (8,), without what lies around."""
     irradiance = np.exp(numbers[:6])
     return Light(irradiance[:3], irradiance[3:], float(numbers[6]), float(numbers[7]))
@@ -134,7 +134,7 @@ _REFINED = 25.0  # deg around the best cell over which the answer is averaged
 _TARGET = 4.0  # deg, spread of the lobes around true suns that networks are trained to say
 
 
-def sun_of(prediction: Prediction) -> SunEstimate:
+def sun_from_prediction(prediction: Prediction) -> SunEstimate:
     """The sun's direction and radii by the network's distribution alone."""
     grid = prediction.spec.sun_grid
     sun = bayes_direction(prediction.sun_probability, grid)
@@ -153,7 +153,7 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
 
     `sun` is the sun's direction by all evidence; without it, the direction is that of the network's distribution.
     """
-    where = sun or sun_of(prediction)
+    where = sun or sun_from_prediction(prediction)
     strength = _irradiance_from_network(prediction.light, prediction.sun_visibility) if prediction.light else None
     return Lighting(
         sun_azimuth=_clipped("sun_azimuth", where.azimuth),
@@ -218,13 +218,13 @@ def _bounded_errors(layout: str) -> NDArray[np.float32]:
     return np.asarray(np.minimum(np.degrees(np.arccos(cosine)), np.float32(_WRONG)))
 
 
-def sun_on_rings(directions: Floats, probability: Floats) -> SunEstimate:
+def sun_from_rings(directions: Floats, probability: Floats) -> SunEstimate:
     """The sun's direction and radii by probabilities (N,) of unit vectors (N, 3) that lie on few rings of elevation.
 
     Azimuth and elevation are averaged separately, because the mean vector of a ring lies above the ring.
     """
     azimuth, elevation = angles(directions)
-    best = best_angle(azimuth, probability)
+    best = circular_mode(azimuth, probability)
     near = probability * (np.abs(wrap_azimuth(azimuth - best)) <= MODE_WIDTH)
     near = near * (np.abs(elevation - _likeliest_ring(elevation, near)) <= MODE_WIDTH)
     centre_elevation = float(near @ elevation / near.sum())

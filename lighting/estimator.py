@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lighting.decoding import with_ground
+from lighting.decoding import with_ground_color
 from lighting.deprecation import warn_of_old_name
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
 from lighting.envmap.render import sky_irradiance
@@ -15,8 +15,8 @@ from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.fusion.estimate import build_estimate, predict_photo
 from lighting.fusion.metadata_prior import observations_multi, observations_single
 from lighting.fusion.multi_view import check_heading, check_headings, fuse_views
-from lighting.fusion.single_view import Observations, fuse_gravity, fuse_single_view, tilt_spread
-from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_given
+from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_user_input
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
 from lighting.records import Estimate, Prediction, clipped_colour
@@ -109,7 +109,7 @@ class Estimator:
         if len(photos) < 2:
             return [self(photo, user_input) for photo in photos]
         observed = observations_multi([photo.metadata for photo in photos], user_input)
-        observations = [one.evidence for one in observed]
+        observations = [one.observations for one in observed]
         predictions = [self.predict(photo, user_input) for photo in photos]
         views = None
         if headings is None and register:
@@ -164,7 +164,7 @@ def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: U
         ParameterError: the user's time and place are of night.
     """
     observed = observations_single(photo.metadata, user_input)
-    posterior = fuse_single_view(prediction, observed.evidence, photo.pixels)
+    posterior = fuse_single_view(prediction, observed.observations, photo.pixels)
     return apply_photo_colors([photo], [build_estimate(posterior, observed)])[0]
 
 
@@ -184,7 +184,9 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
         skies = (clipped_colour(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
     return [
-        replace(estimate, lighting=with_ground(light, estimate_ground_albedo(photo.pixels, light, estimate.around)))
+        replace(
+            estimate, lighting=with_ground_color(light, estimate_ground_albedo(photo.pixels, light, estimate.around))
+        )
         for photo, estimate, light in zip(photos, estimates, lights, strict=True)
     ]
 
@@ -195,7 +197,7 @@ def _check_arguments(photos: object, user_input: object) -> None:
         raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
     for photo in photos:
         check_photo(photo)
-    check_given(user_input)
+    check_user_input(user_input)
 
 
 def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "View":
@@ -203,14 +205,14 @@ def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "
     from lighting.registration.photo_set import UP_SIGMA, View
 
     fused = fuse_gravity(prediction, observations)
-    camera, gravity = fused.prediction, fused.evidence.gravity
+    camera, gravity = fused.prediction, fused.observations.gravity
     return View(
         photo.pixels,
         camera.camera_elevation,
         camera.camera_roll,
         prediction.vertical_fov,
         observations.vertical_fov,
-        UP_SIGMA if gravity is None else min(UP_SIGMA, tilt_spread(gravity)),
+        UP_SIGMA if gravity is None else min(UP_SIGMA, camera_elevation_std(gravity)),
     )
 
 

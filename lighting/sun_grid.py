@@ -94,7 +94,7 @@ def cumulative_by_angle(probability: ArrayLike, directions: ArrayLike, centre: A
     return np.concatenate([[0.0], distance[order]]), np.concatenate([[0.0], held])
 
 
-def density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats:
+def nearest_cell_density(probability: ArrayLike, direction: ArrayLike, layout: str) -> Floats:
     """Probability density [1/sr] at directions (..., 3) of probabilities (..., N): that of the nearest cell."""
     cell = np.argmax(np.asarray(direction) @ grid_directions(layout).T, axis=-1)
     at = np.take_along_axis(np.asarray(probability), cell[..., None], axis=-1)[..., 0]

@@ -15,8 +15,8 @@ import pytest
 import lighting
 from lighting.cli import cli
 from lighting.files import MAP_FORMATS
-from lighting.fusion.metadata_prior import GIVEN_HEADING_SPREAD, TYPICAL_DECLINATION
-from lighting.fusion.single_view import COMPASS_SPREAD, GROSS_ERRORS
+from lighting.fusion.metadata_prior import DECLINATION_STD, USER_HEADING_STD
+from lighting.fusion.single_view import COMPASS_OUTLIER_RATE, COMPASS_STD
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from lighting.validation import OPTIONAL_RANGES, RANGES
@@ -213,10 +213,10 @@ def test_the_public_face_is_small_and_there() -> None:
 
 def test_the_page_on_metadata_states_the_compass_as_the_code_does() -> None:
     page = text(ROOT / "docs" / "metadata.md")
-    assert f"right to {COMPASS_SPREAD:g}° (one standard deviation)" in page
-    assert f"to {GIVEN_HEADING_SPREAD:g}°. A magnetic" in page
-    assert f"is unknown, {TYPICAL_DECLINATION:g}° (its root" in page
-    assert GROSS_ERRORS == 0.1
+    assert f"right to {COMPASS_STD:g}° (one standard deviation)" in page
+    assert f"to {USER_HEADING_STD:g}°. A magnetic" in page
+    assert f"is unknown, {DECLINATION_STD:g}° (its root" in page
+    assert COMPASS_OUTLIER_RATE == 0.1
     assert "one in ten worth nothing" in page
 
 

@@ -106,7 +106,7 @@ def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, 
 def by_network(model: Model, photo: Photo) -> Estimate:
     """What a network says of a crop, before the colours that it shows are looked at."""
     facts = observations_from_metadata(PhotoMetadata(), NO_USER_INPUT)
-    return build_estimate(fuse(predict_photo(model, photo), facts.evidence), facts)
+    return build_estimate(fuse(predict_photo(model, photo), facts.observations), facts)
 
 
 def _guesses(name: str, model: Model, shown: Judged) -> dict[str, _Guess]:

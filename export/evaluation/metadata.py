@@ -26,10 +26,10 @@ from export.evaluation.metrics import (
     sun_error,
 )
 from export.evaluation.metrics import answers as answers_of
-from lighting.calibration import LENS_RATIO
-from lighting.fusion.consistency import ELEVATION_TAIL, HEADING_TAIL
+from lighting.calibration import MAX_LENS_RATIO
+from lighting.fusion.consistency import MIN_ELEVATION_P_VALUE, MIN_HEADING_P_VALUE
 from lighting.fusion.metadata_prior import observations_from_metadata
-from lighting.fusion.single_view import MOST_APART, Gravity, Observations, Posterior, fuse_single_view
+from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observations, Posterior, fuse_single_view
 from lighting.fusion.timezones import candidate_utc_offsets
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
@@ -152,8 +152,9 @@ SIMULATION = fill(
 WARNED = fill(
     "Share of photos [%] with a warning of a contradiction, for true records (compass noise, no gross errors) and for "
     f"false ones. A warning is given if the pixels leave the record's sun elevation a tail probability under "
-    f"{ELEVATION_TAIL:.1%}, or its heading one under {HEADING_TAIL:.1%}, or if focal lengths differ by a factor over "
-    f"{LENS_RATIO:g}, or if gravity lies more than {MOST_APART:g}° from where the network has it.",
+    f"{MIN_ELEVATION_P_VALUE:.1%}, or its heading one under {MIN_HEADING_P_VALUE:.1%}, or if focal lengths differ by a "
+    f"factor over {MAX_LENS_RATIO:g}, or if gravity lies more than {MAX_TILT_DISAGREEMENT:g}° from where the "
+    "network has it.",
     120,
 )
 ByLens = tuple[Prediction, Prediction]  # of a photo that does not state its lens, and of the same one if it does
@@ -183,7 +184,7 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: 
 
 def _fuse(said: ByLens, taken: SimulatedMetadata, parts: tuple[str, ...]) -> Posterior:
     return fuse_single_view(
-        _own(said, parts), observations_from_metadata(only(taken.metadata, parts), NO_USER_INPUT).evidence
+        _own(said, parts), observations_from_metadata(only(taken.metadata, parts), NO_USER_INPUT).observations
     )
 
 
@@ -319,7 +320,7 @@ def _share(
     code: WarningCode | None = None,
 ) -> float:
     """Percentage of photos with a warning, or with one of this code."""
-    return _warned(said, [observations_from_metadata(only(f, parts), NO_USER_INPUT).evidence for f in facts], code)
+    return _warned(said, [observations_from_metadata(only(f, parts), NO_USER_INPUT).observations for f in facts], code)
 
 
 def _warned(said: Sequence[Prediction], evidence: Sequence[Observations], code: WarningCode | None = None) -> float:

@@ -16,8 +16,8 @@ from export.crops.crops import generator
 from export.evaluation.metadata import COMPASS_ERROR, COMPASS_MEDIAN, SimulatedMetadata, only
 from export.evaluation.metrics import Truth, figures_table, median, share
 from lighting.circular import HEADINGS, Heading
-from lighting.decoding import sun_of, sun_on_rings
-from lighting.fusion.likelihood import elevation_density, pooling_exponent, ring_of, rotate_density
+from lighting.decoding import sun_from_prediction, sun_from_rings
+from lighting.fusion.likelihood import density_on_ring, elevation_density, pooling_exponent, rotate_density
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, Posterior
@@ -79,7 +79,7 @@ def _views(truth: Truth, said: Sequence[Prediction], azimuth: Floats, members: r
     turned = [(said[i], float(azimuth[first] - azimuth[i])) for i in members]
     log = {
         "sun": [rotate_density(p.sun_probability, turn, layout) for p, turn in turned],
-        "azimuth": [ring_of(p, sun_elevation, turn) for p, turn in turned],
+        "azimuth": [density_on_ring(p, sun_elevation, turn) for p, turn in turned],
         "elevation": [elevation_density(p, angles(cells)[1]) for p, _ in turned],
     }
     cell = int(np.argmax(cells @ sun))
@@ -130,8 +130,8 @@ def _inside(views: _Densities, kind: str, part: NDArray[np.intp], correlation: f
 
 def _decode(views: _Densities, kind: str, probability: Floats) -> SunEstimate:
     if kind == "azimuth":
-        return sun_on_rings(direction(HEADINGS, float(angles(views.truth)[1])), probability)
-    return sun_of(replace(views.said, sun_probability=probability))
+        return sun_from_rings(direction(HEADINGS, float(angles(views.truth)[1])), probability)
+    return sun_from_prediction(replace(views.said, sun_probability=probability))
 
 
 # Accuracy and coverage of several crops of one panorama taken together.
@@ -197,7 +197,7 @@ def _compass(taken: SimulatedMetadata, rng: np.random.Generator, shared: float) 
 
 
 def _time(taken: SimulatedMetadata, _: np.random.Generator, __: float) -> Observations:
-    return observations_from_metadata(only(taken.metadata, (EvidenceKind.TIME_AND_PLACE,)), NO_USER_INPUT).evidence
+    return observations_from_metadata(only(taken.metadata, (EvidenceKind.TIME_AND_PLACE,)), NO_USER_INPUT).observations
 
 
 def _time_and_compass(taken: SimulatedMetadata, rng: np.random.Generator, shared: float) -> Observations:

@@ -19,7 +19,7 @@ from lighting.model import Model
 from lighting.photo.preprocess import pad_to_input
 from lighting.photo.reader import TARGET
 from lighting.records import ModelSpec, Prediction
-from lighting.sun_grid import density
+from lighting.sun_grid import nearest_cell_density
 
 # The views on which networks are scored, what is true of them, and what a network answers.
 
@@ -130,7 +130,9 @@ def interpret(said: Sequence[Prediction], sun: Floats) -> Answers:
     probability = np.array([p.sun_probability for p in said])
     known = np.isfinite(sun[:, 0])
     nll = np.full(len(said), np.nan)
-    nll[known] = -np.log(np.maximum(density(probability[known], sun[known], said[0].spec.sun_grid), LEAST_DENSITY))
+    nll[known] = -np.log(
+        np.maximum(nearest_cell_density(probability[known], sun[known], said[0].spec.sun_grid), LEAST_DENSITY)
+    )
     return Answers(
         sun=np.array([light.sun_direction for light in lights]),
         radius_50=np.array([light.radius_50 for light in lights]),

@@ -18,11 +18,11 @@ from export.evaluation.metrics import Bools, Truth, answers, figures_table, sele
 from export.evaluation.multi_view import halves_of
 from export.evaluation.predictions import LEAST_DENSITY
 from export.evaluation.report import IN_VIEW, bins
-from lighting.decoding import bayes_direction, sun_of
+from lighting.decoding import bayes_direction, sun_from_prediction
 from lighting.files.atomic import atomic_write
 from lighting.geometry import Floats, angle_between, direction
 from lighting.records import Prediction
-from lighting.sun_grid import cumulative_by_angle, density, grid_directions, grid_solid_angle
+from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle, nearest_cell_density
 
 # Calibration of the sun's distribution: how often the true sun lies in the region that holds the probability p.
 
@@ -181,13 +181,13 @@ def _tempered(said: Prediction, temperature: float) -> Prediction:
 
 def _figures(truth: Truth, said: Sequence[Prediction]) -> dict[str, float]:
     """COLUMNS over crops that all have a sun."""
-    suns = [sun_of(p) for p in said]
+    suns = [sun_from_prediction(p) for p in said]
     probability = np.array([p.sun_probability for p in said])
     values = answers(
         direction([s.azimuth for s in suns], [s.elevation for s in suns]),
         radius_50=np.array([s.radius_50 for s in suns]),
         radius_90=np.array([s.radius_90 for s in suns]),
-        nll=-np.log(np.maximum(density(probability, truth.sun, said[0].spec.sun_grid), LEAST_DENSITY)),
+        nll=-np.log(np.maximum(nearest_cell_density(probability, truth.sun, said[0].spec.sun_grid), LEAST_DENSITY)),
     )
     measured = sun_figures(truth, values)
     return {name: measured[column] for name, column in COLUMNS.items()}

@@ -55,7 +55,7 @@ class _Options:
         maps = None
         if self.envmap:
             maps = Maps(self.height, self.sun, self.yaw, self.sky, self.compression or "zip", self.surroundings)
-        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.given.said())
+        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.given.explicit_fields())
 
     @property
     def progress(self) -> bool:

@@ -9,14 +9,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lighting.calibration import LENS_RATIO, lens_ratio
+from lighting.calibration import MAX_LENS_RATIO, lens_ratio
 from lighting.circular import HEADINGS, blur_headings
 from lighting.geometry import Floats, angles
 from lighting.records import CodedWarning, Prediction, WarningCode
 from lighting.sun_grid import grid_directions
 
-ELEVATION_TAIL = 0.004  # tail probability by the pixels, under which the elevation of time and place is contradicted
-HEADING_TAIL = 0.008  # the same of a compass heading
+MIN_ELEVATION_P_VALUE = (
+    0.004  # tail probability by the pixels, under which the elevation of time and place is contradicted
+)
+MIN_HEADING_P_VALUE = 0.008  # the same of a compass heading
 
 _CELL_SPREAD = 2.2  # deg, scale of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
 
@@ -34,16 +36,16 @@ def consistency_warnings(
     `candidates` (K, 2) are suns with the pixels' density (K, 360) for each heading; K may be 0; `compass` is a heading
     and its spread [deg]; `subject` is what the sentences call the pixels' source.
     """
-    if len(candidates) and _elevation_p_value(prediction, candidates[:, 0]) < ELEVATION_TAIL:
+    if len(candidates) and _elevation_p_value(prediction, candidates[:, 0]) < MIN_ELEVATION_P_VALUE:
         yield CodedWarning(
             f"The sun's elevation at this time and place, {_range(candidates[:, 0])}, is very unlikely by the pixels: "
             "check the clock, the zone and the place.",
             WarningCode.ELEVATION_CONTRADICTED,
         )
-    if len(candidates) and compass is not None and _heading_tail(density, *compass) < HEADING_TAIL:
+    if len(candidates) and compass is not None and _heading_tail(density, *compass) < MIN_HEADING_P_VALUE:
         sentence = f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
         yield CodedWarning(sentence, WarningCode.HEADING_CONTRADICTED)
-    if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > LENS_RATIO:
+    if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > MAX_LENS_RATIO:
         wider = vertical_fov > prediction.vertical_fov  # which a crop makes it
         cause = f"the {subject} may be cropped" if wider else "check the focal length, unless the lens is a long one"
         yield CodedWarning(

@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.calibration import with_lines
+from lighting.calibration import calibrate_from_lines
 from lighting.decoding import correct_sun_color, lighting_from_prediction, predicted_sun_elevation
-from lighting.fusion.metadata_prior import Known, camera_evidence, daylight_probability, too_dark
+from lighting.fusion.metadata_prior import (
+    MetadataPrior,
+    camera_observations,
+    dark_exposure_warnings,
+    daylight_probability,
+)
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.model import Model
@@ -24,13 +29,13 @@ _UNSUITABLE = (
 _IN_TWILIGHT = 0.1  # the most that `suitable` is where time and place have the sun below the horizon
 
 
-def build_estimate(fused: Posterior, known: Known) -> Estimate:
+def build_estimate(fused: Posterior, known: MetadataPrior) -> Estimate:
     """The Estimate of fused evidence, with the evidence used and the warnings."""
     lighting = lighting_from_prediction(fused.prediction, fused.sun)
     suitable, warnings = lighting.suitable, (*known.warnings, *fused.warnings)
     if suitable is not None:
         suitable = _suitable(suitable, known)
-        warnings = (*warnings, *(_unsuitable_warnings(known.evidence) if suitable < SUITABLE else ()))
+        warnings = (*warnings, *(_unsuitable_warnings(known.observations) if suitable < SUITABLE else ()))
     latitude, longitude = known.location or (None, None)
     lit = _with_headings(_with_sunlight(lighting, fused, known), fused)
     told = replace(
@@ -55,21 +60,23 @@ def _with_headings(lighting: Lighting, fused: Posterior) -> Lighting:
     )
 
 
-def _with_sunlight(lighting: Lighting, fused: Posterior, known: Known) -> Lighting:
+def _with_sunlight(lighting: Lighting, fused: Posterior, known: MetadataPrior) -> Lighting:
     """The same with a sun of the colour of its height, which does not shine from below the horizon."""
     irradiance = lighting.sun_irradiance
     if not known.sun_is_up:
         return replace(lighting, sun_visibility=0.0, sun_irradiance=None if irradiance is None else (0.0, 0.0, 0.0))
     if irradiance is None:
         return lighting
-    said = predicted_sun_elevation(fused.prediction) if fused.said_elevation is None else fused.said_elevation
+    said = fused.predicted_sun_elevation
+    if said is None:
+        said = predicted_sun_elevation(fused.prediction)
     elevation = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in fused.used else said
     return replace(lighting, sun_irradiance=correct_sun_color(irradiance, said, elevation))
 
 
-def _suitable(by_pixels: float, known: Known) -> float:
+def _suitable(by_pixels: float, known: MetadataPrior) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
-    return significant(min(_by_exposure(by_pixels, known.evidence), 1.0 if known.sun_is_up else _IN_TWILIGHT))
+    return significant(min(_by_exposure(by_pixels, known.observations), 1.0 if known.sun_is_up else _IN_TWILIGHT))
 
 
 def _by_exposure(suitable: float, evidence: Observations) -> float:
@@ -80,7 +87,7 @@ def _by_exposure(suitable: float, evidence: Observations) -> float:
 
 def _unsuitable_warnings(evidence: Observations) -> tuple[str, ...]:
     """Sentences about a picture that does not suit."""
-    dark = () if evidence.exposure_value is None else too_dark(evidence.exposure_value, evidence.subject)
+    dark = () if evidence.exposure_value is None else dark_exposure_warnings(evidence.exposure_value, evidence.subject)
     return (*dark, _UNSUITABLE.format(evidence.subject))
 
 
@@ -95,7 +102,7 @@ def predict_photo(model: Model, photo: Photo, given: UserInput = NO_USER_INPUT) 
     Where the photo or its user says which lens it has, elevation and roll are those of a camera with it.
     """
     said = model.predict(preprocess(photo, model.spec))[0]
-    return screen_prediction(said, photo.pixels, camera_evidence(photo.metadata, given).vertical_fov)
+    return screen_prediction(said, photo.pixels, camera_observations(photo.metadata, given).vertical_fov)
 
 
 def screen_prediction(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None) -> Prediction:
@@ -112,6 +119,6 @@ def refine_camera(said: Prediction, pixels: NDArray[np.uint8], vertical_fov: flo
 
     A sun that the photo shows stays on its pixel.
     """
-    known = with_lines(said, pixels, vertical_fov)
+    known = calibrate_from_lines(said, pixels, vertical_fov)
     sun = None if known is said else visible_sun(said, pixels)
     return known if sun is None else replace(known, sun_probability=reproject_sun(said, known, sun))

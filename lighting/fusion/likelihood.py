@@ -20,20 +20,20 @@ from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 
 # How much each of several views counts: those that overlap see the same evidence, and at times all err alike.
 
-REACH = 1.25  # vertical fields of view between two optical axes from which views share nothing
-UNLIKE = 30.0  # deg of the sun's motion after which the same view is another witness
+_MAX_OVERLAP_FOVS = 1.25  # vertical fields of view between two optical axes from which views share nothing
+SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is another witness
 
 
 @dataclass(frozen=True)
 class Correlation:
     """Of the errors of views."""
 
-    far: float  # of two views without overlap
-    misled: float  # share of cases in which all views say no more than one
+    without_overlap: float  # of two views that share nothing, 0 to 1
+    outlier_rate: float  # share of cases in which all views say no more than one, 0 to 1
 
 
-SUN = Correlation(0.05, 0.15)  # of the sun's distribution in one frame
-AZIMUTH = Correlation(0.0, 0.05)  # of its azimuth at a known elevation
+SUN_CORRELATION = Correlation(0.05, 0.15)  # of the sun's distribution in one frame
+AZIMUTH_CORRELATION = Correlation(0.0, 0.05)  # of its azimuth at a known elevation
 
 
 def effective_weights(
@@ -49,7 +49,7 @@ def effective_weights(
     `present` (n,) is how far each is there at all, 0 to 1.
     """
     shared = np.square(_overlap(ahead, vertical_fov)) * likeness
-    matrix = correlation.far + (1.0 - correlation.far) * shared
+    matrix = correlation.without_overlap + (1.0 - correlation.without_overlap) * shared
     np.fill_diagonal(matrix, 0.0)
     there = np.ones(len(ahead)) if present is None else present
     return np.asarray(there / (1.0 + matrix @ there))
@@ -63,7 +63,7 @@ def pooling_exponent(count: int, correlation: float) -> float:
 def pool_log_likelihoods(log: Floats, share: Floats, correlation: Correlation, area: Floats | float = 1.0) -> Floats:
     """Probabilities (...), 1 in sum, of cells of some area (...) by log densities (n, ...) of views that count (n,)."""
     apart, alike = (_product(log, exponent, area) for exponent in (share, share / share.sum()))
-    return np.asarray((1.0 - correlation.misled) * apart + correlation.misled * alike)
+    return np.asarray((1.0 - correlation.outlier_rate) * apart + correlation.outlier_rate * alike)
 
 
 def _product(log: Floats, exponent: Floats, area: Floats | float) -> Floats:
@@ -76,11 +76,11 @@ def _product(log: Floats, exponent: Floats, area: Floats | float) -> Floats:
 def _overlap(ahead: Floats, vertical_fov: Floats) -> Floats:
     """Shares (n, n) of the pictures' width that two views have in common, 0 to 1."""
     apart = angle_between(ahead[:, None], ahead[None])
-    width = REACH * 0.5 * (vertical_fov[:, None] + vertical_fov[None])
+    width = _MAX_OVERLAP_FOVS * 0.5 * (vertical_fov[:, None] + vertical_fov[None])
     return np.asarray(np.maximum(0.0, 1.0 - apart / width))
 
 
-def axes(predictions: Sequence[Prediction], turns: Floats) -> tuple[Floats, Floats]:
+def optical_axes(predictions: Sequence[Prediction], turns: Floats) -> tuple[Floats, Floats]:
     """Optical axes (n, 3) and vertical fields of view (n,) [deg] of views at headings (n,) [deg]."""
     elevation = [p.camera_elevation for p in predictions]
     return direction(turns, elevation), np.array([p.vertical_fov for p in predictions])
@@ -88,7 +88,7 @@ def axes(predictions: Sequence[Prediction], turns: Floats) -> tuple[Floats, Floa
 
 # One view's distribution of the sun as a turned camera, an elevation or an uncertain heading has it.
 
-ELEVATION_SPREAD = 4.0  # deg, kernel of an elevation's density: the size of a cell
+ELEVATION_KERNEL_STD = 4.0  # deg, kernel of an elevation's density: the size of a cell
 
 _BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # in spreads, over which a noisy heading is averaged on the grid
 _HIDDEN = 1.5  # deg, errors of a heading that do not show beside the 4 deg between cells
@@ -100,7 +100,7 @@ def rotate_density(probability: Floats, turn: float, layout: str) -> Floats:
     return smooth_density(probability, direction(azimuth + turn, elevation), layout)
 
 
-def ring_of(prediction: Prediction, elevation: float, turn: float) -> Floats:
+def density_on_ring(prediction: Prediction, elevation: float, turn: float) -> Floats:
     """The density (360,) along an elevation [deg], by azimuth from 0 to 359, as `seen_from` gives that of the cells."""
     suns = direction(HEADINGS + turn, elevation)
     return smooth_density(prediction.sun_probability, suns, prediction.spec.sun_grid)
@@ -110,11 +110,11 @@ def elevation_density(prediction: Prediction, elevation: Floats) -> Floats:
     """Density [1/sr] (N,) at elevations (N,) [deg], averaged over azimuth."""
     layout = prediction.spec.sun_grid
     cells = angles(grid_directions(layout))[1]
-    weight = np.exp(-0.5 * ((elevation[:, None] - cells) / ELEVATION_SPREAD) ** 2)
+    weight = np.exp(-0.5 * ((elevation[:, None] - cells) / ELEVATION_KERNEL_STD) ** 2)
     return np.asarray(weight @ prediction.sun_probability / (weight @ grid_solid_angle(layout)))
 
 
-def noisy_cells(prediction: Prediction, noise: float, useless: float) -> Floats:
+def blur_grid_heading(prediction: Prediction, noise: float, useless: float) -> Floats:
     """Probabilities (N,) over the cells after an error of the heading [deg], gross in a `useless` share of cases."""
     if not noise:
         return prediction.sun_probability
@@ -132,7 +132,7 @@ def _turned_about(prediction: Prediction, noise: float) -> Floats:
     return np.asarray(weight @ np.array(seen) / weight.sum() * grid_solid_angle(layout))
 
 
-def noisy_rings(density: Floats, noise: float, useless: float) -> Floats:
+def blur_ring_heading(density: Floats, noise: float, useless: float) -> Floats:
     """Densities (K, 360) after an error of the heading [deg], gross in a `useless` share of cases."""
     if not noise:
         return density

@@ -14,8 +14,15 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fusion.single_view import COMPASS_SPREAD, Gravity, Observations, zones_of_day
-from lighting.fusion.timezones import below_horizon, drop_unzoned, location_of, merge_user_input, share_location, suns
+from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
+from lighting.fusion.timezones import (
+    drop_unzoned,
+    format_below_horizon,
+    location_of,
+    merge_user_input,
+    share_location,
+    sun_candidates,
+)
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import SUN_RADIUS, angle_between, direction
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
@@ -26,7 +33,7 @@ if TYPE_CHECKING:
 
 # Magnetic declination: how far a compass needle points from true north, by the World Magnetic Model.
 
-TYPICAL_DECLINATION = 17.0  # deg, root mean square over the latitudes up to 65 deg in 2022
+DECLINATION_STD = 17.0  # deg, root mean square over the latitudes up to 65 deg in 2022
 
 _EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
 _CALCULATING = threading.Lock()  # a model stores intermediate values in itself, so threads must take turns
@@ -53,9 +60,9 @@ def _model(epoch: int) -> "GeoMag":
 
 # Turn a photo's metadata and its user's statements into evidence about the sun, the heading and the lens.
 
-GIVEN_HEADING_SPREAD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
+USER_HEADING_STD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
 
-Suns = tuple[tuple[float, float], ...]  # elevation and compass azimuth of each, deg
+_SunCandidates = tuple[tuple[float, float], ...]  # elevation and compass azimuth of each, deg
 
 _EARTH_RADIUS = 6371.0  # km
 _ONE_PLACE = 100.0  # km within which the sun stands within a degree of the same direction
@@ -64,61 +71,63 @@ _IN_TWILIGHT = "the answer is the sky of a sun on the horizon, brighter than thi
 
 
 @dataclass(frozen=True)
-class Known:
+class MetadataPrior:
     """The evidence about one photo, and what its Estimate reports besides."""
 
-    evidence: Observations = field(default_factory=Observations)
+    observations: Observations = field(default_factory=Observations)
     warnings: tuple[str, ...] = ()
     sun_is_up: bool = True  # False where time and place say that no direct sunlight reaches the photo
     is_night: bool = False  # time and place say that it was night, too dark for these skies; they were not used
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer
 
 
-def observations_from_metadata(facts: PhotoMetadata, given: UserInput, subject: str = "photo") -> Known:
+def observations_from_metadata(facts: PhotoMetadata, given: UserInput, subject: str = "photo") -> MetadataPrior:
     """The evidence from a photo's metadata and its user; `subject` is what warnings call it.
 
     Raises ParameterError where the user's own time or place is at night. A photo's own metadata never raise.
     """
     merged = merge_user_input(facts, given)
-    candidates = suns(merged)
+    candidates = sun_candidates(merged)
     if (highest := _highest(candidates)) < CIVIL_TWILIGHT and (given.time is not None or given.latitude is not None):
         stated = "latitude" if given.time is None else "time"
-        raise ParameterError(below_horizon(merged, highest) + "too dark for these skies.", stated, ErrorCode.NIGHT)
+        raise ParameterError(
+            format_below_horizon(merged, highest) + "too dark for these skies.", stated, ErrorCode.NIGHT
+        )
     return _known(merged, candidates, given, subject)
 
 
-def observations_of_frame(facts: PhotoMetadata, given: UserInput, subject: str) -> Known:
+def observations_of_frame(facts: PhotoMetadata, given: UserInput, subject: str) -> MetadataPrior:
     """The same for a later frame of a clip, which may pass into the night: the user's own time does not raise."""
     merged = merge_user_input(facts, given)
-    return _known(merged, suns(merged), given, subject)
+    return _known(merged, sun_candidates(merged), given, subject)
 
 
-def _highest(candidates: Suns) -> float:
+def _highest(candidates: _SunCandidates) -> float:
     """The highest elevation [deg] of candidate suns; 0 where there are none."""
     return max((elevation for elevation, _ in candidates), default=0.0)
 
 
-def _known(merged: PhotoMetadata, candidates: Suns, given: UserInput, subject: str) -> Known:
+def _known(merged: PhotoMetadata, candidates: _SunCandidates, given: UserInput, subject: str) -> MetadataPrior:
     """The evidence of merged facts whose candidate suns may all be below the horizon."""
     highest, warnings = _highest(candidates), _missing(merged, given, subject)
     if highest < -SUN_RADIUS:
         consequence = _IN_TWILIGHT if highest >= CIVIL_TWILIGHT else "time and place were not used."
-        warnings = (*warnings, below_horizon(merged, highest) + consequence)
-    heading, heading_spread = _compass(merged, given)
+        warnings = (*warnings, format_below_horizon(merged, highest) + consequence)
+    heading, heading_std = _compass(merged, given)
     evidence = replace(
         _of_camera(merged),
         candidates=_in_twilight_on_the_horizon(candidates) if highest >= CIVIL_TWILIGHT else (),
         exposure_value=merged.exposure_value,
         subject=subject,
         heading=heading,
-        heading_spread=heading_spread,
+        heading_std=heading_std,
     )
     sun_is_up = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS
     location = location_of(merged) if given.keep_location else None
-    return Known(evidence, warnings, sun_is_up, bool(candidates) and highest < CIVIL_TWILIGHT, location)
+    return MetadataPrior(evidence, warnings, sun_is_up, bool(candidates) and highest < CIVIL_TWILIGHT, location)
 
 
-def camera_evidence(facts: PhotoMetadata, given: UserInput) -> Observations:
+def camera_observations(facts: PhotoMetadata, given: UserInput) -> Observations:
     """What of the evidence is about the camera alone: its lens, and how it was held."""
     return _of_camera(merge_user_input(facts, given))
 
@@ -129,16 +138,16 @@ def _of_camera(merged: PhotoMetadata) -> Observations:
     return Observations(vertical_fov=merged.vertical_fov, gravity=gravity)
 
 
-def observations_single(facts: PhotoMetadata, given: UserInput) -> Known:
+def observations_single(facts: PhotoMetadata, given: UserInput) -> MetadataPrior:
     """The evidence of a photo that stands alone, where a heading without time and place tells nothing."""
     found = observations_from_metadata(facts, given)
-    if given.heading is None or found.evidence.candidates or found.is_night:
+    if given.heading is None or found.observations.candidates or found.is_night:
         return found
     warning = "The heading was not used, because time and place of the photo are not both known."
     return replace(found, warnings=(*found.warnings, warning))
 
 
-def observations_multi(facts: Sequence[PhotoMetadata], given: UserInput) -> list[Known]:
+def observations_multi(facts: Sequence[PhotoMetadata], given: UserInput) -> list[MetadataPrior]:
     """The evidence of photos taken together. If one of them was taken at night by its metadata, no time is used.
 
     Raises ParameterError where it was night in one of them at the user's own place, whatever zone their times are of.
@@ -150,13 +159,13 @@ def observations_multi(facts: Sequence[PhotoMetadata], given: UserInput) -> list
     ]
     if given.use_exif and given.latitude is None:
         found = [
-            replace(k, warnings=(*k.warnings, *_elsewhere(own, used))) if k.evidence.candidates else k
+            replace(k, warnings=(*k.warnings, *_elsewhere(own, used))) if k.observations.candidates else k
             for k, own, used in zip(found, facts, there, strict=True)
         ]
     if any(k.is_night for k in found):
         return _timeless(found, "Another photo taken with it says that it was night: time and place were not used.")
-    timed = [k.evidence.candidates for k in found if k.evidence.candidates]
-    if not timed or zones_of_day(timed):
+    timed = [k.observations.candidates for k in found if k.observations.candidates]
+    if not timed or daylight_candidates(timed):
         return found
     if given.latitude is not None:
         raise ParameterError(f"{_NIGHT_IN_ALL_ZONES}: too dark for these skies.", "latitude", ErrorCode.NIGHT)
@@ -175,11 +184,11 @@ def _elsewhere(facts: PhotoMetadata, used: PhotoMetadata) -> tuple[str, ...]:
     return (f"Its own place lies {distance:.0f} km from that of the first photo that has one, which was used for all.",)
 
 
-def _timeless(found: Sequence[Known], warning: str) -> list[Known]:
+def _timeless(found: Sequence[MetadataPrior], warning: str) -> list[MetadataPrior]:
     """The same without time; a warning goes to those that had one."""
     return [
-        replace(k, evidence=replace(k.evidence, candidates=()), warnings=(*k.warnings, warning), sun_is_up=True)
-        if k.evidence.candidates
+        replace(k, observations=replace(k.observations, candidates=()), warnings=(*k.warnings, warning), sun_is_up=True)
+        if k.observations.candidates
         else k
         for k in found
     ]
@@ -196,7 +205,7 @@ def _missing(merged: PhotoMetadata, given: UserInput, subject: str) -> tuple[str
     return ()
 
 
-def _in_twilight_on_the_horizon(candidates: Suns) -> Suns:
+def _in_twilight_on_the_horizon(candidates: _SunCandidates) -> _SunCandidates:
     """The candidates with the suns of civil twilight put on the horizon."""
     return tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, azimuth) for el, azimuth in candidates)
 
@@ -204,16 +213,16 @@ def _in_twilight_on_the_horizon(candidates: Suns) -> Suns:
 def _compass(facts: PhotoMetadata, given: UserInput) -> tuple[float | None, float]:
     """The heading from true north, if it is known, and its spread [deg]."""
     if facts.heading is None:
-        return None, COMPASS_SPREAD
+        return None, COMPASS_STD
     if given.heading is not None:
-        return facts.heading % 360.0, GIVEN_HEADING_SPREAD
+        return facts.heading % 360.0, USER_HEADING_STD
     if facts.heading_reference == HeadingReference.TRUE:
-        return facts.heading % 360.0, COMPASS_SPREAD
+        return facts.heading % 360.0, COMPASS_STD
     off = _declination(facts)
     if facts.heading_reference == HeadingReference.MAGNETIC and off is not None:
-        return (facts.heading + off) % 360.0, COMPASS_SPREAD
-    doubt = TYPICAL_DECLINATION if off is None else off
-    return facts.heading % 360.0, math.hypot(COMPASS_SPREAD, doubt)
+        return (facts.heading + off) % 360.0, COMPASS_STD
+    doubt = DECLINATION_STD if off is None else off
+    return facts.heading % 360.0, math.hypot(COMPASS_STD, doubt)
 
 
 def _declination(facts: PhotoMetadata) -> float | None:
@@ -234,7 +243,7 @@ def daylight_probability(exposure_value: float) -> float:
     return float(1.0 / (1.0 + 2.0 ** (_STEEPNESS * (_DARK - exposure_value))))
 
 
-def too_dark(exposure_value: float, subject: str) -> tuple[str, ...]:
+def dark_exposure_warnings(exposure_value: float, subject: str) -> tuple[str, ...]:
     """A sentence for people where daylight is the less likely light of a `subject`."""
     if daylight_probability(exposure_value) >= 0.5:
         return ()

@@ -12,35 +12,43 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.circular import HEADINGS, Heading, blur_headings, correlate, heading, mean_angle, von_mises
-from lighting.decoding import light_numbers, light_of_numbers, predicted_sun_elevation
+from lighting.circular import (
+    HEADINGS,
+    Heading,
+    blur_headings,
+    circular_correlation,
+    circular_mean,
+    heading_from_probability,
+    von_mises,
+)
+from lighting.decoding import light_from_vector, light_to_vector, predicted_sun_elevation
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.likelihood import (
-    AZIMUTH,
-    ELEVATION_SPREAD,
-    SUN,
-    UNLIKE,
-    axes,
+    AZIMUTH_CORRELATION,
+    ELEVATION_KERNEL_STD,
+    SUN_CORRELATION,
+    SUN_MOTION_SCALE,
+    blur_grid_heading,
+    blur_ring_heading,
     effective_weights,
     elevation_density,
-    noisy_cells,
-    noisy_rings,
+    optical_axes,
     pool_log_likelihoods,
     pooling_exponent,
     rotate_density,
 )
 from lighting.fusion.single_view import (
-    GROSS_ERRORS,
+    COMPASS_OUTLIER_RATE,
     Observations,
     Posterior,
-    above_horizon,
+    candidates_above_horizon,
     compass_prior,
+    daylight_candidates,
     fuse_gravity,
     fuse_with_gravity,
     likelihood_by_heading,
     posterior_on_grid,
     posterior_on_rings,
-    zones_of_day,
 )
 from lighting.geometry import Floats, angle_between, angles, direction, up_in_camera, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Light, Prediction, SunEstimate, WarningCode
@@ -52,9 +60,15 @@ if TYPE_CHECKING:
 
 # Which photos taken together share a frame, and how they are turned in it.
 
-MISMATCHES = 0.01  # share of the turns by matches that are useless; `export report photo-sets` found none in 75 pairs
-CONTRARY = 25.0  # deg between two verticals, five times what nine of ten photos err in their camera's elevation
-TURN_NOISE = 10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
+_MATCH_OUTLIER_RATE = (
+    0.01  # share of the turns by matches that are useless; `export report photo-sets` found none in 75 pairs
+)
+_MAX_UP_DISAGREEMENT = (
+    25.0  # deg between two verticals, five times what nine of ten photos err in their camera's elevation
+)
+RELATIVE_HEADING_STD = (
+    10.0  # deg, spread of the turn between two compass headings of one phone, whose larger error is shared
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +103,7 @@ def _contrary_up(prediction: Prediction, placed: "RegisteredView") -> tuple[str,
     """A warning where the photo alone has up elsewhere than what it has in common with the others."""
     angles = ((p.camera_elevation, p.camera_roll) for p in (prediction, placed))
     apart = float(angle_between(*(up_in_camera(*tilt) for tilt in angles)))
-    if apart < CONTRARY:
+    if apart < _MAX_UP_DISAGREEMENT:
         return ()
     return (
         f"Alone it has up {apart:.0f}° from where the photos have it together: one of them may lie on its side, "
@@ -150,22 +164,30 @@ def _frames(
         matched = _frames_by_matches(placed)
         return _joined(matched, np.array(compass)) if len(compass) == count and matched.group.any() else matched
     if len(compass) == count:
-        return _Frames(together, np.array(compass), np.full(count, TURN_NOISE), GROSS_ERRORS, EvidenceKind.HEADING)
+        return _Frames(
+            together,
+            np.array(compass),
+            np.full(count, RELATIVE_HEADING_STD),
+            COMPASS_OUTLIER_RATE,
+            EvidenceKind.HEADING,
+        )
     return _Frames(np.arange(count), np.zeros(count), np.zeros(count))
 
 
 def _frames_by_matches(placed: "Sequence[RegisteredView]") -> _Frames:
-    group, turn, noise = ([getattr(p, name) for p in placed] for name in ("group", "heading", "heading_sigma"))
-    return _Frames(np.array(group, dtype=np.intp), np.array(turn), np.array(noise), MISMATCHES, EvidenceKind.TURNS)
+    group, turn, noise = ([getattr(p, name) for p in placed] for name in ("group", "heading", "heading_std"))
+    return _Frames(
+        np.array(group, dtype=np.intp), np.array(turn), np.array(noise), _MATCH_OUTLIER_RATE, EvidenceKind.TURNS
+    )
 
 
 def _joined(matched: _Frames, compass: Floats) -> _Frames:
     """One frame of all groups: each is turned as its compasses say in the mean."""
     turn, noise = matched.turn.copy(), matched.noise.copy()
     for own in matched.members():
-        turn[own] += mean_angle(wrap_azimuth(compass[own] - matched.turn[own]))
-        noise[own] = np.hypot(noise[own], TURN_NOISE / np.sqrt(len(own)))
-    return _Frames(np.zeros_like(matched.group), turn, noise, GROSS_ERRORS, EvidenceKind.TURNS)
+        turn[own] += circular_mean(wrap_azimuth(compass[own] - matched.turn[own]))
+        noise[own] = np.hypot(noise[own], RELATIVE_HEADING_STD / np.sqrt(len(own)))
+    return _Frames(np.zeros_like(matched.group), turn, noise, COMPASS_OUTLIER_RATE, EvidenceKind.TURNS)
 
 
 # Several photos of one place and light: their distributions in one frame, multiplied with a discount.
@@ -196,7 +218,7 @@ def fuse_views(
     """
     stood = [fuse_gravity(p, e) for p, e in zip(predictions, evidence, strict=True)]
     alone = [fuse_with_gravity(s) for s in stood]
-    predictions, evidence = [s.prediction for s in stood], [s.evidence for s in stood]
+    predictions, evidence = [s.prediction for s in stood], [s.observations for s in stood]
     turns = _frames(evidence, headings, placed)
     shared = _share_sky(_as_matched(predictions, placed) if placed else predictions)
     known = _share_time(evidence)
@@ -207,7 +229,7 @@ def fuse_views(
             a,
             warnings=(*single.warnings, *_match_warnings(i, predictions[i], turns, placed)),
             used=_used(a, turns.source if turns.has_company(i) else None),
-            said_elevation=said,
+            predicted_sun_elevation=said,
         )
         for i, (a, single) in enumerate(zip(answers, alone, strict=True))
     )
@@ -254,8 +276,8 @@ def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
 
 def _common_light(lights: Sequence[Light | None]) -> Light | None:
     """The mean of lights; None unless every photo has one."""
-    known = [light_numbers(light) for light in lights if light is not None]
-    return light_of_numbers(np.mean(known, axis=0)) if len(known) == len(lights) else None
+    known = [light_to_vector(light) for light in lights if light is not None]
+    return light_from_vector(np.mean(known, axis=0)) if len(known) == len(lights) else None
 
 
 def _own(common: Light, own: Light | None) -> Light:
@@ -271,7 +293,7 @@ def _share_time(evidence: Sequence[Observations]) -> list[Observations]:
         raise ParameterError(
             "The times of photos taken together must all have a zone, or none.", code=ErrorCode.CONTRADICTION
         )
-    up = zones_of_day(given)
+    up = daylight_candidates(given)
     if first and not up:
         raise ParameterError(
             "Whatever the zone of their times, the sun is below the horizon in one of the photos.", code=ErrorCode.NIGHT
@@ -318,24 +340,30 @@ def _in_one_frame(predictions: Sequence[Prediction], turns: _Frames) -> list[Flo
     if len(predictions) == 1:
         return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
-    exponent = effective_weights(*axes(predictions, turns.turn), SUN)
-    blurred = [noisy_cells(p, float(n), turns.useless) for p, n in zip(predictions, turns.noise, strict=True)]
+    exponent = effective_weights(*optical_axes(predictions, turns.turn), SUN_CORRELATION)
+    blurred = [blur_grid_heading(p, float(n), turns.useless) for p, n in zip(predictions, turns.noise, strict=True)]
     answers = []
     for own in turns.turn:
         seen = [rotate_density(q, own - turn, layout) for q, turn in zip(blurred, turns.turn, strict=True)]
-        answers.append(pool_log_likelihoods(np.log(np.maximum(seen, _LOWEST)), exponent, SUN, grid_solid_angle(layout)))
+        answers.append(
+            pool_log_likelihoods(np.log(np.maximum(seen, _LOWEST)), exponent, SUN_CORRELATION, grid_solid_angle(layout))
+        )
     return answers
 
 
 def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Observations], turns: _Frames) -> list[Posterior]:
     """The answers where time and place are known: each group in its frame, and one zone for all groups."""
-    density = [likelihood_by_heading(p, above_horizon(e)) for p, e in zip(predictions, evidence, strict=True)]
+    density = [
+        likelihood_by_heading(p, candidates_above_horizon(e)) for p, e in zip(predictions, evidence, strict=True)
+    ]
     prior = [compass_prior(e) for e in evidence]
     weights: dict[int, Floats] = {}
     for own in turns.members():
-        noisy = [noisy_rings(density[i], float(turns.noise[i]), turns.useless) for i in own]
+        noisy = [blur_ring_heading(density[i], float(turns.noise[i]), turns.useless) for i in own]
         alike = _likeness([evidence[i] for i in own])
-        exponent = effective_weights(*axes([predictions[i] for i in own], turns.turn[own]), AZIMUTH, alike)
+        exponent = effective_weights(
+            *optical_axes([predictions[i] for i in own], turns.turn[own]), AZIMUTH_CORRELATION, alike
+        )
         found = _share_heading(noisy, [prior[i] for i in own], turns.turn[own], exponent)
         weights |= dict(zip(own.tolist(), found, strict=True))
     in_order = _share_zone([weights[i] for i in range(len(weights))], turns)
@@ -345,7 +373,7 @@ def _on_rings(predictions: Sequence[Prediction], evidence: Sequence[Observations
 def _likeness(evidence: Sequence[Observations]) -> Floats:
     """How alike the light of photos is (n, n), by how far their suns lie apart."""
     suns = direction([e.candidates[0][1] for e in evidence], [e.candidates[0][0] for e in evidence])
-    return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / UNLIKE))
+    return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / SUN_MOTION_SCALE))
 
 
 def _share_zone(weights: Sequence[Floats], turns: _Frames) -> list[Floats]:
@@ -363,7 +391,7 @@ def _share_heading(density: Sequence[Floats], prior: Sequence[Floats], turns: Fl
     compasses = max(1, sum(p.min() < p.max() for p in prior))
     log = np.stack([_turned(np.log(np.maximum(d, _LOWEST)), turn) for d, turn in zip(density, turns, strict=True)])
     compass = np.sum([_turned(np.log(p) / compasses, turn) for p, turn in zip(prior, turns, strict=True)], axis=0)
-    weight = pool_log_likelihoods(log, exponent, AZIMUTH) * np.exp(compass - compass.max())
+    weight = pool_log_likelihoods(log, exponent, AZIMUTH_CORRELATION) * np.exp(compass - compass.max())
     return [_turned(weight, -turn) for turn in turns]
 
 
@@ -379,12 +407,12 @@ def _relative(photo: int, answers: Sequence[Posterior], turns: _Frames) -> Headi
     """How far a camera is turned from the first: as matched, or from where both see the one sun."""
     turn = turns.heading_of_first(photo) if turns.source == EvidenceKind.TURNS else None
     if turn is None:
-        return heading(correlate(_azimuths(answers[0]), _azimuths(answers[photo])))
+        return heading_from_probability(circular_correlation(_azimuths(answers[0]), _azimuths(answers[photo])))
     bell = von_mises(HEADINGS - turn, max(float(turns.noise[photo]), _BIN_SPREAD))
-    return replace(heading(bell / bell.sum()), best=turn % 360.0)
+    return replace(heading_from_probability(bell / bell.sum()), best=turn % 360.0)
 
 
 def _azimuths(fused: Posterior) -> Floats:
     """Probability (360,) of the sun's azimuth over whole degrees, smoothed by the size of a cell."""
     azimuth = np.round(angles(fused.directions)[0]).astype(int) % 360
-    return blur_headings(np.bincount(azimuth, fused.probability, 360).astype(np.float64), ELEVATION_SPREAD)
+    return blur_headings(np.bincount(azimuth, fused.probability, 360).astype(np.float64), ELEVATION_KERNEL_STD)

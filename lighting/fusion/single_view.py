@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.circular import HEADINGS, Heading, heading, von_mises
+from lighting.circular import HEADINGS, Heading, heading_from_probability, von_mises
 from lighting.color import luminance
-from lighting.decoding import bayes_direction, sun_of, sun_on_rings
+from lighting.decoding import bayes_direction, sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
 from lighting.formatting import tilt_in_words
 from lighting.fusion.consistency import consistency_warnings
@@ -32,9 +32,11 @@ from lighting.validation import RANGES
 
 # The camera's elevation and roll by the network together with what the photo itself says of gravity.
 
-CAMERA_SPREAD = 3.5  # deg, of the network's camera elevation: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
-ROLL_SPREAD = 2.0  # deg, of its camera roll: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
-MOST_APART = 20.0  # deg between the two that 1 % of the crops of `val` pass (0.2 % of paper, 2 % of phone)
+CAMERA_ELEVATION_STD = (
+    3.5  # deg, of the network's camera elevation: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
+)
+_CAMERA_ROLL_STD = 2.0  # deg, of its camera roll: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
+MAX_TILT_DISAGREEMENT = 20.0  # deg between the two that 1 % of the crops of `val` pass (0.2 % of paper, 2 % of phone)
 
 _LEARNT = 35.0  # deg of elevation, up and down, that the network learnt from: it says no steeper ones
 
@@ -45,13 +47,13 @@ class Gravity:
 
     elevation: float  # deg, positive looks up
     roll: float | None  # deg, positive turns the camera clockwise; None where it is not known
-    spread: float  # deg, one standard deviation
+    std: float  # deg, one standard deviation
 
 
 def _contrary(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> CodedWarning | None:
     """A sentence about a `subject` whose pixels and gravity are farther apart than chance explains."""
     above, aside = _apart(prediction, gravity)
-    if math.hypot(above, aside * math.cos(math.radians(gravity.elevation))) <= MOST_APART:
+    if math.hypot(above, aside * math.cos(math.radians(gravity.elevation))) <= MAX_TILT_DISAGREEMENT:
         return None
     said = _words(gravity.elevation, gravity.roll)
     return CodedWarning(
@@ -65,17 +67,21 @@ def _contrary(prediction: Prediction, gravity: Gravity, subject: str = "photo") 
 def _held(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
     """The camera's elevation and roll [deg] by both. Where it looks straight up or down within 5 deg, the roll is 0."""
     above, aside = _apart(prediction, gravity)
-    elevation = gravity.elevation + above * _share(gravity.spread, CAMERA_SPREAD)
+    elevation = gravity.elevation + above * _share(gravity.std, CAMERA_ELEVATION_STD)
     if abs(elevation) > STEEP:
         return elevation, 0.0
     if gravity.roll is None:
         return elevation, prediction.camera_roll
-    return elevation, float(wrap_azimuth(gravity.roll + aside * _share(gravity.spread, ROLL_SPREAD)))
+    return elevation, float(wrap_azimuth(gravity.roll + aside * _share(gravity.std, _CAMERA_ROLL_STD)))
 
 
-def tilt_spread(gravity: Gravity | None) -> float:
+def camera_elevation_std(gravity: Gravity | None) -> float:
     """One standard deviation [deg] of the elevation by both."""
-    return CAMERA_SPREAD if gravity is None else CAMERA_SPREAD * math.sqrt(_share(gravity.spread, CAMERA_SPREAD))
+    return (
+        CAMERA_ELEVATION_STD
+        if gravity is None
+        else CAMERA_ELEVATION_STD * math.sqrt(_share(gravity.std, CAMERA_ELEVATION_STD))
+    )
 
 
 def _apart(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
@@ -97,8 +103,8 @@ def _words(elevation: float, roll: float | None) -> str:
 
 # Fuse the network's distribution with metadata: one distribution of the sun, and the camera's heading.
 
-COMPASS_SPREAD = 25.0  # deg, standard deviation: phones' compasses err by 17 deg in the median
-GROSS_ERRORS = 0.1  # share of compass headings that are useless: the uniform part of the prior
+COMPASS_STD = 25.0  # deg, standard deviation: phones' compasses err by 17 deg in the median
+COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that are useless: the uniform part of the prior
 
 
 @dataclass(frozen=True)
@@ -107,7 +113,7 @@ class Observations:
 
     candidates: tuple[tuple[float, float], ...] = ()  # equally likely (sun elevation, sun compass azimuth) [deg]
     heading: float | None = None  # deg clockwise from true north, where the camera points
-    heading_spread: float = COMPASS_SPREAD  # deg, one standard deviation of that
+    heading_std: float = COMPASS_STD  # deg, one standard deviation of that
     vertical_fov: float | None = None  # deg, of the upright photo
     gravity: Gravity | None = None  # how the camera was held
     exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
@@ -126,7 +132,7 @@ class Posterior:
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north, where time and place are known
     relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
-    said_elevation: float | None = None  # deg, of the sun by the pixels whose light it has; None: those of `prediction`
+    predicted_sun_elevation: float | None = None  # deg, by the pixels whose light it has; None: those of `prediction`
 
     def on_cells(self) -> SunDistribution:
         """The same distribution over the network's own cells."""
@@ -135,22 +141,22 @@ class Posterior:
 
 
 @dataclass(frozen=True, eq=False)
-class _Stood:
+class GravityFused:
     """What is known of one photo after its camera was put as gravity has it."""
 
     prediction: Prediction
-    evidence: Observations  # without a gravity that contradicts the pixels
+    observations: Observations  # without a gravity that contradicts the pixels
     warnings: tuple[str, ...] = ()  # the sentence about that
 
 
-def fuse_gravity(prediction: Prediction, evidence: Observations) -> _Stood:
+def fuse_gravity(prediction: Prediction, evidence: Observations) -> GravityFused:
     """The prediction with the camera's elevation and roll by pixels and gravity; its sun stays where it is."""
     if evidence.gravity is None:
-        return _Stood(prediction, evidence)
+        return GravityFused(prediction, evidence)
     if (warning := _contrary(prediction, evidence.gravity, evidence.subject)) is not None:
-        return _Stood(prediction, replace(evidence, gravity=None), (warning,))
+        return GravityFused(prediction, replace(evidence, gravity=None), (warning,))
     elevation, roll = _held(prediction, evidence.gravity)
-    return _Stood(replace(prediction, camera_elevation=elevation, camera_roll=roll), evidence)
+    return GravityFused(replace(prediction, camera_elevation=elevation, camera_roll=roll), evidence)
 
 
 def fuse(prediction: Prediction, evidence: Observations) -> Posterior:
@@ -158,21 +164,21 @@ def fuse(prediction: Prediction, evidence: Observations) -> Posterior:
     return fuse_with_gravity(fuse_gravity(prediction, evidence))
 
 
-def fuse_with_gravity(stood: _Stood) -> Posterior:
+def fuse_with_gravity(stood: GravityFused) -> Posterior:
     """The same where the camera already stands as gravity has it."""
-    prediction, evidence = stood.prediction, stood.evidence
-    candidates = above_horizon(evidence)
+    prediction, evidence = stood.prediction, stood.observations
+    candidates = candidates_above_horizon(evidence)
     density = likelihood_by_heading(prediction, candidates)
     if len(candidates):
         fused = posterior_on_rings(prediction, evidence, density * compass_prior(evidence))
     else:
         fused = posterior_on_grid(prediction, evidence, prediction.sun_probability)
-    compass = None if evidence.heading is None else (evidence.heading, evidence.heading_spread)
+    compass = None if evidence.heading is None else (evidence.heading, evidence.heading_std)
     against = consistency_warnings(prediction, candidates, density, compass, evidence.vertical_fov, evidence.subject)
     return replace(fused, warnings=(*against, *stood.warnings))
 
 
-def above_horizon(evidence: Observations) -> Floats:
+def candidates_above_horizon(evidence: Observations) -> Floats:
     """The candidates (K, 2) above the horizon; raises ParameterError if there are candidates and all are below it."""
     candidates = np.array(evidence.candidates, dtype=np.float64).reshape(-1, 2)
     up = candidates[candidates[:, 0] >= 0.0]
@@ -185,7 +191,7 @@ def above_horizon(evidence: Observations) -> Floats:
     return up
 
 
-def zones_of_day(candidates: Sequence[tuple[tuple[float, float], ...]]) -> list[int]:
+def daylight_candidates(candidates: Sequence[tuple[tuple[float, float], ...]]) -> list[int]:
     """The numbers of the candidates that are above the horizon in every photo; all photos have as many."""
     return [k for k in range(min(map(len, candidates), default=0)) if all(own[k][0] >= 0.0 for own in candidates)]
 
@@ -206,15 +212,15 @@ def compass_prior(evidence: Observations) -> Floats:
     """Prior probability (360,) of HEADINGS: a von Mises curve around the compass heading plus a uniform part."""
     if evidence.heading is None:
         return np.full(360, 1 / 360)
-    bell = von_mises(HEADINGS - evidence.heading, evidence.heading_spread)
-    return np.asarray((1 - GROSS_ERRORS) * bell / bell.sum() + GROSS_ERRORS / 360)
+    bell = von_mises(HEADINGS - evidence.heading, evidence.heading_std)
+    return np.asarray((1 - COMPASS_OUTLIER_RATE) * bell / bell.sum() + COMPASS_OUTLIER_RATE / 360)
 
 
 def posterior_on_grid(prediction: Prediction, evidence: Observations, probability: Floats) -> Posterior:
     """The answer of probabilities (N,) over the network's own cells."""
     cells = grid_directions(prediction.spec.sun_grid)
     known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
-    sun = sun_of(replace(prediction, sun_probability=probability))
+    sun = sun_from_prediction(replace(prediction, sun_probability=probability))
     return Posterior(known, sun, cells, probability, _used(prediction, evidence))
 
 
@@ -222,10 +228,15 @@ def posterior_on_rings(prediction: Prediction, evidence: Observations, weight: F
     """The answer of weights (K, 360) for each candidate with the sun up and each of HEADINGS."""
     p = weight / weight.sum()
     known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
-    directions = _ring_directions(above_horizon(evidence)).reshape(-1, 3)
-    sun = sun_on_rings(directions, p.ravel())
+    directions = _ring_directions(candidates_above_horizon(evidence)).reshape(-1, 3)
+    sun = sun_from_rings(directions, p.ravel())
     return Posterior(
-        known, sun, directions, p.ravel(), _used(prediction, evidence), camera_heading=heading(p.sum(axis=0))
+        known,
+        sun,
+        directions,
+        p.ravel(),
+        _used(prediction, evidence),
+        camera_heading=heading_from_probability(p.sum(axis=0)),
     )
 
 
@@ -247,7 +258,7 @@ def _used(prediction: Prediction, evidence: Observations) -> tuple[EvidenceKind,
 
 # A sun that the picture shows stays on its pixel when more is known of the camera.
 
-PIXEL_SPREAD = 2.0  # deg, of the seen sun's pixel: the network says its cell, 16 of 224 pixels
+_SUN_PIXEL_STD = 2.0  # deg, of the seen sun's pixel: the network says its cell, 16 of 224 pixels
 _SHOWN = 0.6  # least share of the probability near the answer from which the picture counts as showing the sun
 _NEAR = 12.0  # deg around the answer
 _MOVED = 25.0  # deg around the answer in which the probability moves with the pixels
@@ -270,11 +281,11 @@ def fuse_single_view(
     stood, sun = fuse_gravity(prediction, evidence), visible_sun(prediction, pixels)
     if sun is None:
         return fuse_with_gravity(stood)
-    lens = stood.evidence.vertical_fov or prediction.vertical_fov
+    lens = stood.observations.vertical_fov or prediction.vertical_fov
     probability = reproject_sun(prediction, replace(stood.prediction, vertical_fov=lens), sun)
     moved = replace(stood.prediction, sun_probability=probability)
     fused = fuse_with_gravity(replace(stood, prediction=moved))
-    return _levelled(fused, moved, tilt_spread(stood.evidence.gravity))
+    return _levelled(fused, moved, camera_elevation_std(stood.observations.gravity))
 
 
 def visible_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None) -> Floats | None:
@@ -342,7 +353,7 @@ def _levelled(fused: Posterior, prediction: Prediction, spread: float) -> Poster
     if abs(aside) > _FAR[0] or abs(above) > _FAR[1]:
         return fused
     turn = float(np.cos(np.radians(azimuth)))  # deg of the sun's elevation for each deg of tilt
-    gain = turn * spread**2 / (turn**2 * spread**2 + PIXEL_SPREAD**2)
+    gain = turn * spread**2 / (turn**2 * spread**2 + _SUN_PIXEL_STD**2)
     tilt = float(np.clip(fused.prediction.camera_elevation + gain * above, *RANGES["camera_elevation"]))
     return replace(fused, prediction=replace(fused.prediction, camera_elevation=tilt))
 
@@ -352,4 +363,4 @@ def _width(prediction: Prediction, sun: Floats) -> float:
     probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
     near = cells @ sun >= math.cos(math.radians(_NEAR))
     aside = cells[near] @ direction(float(angles(sun)[0]) + 90.0, 0.0)
-    return max(math.sqrt(float(np.average(aside**2, weights=probability[near]))), math.radians(PIXEL_SPREAD))
+    return max(math.sqrt(float(np.average(aside**2, weights=probability[near]))), math.radians(_SUN_PIXEL_STD))

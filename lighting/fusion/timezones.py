@@ -15,19 +15,22 @@ from lighting.solar_position import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTI
 # Merge a photo's facts with those of its user and of the photos taken with it: time, place and time zone.
 
 # Hours from UTC that clocks follow somewhere, summer times included.
-ZONES = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
+_UTC_OFFSETS = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
 # Those that clocks followed since there are digital cameras, and no longer, with the place's south, west, north and
 # east [deg] (time zone database of 2026). All others since 1995 are among ZONES and within ZONE_LEAD, but for stations
 # in the Antarctic and Iqaluit's winter of 1999.
-FORMER_ZONES = {
+_FORMER_UTC_OFFSETS = {
     -8.5: (-26.0, -131.0, -23.0, -124.0),  # Pitcairn to 1998
     -4.5: (0.0, -74.0, 13.0, -59.0),  # Venezuela 2007 to 2016
     8.5: (37.0, 124.0, 43.0, 131.0),  # North Korea 2015 to 2018
     9.75: (-33.0, 125.0, -31.0, 130.0),  # Eucla in the summers to 2009
     11.5: (-30.0, 167.0, -28.0, 169.0),  # Norfolk Island to 2015
 }
-CLOCK_ERROR = 0.1  # h that a camera's clock may be off GPS time and still identify the zone
-ZONE_LEAD = (-1.25, 3.5)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
+_MAX_CLOCK_ERROR_HOURS = 0.1  # h that a camera's clock may be off GPS time and still identify the zone
+_ZONE_LEAD_HOURS = (
+    -1.25,
+    3.5,
+)  # h that a zone's clocks may be ahead of the sun's mean time there (Arunachal, western China)
 
 
 def merge_user_input(facts: PhotoMetadata, given: UserInput) -> PhotoMetadata:
@@ -79,7 +82,11 @@ def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
         return None
     ahead = (metadata.local_time - metadata.utc_time.replace(tzinfo=None)).total_seconds() / 3600
     nearest = round(4 * ahead) / 4
-    return nearest if nearest in (*ZONES, *FORMER_ZONES) and abs(ahead - nearest) < CLOCK_ERROR else None
+    return (
+        nearest
+        if nearest in (*_UTC_OFFSETS, *_FORMER_UTC_OFFSETS) and abs(ahead - nearest) < _MAX_CLOCK_ERROR_HOURS
+        else None
+    )
 
 
 OffsetRule = Callable[[PhotoMetadata], float | None]
@@ -114,9 +121,9 @@ def location_of(facts: PhotoMetadata) -> tuple[float, float] | None:
 
 def candidate_utc_offsets(latitude: float, longitude: float) -> tuple[float, ...]:
     """The offsets from UTC [h] that clocks at a place [deg] may have, or had."""
-    low, high = ZONE_LEAD
-    here = [zone for zone in ZONES if (zone - longitude / 15.0 - low) % 24.0 <= high - low]
-    former = [zone for zone, box in FORMER_ZONES.items() if _is_within(latitude, longitude, box)]
+    low, high = _ZONE_LEAD_HOURS
+    here = [zone for zone in _UTC_OFFSETS if (zone - longitude / 15.0 - low) % 24.0 <= high - low]
+    former = [zone for zone, box in _FORMER_UTC_OFFSETS.items() if _is_within(latitude, longitude, box)]
     return tuple(sorted((*here, *former)))
 
 
@@ -128,7 +135,7 @@ def _is_within(latitude: float, longitude: float, box: tuple[float, float, float
 # The sun's position by a photo's time and place, and words for a sun below the horizon.
 
 
-def suns(facts: PhotoMetadata) -> tuple[tuple[float, float], ...]:
+def sun_candidates(facts: PhotoMetadata) -> tuple[tuple[float, float], ...]:
     """Elevations and compass azimuths [deg]: one for a time in UTC, one per possible zone for a local time."""
     if (place := location_of(facts)) is None:
         return ()
@@ -147,7 +154,7 @@ def _times(facts: PhotoMetadata, place: tuple[float, float]) -> NDArray[np.datet
     )
 
 
-def below_horizon(facts: PhotoMetadata, highest: float) -> str:
+def format_below_horizon(facts: PhotoMetadata, highest: float) -> str:
     """The beginning of a sentence about a sun whose highest possible elevation [deg] is negative."""
     return (
         f"At that time and place the sun is {-highest:.1f}° below the horizon ({_phase(highest, facts)}; civil "

@@ -39,7 +39,7 @@ class UserInput:
         check_place(self.latitude, self.longitude)
         self._check_time()
 
-    def said(self) -> dict[str, Any]:
+    def explicit_fields(self) -> dict[str, Any]:
         """The fields that the user gave, by name."""
         return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) != f.default}
 
@@ -61,10 +61,10 @@ class UserInput:
             raise ParameterError("A time needs a place, and a place a time.", missing, ErrorCode.MISSING)
 
 
-def check_given(thing: object) -> None:
-    """Raise ParameterError for what is no Given."""
+def check_user_input(thing: object) -> None:
+    """Raise ParameterError for what is no UserInput."""
     if not isinstance(thing, UserInput):
-        sentence = f"What is known of a photo is a Given, not {type(thing).__name__}."
+        sentence = f"What is known of a photo is a UserInput, not {type(thing).__name__}."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 

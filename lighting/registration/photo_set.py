@@ -211,7 +211,7 @@ class RegisteredView:
 
     group: int  # photos of one number are connected by matches
     heading: float  # deg clockwise from the group's first photo
-    heading_sigma: float  # deg, one standard deviation of that
+    heading_std: float  # deg, one standard deviation of that
     camera_elevation: float  # deg
     camera_roll: float
     vertical_fov: float | None  # deg, as the matches reveal it; None for a photo without any

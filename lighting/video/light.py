@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lighting.circular import HEADINGS
-from lighting.decoding import light_numbers, light_of_numbers
+from lighting.decoding import light_from_vector, light_to_vector
 from lighting.fusion.likelihood import (
-    AZIMUTH,
-    SUN,
+    AZIMUTH_CORRELATION,
+    SUN_CORRELATION,
     Correlation,
     effective_weights,
     pool_log_likelihoods,
@@ -46,7 +46,7 @@ class FrameObservation:
     heading: float  # deg clockwise from the shot's azimuth 0
     vertical_fov: float  # deg
     gain: float = 1.0  # of the frame's linear values, by the first frame's
-    evidence: Observations = field(default_factory=Observations)  # at the frame's time; its candidates alone count here
+    observations: Observations = field(default_factory=Observations)  # at its time; the candidates alone count here
 
 
 @dataclass
@@ -109,7 +109,9 @@ class ShotLight:
         if self._last is None:
             raise ValueError("There was no look yet.")
         cells = np.stack([s.log_cells for s in self._sectors.values()])
-        weight = pool_log_likelihoods(cells, self._counts(SUN), SUN, grid_solid_angle(self._last.spec.sun_grid))
+        weight = pool_log_likelihoods(
+            cells, self._counts(SUN_CORRELATION), SUN_CORRELATION, grid_solid_angle(self._last.spec.sun_grid)
+        )
         by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
         fused = fuse(by_pixels, evidence)
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
@@ -133,7 +135,7 @@ class ShotLight:
         rings = [sector.log_rings for sector in self._sectors.values()]
         if any(len(ring) != len(up) for ring in rings):
             return None
-        weight = pool_log_likelihoods(np.stack(rings)[:, up], self._counts(AZIMUTH), AZIMUTH)
+        weight = pool_log_likelihoods(np.stack(rings)[:, up], self._counts(AZIMUTH_CORRELATION), AZIMUTH_CORRELATION)
         return np.asarray(weight * compass_prior(evidence))
 
     def _present(self) -> Floats:
@@ -156,7 +158,7 @@ class ShotLight:
             exposure=float(exposure),
             vertical_fov=float(fov),
             sun_visibility=float(mean[3]),
-            light=light_of_numbers(mean[4:]) if last.light else None,
+            light=light_from_vector(mean[4:]) if last.light else None,
         )
 
 
@@ -168,7 +170,7 @@ def _on_cells(look: FrameObservation) -> Floats:
 
 def _on_rings(look: FrameObservation) -> Floats:
     """Log densities (K, 360) of each candidate's sun by the heading of azimuth 0."""
-    candidates = np.array(look.evidence.candidates, dtype=np.float64).reshape(-1, 2)
+    candidates = np.array(look.observations.candidates, dtype=np.float64).reshape(-1, 2)
     if not len(candidates):
         return np.zeros((0, 360))
     seen = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
@@ -191,6 +193,6 @@ def _numbers(look: FrameObservation) -> Floats:
 
 def _strength(light: Light, gain: float) -> Floats:
     """The light's numbers as the shot's first frame would show them."""
-    numbers = light_numbers(light)
+    numbers = light_to_vector(light)
     numbers[:6] -= math.log(max(gain, _LOWEST))
     return numbers

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.circular import mean_angle
+from lighting.circular import circular_mean
 from lighting.color import luminance, srgb_decode
-from lighting.decoding import lighting_from_prediction, with_ground
+from lighting.decoding import lighting_from_prediction, with_ground_color
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
 from lighting.envmap.latlong import Image
 from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.surroundings import render_view
 from lighting.errors import VideoError
 from lighting.fusion.estimate import build_estimate, screen_prediction
-from lighting.fusion.metadata_prior import Known
+from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import Floats, wrap_azimuth
@@ -224,7 +224,7 @@ class Shot:
     zoom: Floats  # (N,) focal length by the first frame's; 1 throughout unless the lens was zoomed
     fused: Posterior  # the sun, as the shot's first camera sees it, its tilt removed
     ground: Floats | None  # (3,) reflectance; None where no look shows it
-    known: Known
+    known: MetadataPrior
     north: float | None  # deg clockwise from true north, where azimuth 0 points; None unknown
 
 
@@ -275,17 +275,17 @@ def _lit(one: OneLens, around: ClipMetadata, path: Path, gains: Floats, doubts: 
             i = position[frame]
             gain = float(luminance(gains[i]))
             own = zoomed_fov(fov, float(one.zoom[i]))
-            light.add(FrameObservation(seen, float(path.heading[i]), own, gain, at[frame].evidence))
+            light.add(FrameObservation(seen, float(path.heading[i]), own, gain, at[frame].observations))
     if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
         there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
     there = replace(there, warnings=(*there.warnings, *doubts))
-    fused = light.answer(there.evidence)
+    fused = light.answer(there.observations)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])
     return Shot(frames, path, gains, fov, sigma, one.zoom, fused, light.ground, there, north_of(fused, there))
 
 
-def _by_day(at: Mapping[int, Known], first: Known) -> set[int]:
+def _by_day(at: Mapping[int, MetadataPrior], first: MetadataPrior) -> set[int]:
     """The frames that count, of those with what is known `at` each: not those of night in a shot that begins by day."""
     day = {frame for frame, known in at.items() if not known.is_night}
     return day if day and not first.is_night else set(at)
@@ -296,14 +296,14 @@ def _compass_of_path(path: Path, gimbal: Gimbal) -> float | None:
     said = told_by(gimbal, path.time)
     if not said:
         return None
-    return mean_angle([heading - path.heading[i] for i, (heading, *_) in said]) % 360.0
+    return circular_mean([heading - path.heading[i] for i, (heading, *_) in said]) % 360.0
 
 
-def north_of(fused: Posterior, known: Known) -> float | None:
+def north_of(fused: Posterior, known: MetadataPrior) -> float | None:
     """Where azimuth 0 points from true north [deg], by sun and compass together or by the compass alone."""
     if fused.camera_heading is not None:
         return fused.camera_heading.best
-    return known.evidence.heading
+    return known.observations.heading
 
 
 # The record of each frame: the shot's one light, as that frame's camera sees it.
@@ -329,7 +329,7 @@ class FrameLight:
 
 def light_of(shot: Shot) -> Lighting:
     """The shot's light as its first camera sees it."""
-    light = with_ground(build_estimate(shot.fused, shot.known).lighting, shot.ground)
+    light = with_ground_color(build_estimate(shot.fused, shot.known).lighting, shot.ground)
     return replace(
         light,
         camera_elevation=_rounded(shot.path.elevation[0]),

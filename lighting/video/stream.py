@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import checked_pixels, luminance
-from lighting.decoding import with_ground
+from lighting.decoding import with_ground_color
 from lighting.envmap.relighting import scale_exposure
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.estimate import build_estimate
-from lighting.fusion.metadata_prior import Known
+from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
-from lighting.fusion.user_input import UserInput, check_given
+from lighting.fusion.user_input import UserInput, check_user_input
 from lighting.geometry import Floats, angle_between, shrunk
 from lighting.model import Model, model_or_packaged
 from lighting.records import Lighting
@@ -132,7 +132,9 @@ class _Looks:
         self._up: Floats | None = None
         self._ups = 0
 
-    def add(self, seen: FrameEstimate, orientation: Floats, vertical_fov: float, gain: float, known: Known) -> None:
+    def add(
+        self, seen: FrameEstimate, orientation: Floats, vertical_fov: float, gain: float, known: MetadataPrior
+    ) -> None:
         """Count a look by a camera of that orientation (3, 3)."""
         said = seen.prediction
         up = orientation.T @ up_in_own_frame(said.camera_elevation, said.camera_roll)
@@ -140,8 +142,8 @@ class _Looks:
         before = up if self._up is None else self._up
         mean = before + (up - before) / self._ups
         self._up = np.asarray(mean / np.linalg.norm(mean))
-        self.light.add(FrameObservation(seen, self.angles(orientation)[0], vertical_fov, gain, known.evidence))
-        self.fused = self.light.answer(known.evidence)
+        self.light.add(FrameObservation(seen, self.angles(orientation)[0], vertical_fov, gain, known.observations))
+        self.fused = self.light.answer(known.observations)
 
     def angles(self, orientation: Floats) -> tuple[float, float, float]:
         """Heading, elevation and roll [deg] of a camera, once there was a look."""
@@ -221,7 +223,7 @@ class Tracker:
             raise ParameterError.about("look_every", predicate, ErrorCode.OUT_OF_RANGE)
         self._model = model_or_packaged(model)
         known = UserInput(use_exif=False) if given is None else given
-        check_given(known)
+        check_user_input(known)
         self._around = ClipMetadata(given=known, subject="stream")
         self._look_every, self._due = look_every, -math.inf
         self._follower, self._lens = Follower(), _LearntLens(self._around.given.vertical_fov)
@@ -234,7 +236,7 @@ class Tracker:
         self._orientation, self._gain = np.eye(3), np.ones(3)
         self._first = self._seen = _Looks(FIRST)  # what looks tell in the first chain, and in the one last looked from
         self._count = 0
-        self._known = Known()  # of the last moment that is not of night
+        self._known = MetadataPrior()  # of the last moment that is not of night
 
     def __call__(self, pixels: NDArray[np.uint8], time: float) -> _Sighting | None:
         """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
@@ -340,7 +342,7 @@ class Tracker:
         self._orientation = self._orientation @ correction
         self._of_key = {k: (orientation @ correction, gain) for k, (orientation, gain) in self._of_key.items()}
 
-    def _look(self, frame: Frame, known: Known) -> None:
+    def _look(self, frame: Frame, known: MetadataPrior) -> None:
         self._due = frame.time + self._look_every - 1e-6
         seen = estimate_frame(self._model, frame.pixels, self._lens.given)
         seen = seen.by_lens or seen
@@ -350,22 +352,22 @@ class Tracker:
         gain = float(luminance(self._gain))
         self._seen.add(seen, self._orientation, self._lens.fov, gain, self._in_chain(known))
 
-    def _in_chain(self, known: Known) -> Known:
+    def _in_chain(self, known: MetadataPrior) -> MetadataPrior:
         """What is known in the frame of the present chain: a heading is that of the first frame."""
-        return known if self._chain == FIRST else replace(known, evidence=replace(known.evidence, heading=None))
+        return known if self._chain == FIRST else replace(known, observations=replace(known.observations, heading=None))
 
-    def _known_at(self, time: float) -> Known:
+    def _known_at(self, time: float) -> MetadataPrior:
         """What is known of a moment, the heading being that of the first frame."""
-        known, first = self._around.known_at(time), self._around.known_at(0.0).evidence
-        compass = replace(known.evidence, heading=first.heading, heading_spread=first.heading_spread)
-        return replace(known, evidence=compass)
+        known, first = self._around.known_at(time), self._around.known_at(0.0).observations
+        compass = replace(known.observations, heading=first.heading, heading_std=first.heading_std)
+        return replace(known, observations=compass)
 
     def _answer(self, followed: bool) -> _Sighting | None:
         if (fused := self._seen.fused) is None:
             return None
         angles = self._seen.angles(self._orientation)
         known = self._in_chain(self._known)
-        base = with_ground(build_estimate(fused, known).lighting, self._seen.light.ground)
+        base = with_ground_color(build_estimate(fused, known).lighting, self._seen.light.ground)
         lighting = as_turned(scale_exposure(base, self._gain), angles, self._lens.fov, north_of(fused, known))
         red, green, blue = map(float, self._gain)
         return _Sighting(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST)

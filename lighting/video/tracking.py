@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 
 from lighting import geometry
 from lighting.color import SRGB_LINEAR
-from lighting.fusion.metadata_prior import Known, camera_evidence, observations_from_metadata, observations_of_frame
+from lighting.fusion.metadata_prior import (
+    MetadataPrior,
+    camera_observations,
+    observations_from_metadata,
+    observations_of_frame,
+)
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
@@ -321,9 +326,9 @@ class ClipMetadata:
     @property
     def vertical_fov(self) -> float | None:
         """Of the lens [deg] by the user or the metadata."""
-        return camera_evidence(self.metadata, self.given).vertical_fov
+        return camera_observations(self.metadata, self.given).vertical_fov
 
-    def known_at(self, seconds: float, heading: float | None = None) -> Known:
+    def known_at(self, seconds: float, heading: float | None = None) -> MetadataPrior:
         """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
 
         Raises ParameterError where the user's own time and place are of night at 0 s; later they are not used then.

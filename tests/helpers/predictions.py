@@ -37,7 +37,7 @@ ZONELESS = replace(FACTS, utc_offset=None, utc_time=None)
 
 
 def evidence_of(facts: PhotoMetadata = FACTS, **said: Any) -> Observations:
-    return observations_from_metadata(facts, UserInput(**said)).evidence
+    return observations_from_metadata(facts, UserInput(**said)).observations
 
 
 def sun_at(time: datetime, latitude: float = 48.14, longitude: float = 11.575) -> Any:
@@ -53,4 +53,4 @@ def prediction(probability: Any = None) -> Prediction:
 
 def answer(facts: PhotoMetadata = FACTS, **said: Any) -> Lighting:
     found = observations_from_metadata(facts, UserInput(**said))
-    return build_estimate(fuse(prediction(), found.evidence), found).lighting
+    return build_estimate(fuse(prediction(), found.observations), found).lighting

@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.circular import HEADINGS, best_angle, blur_headings, correlate, heading, von_mises, weighted_median
+from lighting.circular import (
+    HEADINGS,
+    blur_headings,
+    circular_correlation,
+    circular_mode,
+    heading_from_probability,
+    von_mises,
+    weighted_median,
+)
 from lighting.geometry import wrap_azimuth
 
 angles_ = st.floats(0.0, 360.0)
@@ -23,19 +31,19 @@ def test_a_narrow_von_mises_is_a_normal_curve() -> None:
 
 @given(angles_, st.floats(4.0, 30.0))
 def test_a_heading_is_the_middle_of_its_bell(centre: float, spread: float) -> None:
-    found = heading(bell(centre, spread))
+    found = heading_from_probability(bell(centre, spread))
     assert abs(float(wrap_azimuth(found.best - centre))) < 0.5
     assert 0.0 <= found.best < 360.0
 
 
 def test_radii_of_a_heading_are_the_quantiles_of_its_bell() -> None:
-    found = heading(bell(123.0, 10.0))
+    found = heading_from_probability(bell(123.0, 10.0))
     assert found.radius_50 == pytest.approx(6.745, abs=0.6)
     assert found.radius_90 == pytest.approx(16.45, abs=0.6)
 
 
 def test_the_stronger_mode_wins_and_the_other_does_not_pull() -> None:
-    assert best_angle(HEADINGS, 0.6 * bell(350.0, 6.0) + 0.4 * bell(170.0, 6.0)) == pytest.approx(-10.0, abs=0.1)
+    assert circular_mode(HEADINGS, 0.6 * bell(350.0, 6.0) + 0.4 * bell(170.0, 6.0)) == pytest.approx(-10.0, abs=0.1)
 
 
 def test_two_blurs_are_one_of_their_hypotenuse() -> None:
@@ -43,7 +51,7 @@ def test_two_blurs_are_one_of_their_hypotenuse() -> None:
 
 
 def test_correlation_finds_the_turn_between_two() -> None:
-    product = correlate(bell(70.0, 5.0), bell(40.0, 5.0))
+    product = circular_correlation(bell(70.0, 5.0), bell(40.0, 5.0))
     assert product.argmax() == 30
     assert product.sum() == pytest.approx(1.0)
 

@@ -18,10 +18,10 @@ from lighting.decoding import (
     bayes_direction,
     blend_to_clear_sun,
     correct_sun_color,
-    light_numbers,
-    light_of_numbers,
+    light_from_vector,
+    light_to_vector,
     lighting_from_prediction,
-    sun_on_rings,
+    sun_from_rings,
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.records import Light, Prediction
@@ -141,7 +141,7 @@ def bell(centre: float, spread: float) -> np.ndarray:
 
 @given(st.floats(-180.0, 180.0), st.floats(1.0, 85.0))
 def test_a_sun_on_a_ring_keeps_the_elevation_of_the_ring(azimuth: float, elevation: float) -> None:
-    sun = sun_on_rings(direction(HEADINGS, elevation), bell(azimuth, 15.0))
+    sun = sun_from_rings(direction(HEADINGS, elevation), bell(azimuth, 15.0))
     assert sun.elevation == pytest.approx(elevation, abs=1e-9)
     assert abs(float(wrap_azimuth(sun.azimuth - azimuth))) < 0.2
     assert sun.radius_50 <= 0.7 * 15.0 * math.cos(math.radians(elevation)) + 1.0
@@ -149,7 +149,7 @@ def test_a_sun_on_a_ring_keeps_the_elevation_of_the_ring(azimuth: float, elevati
 
 def test_rings_far_apart_are_not_averaged() -> None:
     suns = np.concatenate([direction(HEADINGS, 15.0), direction(HEADINGS, 60.0), direction(HEADINGS, 66.0)])
-    sun = sun_on_rings(suns, np.concatenate([0.4 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0)]))
+    sun = sun_from_rings(suns, np.concatenate([0.4 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0), 0.3 * bell(80.0, 10.0)]))
     assert sun.elevation == pytest.approx(63.0, abs=0.1)
     assert sun.azimuth == pytest.approx(80.0, abs=0.1)
 
@@ -167,7 +167,7 @@ WHITE = (3.0, 3.0, 3.0)
 
 def test_lights_are_averaged_by_their_numbers() -> None:
     light = Light(np.array([1.0, 2.0, 0.0]), np.array([0.5, 0.5, 0.5]), 0.2, 0.9)
-    back = light_of_numbers(light_numbers(light))
+    back = light_from_vector(light_to_vector(light))
     assert back.sun_irradiance == pytest.approx([1.0, 2.0, 1e-6])
     assert (back.cover, back.suitable) == pytest.approx((0.2, 0.9))
 

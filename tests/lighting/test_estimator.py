@@ -125,7 +125,7 @@ def test_what_is_known_of_a_photo_is_a_given(network: Path, photo_path: Path, gi
         lambda: estimator(photo, given),
         lambda: estimator.estimate_views([photo, photo], given),
     ):
-        with pytest.raises(ParameterError, match=f", not {type(given).__name__}"):
+        with pytest.raises(ParameterError, match=f"is a UserInput, not {type(given).__name__}"):
             ask()
 
 

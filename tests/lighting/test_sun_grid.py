@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction
-from lighting.sun_grid import credible_radii, density, grid_directions, grid_solid_angle, soft_label, splat_to_grid
+from lighting.sun_grid import (
+    credible_radii,
+    grid_directions,
+    grid_solid_angle,
+    nearest_cell_density,
+    soft_label,
+    splat_to_grid,
+)
 
 FINE = "fibonacci:1024"
 
@@ -102,14 +109,14 @@ def test_radii_grow_with_the_share(az: float, el: float, shares: list[float]) ->
 def test_density_integrates_to_one_and_is_highest_at_the_sun() -> None:
     sun = direction(60.0, 35.0)
     label = soft_label(sun, CONCENTRATION, CVPR)
-    at_cells = np.array([float(density(label, cell, CVPR)) for cell in grid_directions(CVPR)])
+    at_cells = np.array([float(nearest_cell_density(label, cell, CVPR)) for cell in grid_directions(CVPR)])
     assert at_cells @ grid_solid_angle(CVPR) == pytest.approx(1.0)
-    assert at_cells.max() == density(label, sun, CVPR)
+    assert at_cells.max() == nearest_cell_density(label, sun, CVPR)
 
 
 def test_density_of_a_uniform_sky_is_one_over_two_pi() -> None:
     uniform = grid_solid_angle(CVPR) / (2 * np.pi)
-    assert density(uniform, direction(-77.0, 12.0), CVPR) == pytest.approx(1 / (2 * np.pi))
+    assert nearest_cell_density(uniform, direction(-77.0, 12.0), CVPR) == pytest.approx(1 / (2 * np.pi))
 
 
 def test_a_ring_over_the_cells() -> None:

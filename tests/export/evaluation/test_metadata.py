@@ -101,7 +101,7 @@ def test_evidence_of_the_metadata_is_the_panoramas_sun() -> None:
     for i, taken in enumerate(take_metadata(truth, EACH)):
         ((elevation, compass),) = observations_from_metadata(
             only(taken.metadata, ("time+place",)), UserInput()
-        ).evidence.candidates
+        ).observations.candidates
         assert elevation == pytest.approx(40.0, abs=0.01)
         relative = -np.arange(0, 360, 45.0)[i % EACH]
         assert float(wrap_azimuth(compass - taken.heading - relative)) == pytest.approx(0.0, abs=1e-6)
@@ -115,7 +115,7 @@ def test_one_of_the_zones_without_offset_is_the_true_one() -> None:
     for taken in take_metadata(truth_of(3), EACH)[::5]:
         candidates = observations_from_metadata(
             only(taken.metadata, ("local time+place",)), UserInput()
-        ).evidence.candidates
+        ).observations.candidates
         assert len(candidates) > 1
         assert min(abs(elevation - 40.0) for elevation, _ in candidates) < 0.01
 

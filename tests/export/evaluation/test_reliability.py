@@ -19,7 +19,7 @@ from export.evaluation.reliability import (
     reliability_report,
     temperature_report,
 )
-from lighting.decoding import sun_of
+from lighting.decoding import sun_from_prediction
 from lighting.geometry import angle_between, direction
 from lighting.sun_grid import grid_directions
 from tests.helpers.panoramas import EACH, drawn, erring, rings, truth_of
@@ -50,7 +50,7 @@ def test_those_too_sure_lie_below_it_and_timid_ones_above(claimed: float, sign: 
 
 def test_cones_are_those_of_the_reported_radii() -> None:
     said, sun = drawn(60, 8.0)
-    answers = [sun_of(p) for p in said]
+    answers = [sun_from_prediction(p) for p in said]
     error = angle_between(sun, direction([a.azimuth for a in answers], [a.elevation for a in answers]))
     levels = _cone_levels(said, sun)
     np.testing.assert_array_equal(levels <= 0.5, error <= [a.radius_50 for a in answers])

@@ -52,9 +52,9 @@ def test_the_answer_holds_sun_lens_and_heading() -> None:
 def test_the_sun_is_a_compass() -> None:
     """With a sun seen 30 deg to the right, the camera points 30 deg left of the sun's compass azimuth."""
     found = observations_from_metadata(replace(FACTS, heading=None), UserInput())
-    elevation, azimuth = found.evidence.candidates[0]
+    elevation, azimuth = found.observations.candidates[0]
     ahead = soft_label([math.sin(math.radians(30)), 0.6, -math.cos(math.radians(30))], 80.0, TINY.sun_grid)
-    light = build_estimate(fuse(prediction(ahead), found.evidence), found).lighting
+    light = build_estimate(fuse(prediction(ahead), found.observations), found).lighting
     assert light.camera_heading == pytest.approx(azimuth - light.sun_azimuth, abs=1.0)
     assert light.camera_heading == pytest.approx(azimuth - 30, abs=15.0)
     assert light.sun_elevation == pytest.approx(elevation, abs=0.1)
@@ -66,7 +66,7 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
     said = replace(prediction(ahead), light=Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0))
     evening = observations_from_metadata(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput())
     alone, told = (
-        build_estimate(fuse(said, k.evidence), k).lighting
+        build_estimate(fuse(said, k.observations), k).lighting
         for k in (observations_from_metadata(PhotoMetadata(), UserInput()), evening)
     )
     assert told.sun_elevation < 10
@@ -86,7 +86,7 @@ def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
     suns = [soft_label([0.0, math.sin(e), -math.cos(e)], 80.0, TINY.sun_grid) for e in np.radians([37.0, 8.0])]
     light = Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0)
     said = [replace(prediction(sun), light=light) for sun in suns]
-    fused = fuse_views(said, [evening.evidence] * 2, [0.0, 0.0])
+    fused = fuse_views(said, [evening.observations] * 2, [0.0, 0.0])
     first, second = (build_estimate(f, evening).lighting.sun_irradiance for f in fused)
     assert first == second
     assert first is not None

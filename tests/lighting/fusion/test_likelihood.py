@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.fusion.likelihood import (
-    SUN,
+    SUN_CORRELATION,
     Correlation,
     _overlap,
     effective_weights,
@@ -56,8 +56,8 @@ def test_the_errors_of_views_correlate_by_the_square_of_what_they_share() -> Non
 
 
 def test_the_same_view_under_another_sun_counts_more() -> None:
-    same = effective_weights(ahead(0.0, 0.0, 0.0), FOV, SUN)
-    other = effective_weights(ahead(0.0, 0.0, 0.0), FOV, SUN, np.full((3, 3), 0.2))
+    same = effective_weights(ahead(0.0, 0.0, 0.0), FOV, SUN_CORRELATION)
+    other = effective_weights(ahead(0.0, 0.0, 0.0), FOV, SUN_CORRELATION, np.full((3, 3), 0.2))
     assert (other > same).all()
 
 

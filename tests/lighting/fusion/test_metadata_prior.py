@@ -12,16 +12,16 @@ import pytest
 from lighting.errors import ParameterError
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import (
-    GIVEN_HEADING_SPREAD,
+    USER_HEADING_STD,
     _magnetic_declination,
+    dark_exposure_warnings,
     daylight_probability,
     observations_from_metadata,
     observations_multi,
     observations_single,
-    too_dark,
 )
 from lighting.fusion.multi_view import fuse_views
-from lighting.fusion.single_view import COMPASS_SPREAD, Observations, fuse
+from lighting.fusion.single_view import COMPASS_STD, Observations, fuse
 from lighting.fusion.timezones import share_location
 from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
@@ -75,7 +75,7 @@ DARK = "The photo was exposed for a dark scene (EV 5.0 at ISO 100): night, indoo
 
 def answered(facts: PhotoMetadata, given: UserInput | None = None) -> Lighting:
     found = observations_from_metadata(facts, given or UserInput())
-    return build_estimate(fuse(SUITS, found.evidence), found).lighting
+    return build_estimate(fuse(SUITS, found.observations), found).lighting
 
 
 @pytest.mark.parametrize(
@@ -87,8 +87,8 @@ def test_daylight_is_bright(exposure_value: float, low: float, high: float) -> N
 
 
 def test_only_dark_scenes_are_told_of() -> None:
-    assert too_dark(12.0, "photo") == ()
-    assert too_dark(5.0, "photo") == (DARK,)
+    assert dark_exposure_warnings(12.0, "photo") == ()
+    assert dark_exposure_warnings(5.0, "photo") == (DARK,)
 
 
 def test_a_photo_of_a_dark_scene_does_not_suit() -> None:
@@ -112,7 +112,7 @@ def test_without_exif_the_exposure_does_not_count() -> None:
 
 def test_an_exposure_is_not_used_where_the_network_does_not_say_what_suits() -> None:
     found = observations_from_metadata(PhotoMetadata(exposure_value=5.0), UserInput())
-    light = build_estimate(fuse(prediction(), found.evidence), found).lighting
+    light = build_estimate(fuse(prediction(), found.observations), found).lighting
     assert (light.suitable, light.warnings, light.evidence) == (None, (), ("pixels",))
 
 
@@ -125,7 +125,7 @@ def test_in_twilight_no_photo_suits() -> None:
 
 def test_each_of_several_photos_has_its_own_exposure() -> None:
     found = [observations_from_metadata(PhotoMetadata(exposure_value=value), UserInput()) for value in (14.0, 5.0)]
-    fused = fuse_views([SUITS, SUITS], [k.evidence for k in found], [0.0, 0.0])
+    fused = fuse_views([SUITS, SUITS], [k.observations for k in found], [0.0, 0.0])
     bright, dark = (build_estimate(f, k).lighting for f, k in zip(fused, found, strict=True))
     assert bright.suitable == pytest.approx(0.99, abs=1e-4)
     assert dark.suitable == pytest.approx(0.99 * daylight_probability(5.0), rel=1e-5)
@@ -140,7 +140,7 @@ TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": da
 
 def test_nothing_known_is_no_evidence() -> None:
     assert evidence_of(PhotoMetadata()) == Observations()
-    assert observations_from_metadata(FACTS, UserInput(use_exif=False)).evidence == Observations()
+    assert observations_from_metadata(FACTS, UserInput(use_exif=False)).observations == Observations()
 
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": None, "local_time": None}])
@@ -155,7 +155,7 @@ def test_the_offset_of_the_user_ends_the_doubt() -> None:
 
 
 def test_a_true_heading_stays() -> None:
-    assert (evidence_of().heading, evidence_of().heading_spread) == (60.0, COMPASS_SPREAD)
+    assert (evidence_of().heading, evidence_of().heading_std) == (60.0, COMPASS_STD)
 
 
 def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
@@ -163,26 +163,26 @@ def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
     off = _magnetic_declination(48.14, 11.575, MORNING)
     assert off is not None
     assert found.heading == pytest.approx(60.0 + off)
-    assert found.heading_spread == COMPASS_SPREAD
+    assert found.heading_std == COMPASS_STD
 
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": MORNING.replace(year=2005)}])
 def test_an_unknown_declination_widens_the_heading(lost: dict[str, Any]) -> None:
     found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC, **lost))
     assert found.heading == 60.0
-    assert found.heading_spread == pytest.approx(math.hypot(COMPASS_SPREAD, 17.0))
+    assert found.heading_std == pytest.approx(math.hypot(COMPASS_STD, 17.0))
 
 
 def test_an_unknown_reference_widens_the_heading_by_the_declination() -> None:
     facts = replace(FACTS, heading_reference=None, latitude=47.6, longitude=-122.3)  # Seattle
     found = evidence_of(facts)
     assert found.heading == 60.0
-    assert found.heading_spread == pytest.approx(math.hypot(COMPASS_SPREAD, 15.3), abs=0.2)
+    assert found.heading_std == pytest.approx(math.hypot(COMPASS_STD, 15.3), abs=0.2)
 
 
 def test_a_heading_that_is_said_counts_for_more() -> None:
     found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC), heading=-30.0)
-    assert (found.heading, found.heading_spread) == (330.0, GIVEN_HEADING_SPREAD)
+    assert (found.heading, found.heading_std) == (330.0, USER_HEADING_STD)
 
 
 @pytest.mark.parametrize(
@@ -213,7 +213,7 @@ def test_a_heading_without_time_and_place_is_told_of_a_photo_alone() -> None:
 
 def test_night_in_the_photo_is_told_and_not_used() -> None:
     found = observations_from_metadata(replace(FACTS, utc_time=NIGHT), UserInput())
-    assert found.evidence.candidates == ()
+    assert found.observations.candidates == ()
     assert found.sun_is_up
     (warning,) = found.warnings
     assert "below the horizon" in warning
@@ -230,7 +230,7 @@ def test_night_by_what_the_user_says_is_refused(said: dict[str, Any]) -> None:
 
 def test_twilight_puts_the_sun_on_the_horizon_without_light() -> None:
     found = observations_from_metadata(PhotoMetadata(), UserInput(**TROMSO_NOON))
-    ((elevation, azimuth),) = found.evidence.candidates
+    ((elevation, azimuth),) = found.observations.candidates
     assert elevation == 0.0
     assert azimuth == pytest.approx(180, abs=5)
     assert not found.sun_is_up
@@ -243,14 +243,14 @@ def test_half_a_sun_still_shines() -> None:
     found = observations_from_metadata(
         PhotoMetadata(), UserInput(**{**TROMSO_NOON, "latitude": 67.3, "longitude": 14.4})
     )
-    assert found.evidence.candidates[0][0] == 0.0
+    assert found.observations.candidates[0][0] == 0.0
     assert found.sun_is_up
     assert found.warnings == ()
 
 
 def test_a_photo_of_night_leaves_no_time_to_the_others() -> None:
     day, night = observations_multi([FACTS, replace(FACTS, utc_time=NIGHT)], UserInput())
-    assert day.evidence.candidates == night.evidence.candidates == ()
+    assert day.observations.candidates == night.observations.candidates == ()
     assert "says that it was night" in day.warnings[-1]
     assert "below the horizon" in night.warnings[-1]
     assert [k.is_night for k in observations_multi([FACTS, FACTS], UserInput())] == [False, False]
@@ -260,12 +260,12 @@ def test_clocks_by_which_one_photo_is_of_night_in_every_zone_are_not_used() -> N
     """Munich in June: by zones in which the first photo was taken by day, the second was taken at night."""
     early, late = (replace(ZONELESS, local_time=datetime(2024, 6, 1, hour)) for hour in (5, 23))
     for found in observations_multi([early, late], UserInput()):
-        assert found.evidence.candidates == ()
+        assert found.observations.candidates == ()
         assert found.warnings[-1].startswith("Whatever the zone of their clocks, one of the photos")
     with pytest.raises(ParameterError, match="taken at night: too dark") as refused:
         observations_multi([early, late], UserInput(latitude=48.0, longitude=11.0))
     assert refused.value.field == "latitude"  # the times are the photos' own
-    assert all(known.evidence.candidates for known in observations_multi([early, early], UserInput()))
+    assert all(known.observations.candidates for known in observations_multi([early, early], UserInput()))
 
 
 def test_photos_of_different_places_are_told() -> None:

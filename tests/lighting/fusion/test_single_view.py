@@ -13,19 +13,19 @@ from lighting.circular import HEADINGS, von_mises
 from lighting.decoding import lighting_from_prediction
 from lighting.errors import ParameterError
 from lighting.fusion.estimate import build_estimate
-from lighting.fusion.metadata_prior import camera_evidence, observations_from_metadata
+from lighting.fusion.metadata_prior import camera_observations, observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import (
-    CAMERA_SPREAD,
-    GROSS_ERRORS,
+    CAMERA_ELEVATION_STD,
+    COMPASS_OUTLIER_RATE,
     Gravity,
     Observations,
     _contrary,
     _held,
+    camera_elevation_std,
     fuse,
     fuse_gravity,
     fuse_single_view,
-    tilt_spread,
     visible_sun,
 )
 from lighting.fusion.user_input import UserInput
@@ -70,7 +70,7 @@ def test_pixels_that_say_nothing_give_the_compass_back(elevation: float, compass
     evidence = Observations(((elevation, compass),), heading, 12.0)
     fused = fuse(fusion_prediction(FUSION_UNIFORM), evidence)
     bell = von_mises(HEADINGS - heading, 12.0)
-    expected = (1 - GROSS_ERRORS) * bell / bell.sum() + GROSS_ERRORS / 360
+    expected = (1 - COMPASS_OUTLIER_RATE) * bell / bell.sum() + COMPASS_OUTLIER_RATE / 360
     assert fused.camera_heading is not None
     assert fused.camera_heading.probability == pytest.approx(expected, rel=1e-4)
     assert abs(float(wrap_azimuth(fused.camera_heading.best - heading))) < 0.6
@@ -191,8 +191,8 @@ def test_both_are_weighted_by_their_errors() -> None:
     assert _held(said(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
     assert _held(said(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
     assert _held(said(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
-    assert tilt_spread(None) == CAMERA_SPREAD
-    assert tilt_spread(Gravity(0.0, 0.0, 1.0)) == pytest.approx((1.0 + 3.5**-2.0) ** -0.5)
+    assert camera_elevation_std(None) == CAMERA_ELEVATION_STD
+    assert camera_elevation_std(Gravity(0.0, 0.0, 1.0)) == pytest.approx((1.0 + 3.5**-2.0) ** -0.5)
 
 
 def test_a_steep_camera_has_no_roll_and_the_network_does_not_contradict_it() -> None:
@@ -217,7 +217,7 @@ def test_what_chance_does_not_explain_is_told_and_not_used(above: float, aside: 
     pixels = said()
     stood = fuse_gravity(pixels, Observations(gravity=gravity))
     assert stood.prediction is pixels
-    assert stood.evidence == Observations()
+    assert stood.observations == Observations()
     fused = fuse(said(), Observations(gravity=gravity))
     assert fused.used == ("pixels",)
     assert "cropped, turned or edited" in fused.warnings[0]
@@ -235,8 +235,8 @@ def test_the_sentence_names_both() -> None:
 
 def test_facts_become_evidence_and_the_record_says_so() -> None:
     found = observations_from_metadata(PHONE, UserInput())
-    assert found.evidence.gravity == camera_evidence(PHONE, UserInput()).gravity == Gravity(-6.0, 5.0, 1.0)
-    light = build_estimate(fuse_single_view(said(), found.evidence), found).lighting
+    assert found.observations.gravity == camera_observations(PHONE, UserInput()).gravity == Gravity(-6.0, 5.0, 1.0)
+    light = build_estimate(fuse_single_view(said(), found.observations), found).lighting
     assert light.evidence == ("pixels", "focal length", "gravity")
     assert light.camera_elevation == pytest.approx(-5.2, abs=0.1)
     assert light.camera_roll == pytest.approx(3.8, abs=0.1)
@@ -245,8 +245,9 @@ def test_facts_become_evidence_and_the_record_says_so() -> None:
 
 def test_the_pixels_alone_where_metadata_are_not_to_be_used() -> None:
     found = observations_from_metadata(PHONE, UserInput(use_exif=False))
-    assert found.evidence.gravity is camera_evidence(PHONE, UserInput(use_exif=False)).gravity is None
-    assert build_estimate(fuse_single_view(said(), found.evidence), found).lighting == lighting_from_prediction(said())
+    assert found.observations.gravity is camera_observations(PHONE, UserInput(use_exif=False)).gravity is None
+    light = build_estimate(fuse_single_view(said(), found.observations), found).lighting
+    assert light == lighting_from_prediction(said())
 
 
 def test_a_sun_outside_the_picture_stays_where_it_is() -> None:

@@ -59,9 +59,9 @@ def test_what_is_said_takes_the_place_of_the_facts() -> None:
     there = timezone(timedelta(hours=-4))
     said = UserInput(time=datetime(2023, 3, 3, 15, 0, tzinfo=there), latitude=40.7, longitude=-74.0, vertical_fov=33.0)
     found = observations_from_metadata(FACTS, said)
-    (sun,) = found.evidence.candidates
+    (sun,) = found.observations.candidates
     assert sun == sun_at(datetime(2023, 3, 3, 19, 0, tzinfo=UTC), 40.7, -74.0)
-    assert found.evidence.vertical_fov == 33.0
+    assert found.observations.vertical_fov == 33.0
     assert found.warnings == ()
 
 
@@ -96,10 +96,10 @@ def test_a_clock_of_a_former_zone_tells_it(hours: float) -> None:
 
 def test_a_clock_that_runs_wrong_tells_no_zone_and_refuses_nothing() -> None:
     by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(minutes=23))
-    sure, unsure = (k.evidence for k in observations_multi([by_satellite, ZONELESS], UserInput()))
+    sure, unsure = (k.observations for k in observations_multi([by_satellite, ZONELESS], UserInput()))
     assert len(sure.candidates) == 1
     assert unsure.candidates == ()  # takes the other's
-    _, said = (k.evidence for k in observations_multi([by_satellite, ZONELESS], UserInput(utc_offset=2.0)))
+    _, said = (k.observations for k in observations_multi([by_satellite, ZONELESS], UserInput(utc_offset=2.0)))
     assert len(said.candidates) == 1
 
 
@@ -143,12 +143,12 @@ def test_a_rule_for_the_offset_is_one_function_and_one_entry(monkeypatch: pytest
     def nautical_offset(metadata: PhotoMetadata) -> float | None:
         return None if metadata.longitude is None else float(round(metadata.longitude / 15.0))
 
-    before = observations_from_metadata(ZONELESS, UserInput()).evidence.candidates
+    before = observations_from_metadata(ZONELESS, UserInput()).observations.candidates
     monkeypatch.setitem(OFFSET_RULES, "zone of the longitude", nautical_offset)
-    (sun,) = observations_from_metadata(ZONELESS, UserInput()).evidence.candidates
+    (sun,) = observations_from_metadata(ZONELESS, UserInput()).observations.candidates
     assert len(before) > 1
     assert ZONELESS.local_time is not None
     assert sun in before
     assert sun == sun_at((ZONELESS.local_time - timedelta(hours=1)).replace(tzinfo=UTC))
-    stated = observations_from_metadata(FACTS, UserInput()).evidence.candidates
+    stated = observations_from_metadata(FACTS, UserInput()).observations.candidates
     assert stated == (sun_at(MORNING),)  # what the file states goes first

@@ -173,8 +173,8 @@ def test_overlapping_photos_get_their_headings_and_their_lens() -> None:
     assert [p.vertical_fov for p in placed] == pytest.approx([FOV] * 3, abs=0.5)
     assert [p.camera_elevation for p in placed] == pytest.approx([c[1] for c in SETS_CAMERAS], abs=1.0)
     assert [p.camera_roll for p in placed] == pytest.approx([c[2] for c in SETS_CAMERAS], abs=1.0)
-    assert placed[0].heading_sigma == 0.0
-    assert all(0.0 < p.heading_sigma < 1.0 for p in placed[1:])
+    assert placed[0].heading_std == 0.0
+    assert all(0.0 < p.heading_std < 1.0 for p in placed[1:])
 
 
 def test_a_photo_that_notes_gravity_levels_the_others() -> None:
@@ -187,7 +187,7 @@ def test_a_photo_that_notes_gravity_levels_the_others() -> None:
     true = [c[1] for c in SETS_CAMERAS]
     assert [p.camera_elevation for p in known] == pytest.approx(true, abs=1.0)
     assert np.abs(np.subtract([p.camera_elevation for p in guessed], true)).max() > 3.0
-    assert all(k.heading_sigma <= g.heading_sigma for k, g in zip(known, guessed, strict=True))
+    assert all(k.heading_std <= g.heading_std for k, g in zip(known, guessed, strict=True))
 
 
 def test_photos_of_different_places_are_groups_of_their_own() -> None:

@@ -23,7 +23,7 @@ def look(azimuth: float, heading: float, evidence: Observations = NOTHING, **oth
     p = soft_label(direction(azimuth - heading, 40.0), 12.0, SPEC.sun_grid).astype(np.float32)
     values: dict[str, Any] = {"sun_visibility": 0.9, "turbidity": 3.0, "exposure": 0.1, **other}
     prediction = Prediction(SPEC, p, camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0, **values)
-    return FrameObservation(FrameEstimate(prediction), heading, 45.0, evidence=evidence)
+    return FrameObservation(FrameEstimate(prediction), heading, 45.0, observations=evidence)
 
 
 def sun_of(*looks: FrameObservation, evidence: Observations = NOTHING) -> tuple[float, float, float]:

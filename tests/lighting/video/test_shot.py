@@ -101,7 +101,7 @@ def test_night_that_falls_in_a_shot_ends_its_looks_alone(shot_model: Model) -> N
     (begun,) = shots_watched(frames(pan(30, 20.0)[:15], 1.0), shot_model, 0.5)
     shot, by_day = (solve_shot(one, ClipMetadata(given=dusk)) for one in (watched, begun))
     assert shot.known.warnings[-1].startswith("By time and place it is night at 15.0 s, too dark for these skies")
-    assert shot.known.evidence == by_day.known.evidence
+    assert shot.known.observations == by_day.known.observations
     assert len(by_day.known.warnings) == len(shot.known.warnings) - 1
     assert "time+place" in shot.fused.used
     assert shot.north == pytest.approx(by_day.north, abs=3.0)

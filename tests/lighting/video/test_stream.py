@@ -103,7 +103,10 @@ def test_headings_come_back_after_a_round(model: Model) -> None:
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
-    [({"model": "network.onnx"}, "A Model is needed, not str"), ({"given": {"latitude": 3.0}}, "is a Given, not dict")],
+    [
+        ({"model": "network.onnx"}, "A Model is needed, not str"),
+        ({"given": {"latitude": 3.0}}, "is a UserInput, not dict"),
+    ],
 )
 def test_a_tracker_says_what_it_takes(wrong: dict[str, Any], said: str, model: Model) -> None:
     with pytest.raises(ParameterError, match=said):
